@@ -25,6 +25,8 @@ NEUTRAL = {
     "machine",
     "numerics",
     "outcomes",
+    "formatting",
+    "table",
 }
 REGISTRIES = {"estimators", "inference.samplers", "inference.noise", "inference.evidence"}
 """Packages that `config` asks for names; it imports no module inside them."""

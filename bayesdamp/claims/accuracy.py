@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from bayesdamp import formatting as fmt
 from bayesdamp.claims.bench import TRUTH, error, initial
 from bayesdamp.claims.judge import FAR, NO_RUN, Claim, Judgement, Runs
 from bayesdamp.claims.times import QUICKER
@@ -23,7 +24,7 @@ FEWEST, MOST = 20, 40
 def _pairs(found: Comparison, method: str) -> str:
     parts = [
         f"{stage} "
-        + " / ".join(words.number(found.errors.get((method, s, stage), math.nan), 2) for s in found.signals)
+        + " / ".join(fmt.number(found.errors.get((method, s, stage), math.nan), 2) for s in found.signals)
         for stage in STAGES
     ]
     return "; ".join(parts) + " %"
@@ -73,7 +74,7 @@ def _hybrid(runs: Runs) -> Judgement:
     measured = (
         f"Every refined estimate is within {worst['refined'][0]:.1g} % of the truth: the fit of the trajectory has one "
         f"optimum, whatever starts it. Without it the worst is {worst['initial'][0]:.2g} % "
-        f"({words.method(worst['initial'][1])}), and {words.listing(map(words.method, good)) or 'none'} "
+        f"({words.method(worst['initial'][1])}), and {fmt.listing(map(words.method, good)) or 'none'} "
         f"{'is' if len(good) == 1 else 'are'} below 0.1 % by "
         "itself; so the refinement's figure says nothing of the method before it."
     )
@@ -128,7 +129,7 @@ def _best_clean(runs: Runs) -> Judgement:
     said = ", ".join(f"{words.method(m)} {means[m]:.1g} %" for m in ranked[:4])
     measured = (
         f"Mean initial error, best first: {said}. Least squares takes "
-        f"{words.duration(seconds.get('least_squares'))} for "
+        f"{fmt.duration(seconds.get('least_squares'))} for "
         f"the three; fastest is {words.method(fastest)}."
     )
     best = "least_squares" in ranked[:2] and seconds["least_squares"] <= 2 * seconds[fastest]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from bayesdamp import formatting as fmt
 from bayesdamp.claims.judge import NO_RUN, Claim, Judgement, Runs, Verdict
 from bayesdamp.report import words
 from bayesdamp.report.results.comparing import STAGES
@@ -40,7 +41,7 @@ def _time(method: str) -> Callable[[Runs], Judgement]:
             return NO_RUN
         own, refined = (found.seconds.get((method, stage), math.nan) for stage in STAGES)
         measured = (
-            f"{words.duration(own)} and {words.duration(refined)} of refinement for the three records together, "
+            f"{fmt.duration(own)} and {fmt.duration(refined)} of refinement for the three records together, "
             "compilation included where it fell due."
         )
         return Judgement(verdict_of(own, *PRINTED[method][1:]), measured)

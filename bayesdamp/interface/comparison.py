@@ -11,25 +11,26 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from bayesdamp import types
+from bayesdamp.formatting import with_interval
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.asked import checked_noise, checked_sensor, known_and_priors, sums_and_laws
 from bayesdamp.interface.parts.result import Packed, Result
-from bayesdamp.interface.parts.table import Table
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.pipeline.answer import Answer, answer
 from bayesdamp.priors import Prior
 from bayesdamp.store import DAMPING_CURVES, CellResult, Store, write_bytes, write_json
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.folders import claim
+from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
-from bayesdamp.verdict.words import quality_of, with_interval
+from bayesdamp.verdict.words import quality_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -193,7 +194,7 @@ class Comparison(Result):
             for r in self.verdict.damping_ratio
         )
         columns = ("amplitude", "equivalent damping ratio (95 %)", "Q")
-        return Table(self.verdict.sentence, columns, rows, self.verdict.remarks)
+        return Table(columns, rows, caption=self.verdict.sentence, notes=self.verdict.remarks)
 
     def _packed(self) -> Packed:
         meta: dict[str, Any] = {

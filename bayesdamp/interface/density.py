@@ -11,15 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
+from bayesdamp.formatting import compact
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.fitting.specification import Specification
 from bayesdamp.interface.parts.definitions import units_of
 from bayesdamp.interface.parts.result import Shown
-from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior, joint_log_density, joint_slope
+from bayesdamp.table import Table
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
@@ -175,8 +176,8 @@ class Density(Shown):
 
     def _table(self) -> Table:
         rows = [
-            (n, self.units[n], number(self.values[n], 6), prior.describe())
+            (n, self.units[n], compact(self.values[n], 6), prior.describe())
             for n, prior in self.priors.items()
         ]
         title = f"Posterior density of {self.model.name} on {self.signal.name}"
-        return Table(title, ("parameter", "unit", "best fit", "prior"), tuple(rows))
+        return Table(("parameter", "unit", "best fit", "prior"), rows, caption=title)

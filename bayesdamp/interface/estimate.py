@@ -12,15 +12,16 @@ from bayesdamp import types
 from bayesdamp.estimators import STAGES
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import start_parameters
+from bayesdamp.formatting import compact
 from bayesdamp.interface.fitting.case import Case, checked
 from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.definitions import units_of
 from bayesdamp.interface.parts.result import Packed, Result
-from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
+from bayesdamp.table import Table
 from bayesdamp.types import OK, Refusal
 
 if TYPE_CHECKING:
@@ -102,12 +103,12 @@ class Estimate(Result):
                 (s.values.get(name, np.nan), s.stderr.get(name, np.nan)) for s in (self.initial, self.refined)
             ]
             rows.append(
-                (name, self.units[name], *(c for v, e in cells for c in (number(v, 6), number(e, 2))))
+                (name, self.units[name], *(c for v, e in cells for c in (compact(v, 6), compact(e, 2))))
             )
         columns = ("parameter", "unit", "initial", "stderr", "refined", "stderr")
         notes = tuple(f"{s.stage}: {s.outcome}" for s in (self.initial, self.refined) if s.outcome != OK)
         title = f"Estimate of {self.model.name} on {self.signal.name} by {self.estimator}"
-        return Table(title, columns, tuple(rows), notes)
+        return Table(columns, rows, caption=title, notes=notes)
 
     def _packed(self) -> Packed:
         signal, model = self.signal._packed(), self.model._packed()

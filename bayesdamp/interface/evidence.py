@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
+from bayesdamp.formatting import compact
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.interface.fit import Fit
-from bayesdamp.interface.parts.result import Packed, Result
-from bayesdamp.interface.parts.table import Table, number, said
+from bayesdamp.interface.parts.result import Packed, Result, outcome_notes
 from bayesdamp.interface.posterior import Posterior
 from bayesdamp.interface.sampling import TEMPERED, sample
+from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError, Refusal
 
 if TYPE_CHECKING:
@@ -50,12 +51,12 @@ class Evidence(Result):
 
     def _table(self) -> Table:
         rows = (
-            ("log evidence", f"{number(self.log_evidence, 8)} nat"),
-            ("standard error", f"{number(self.stderr, 2)} nat"),
+            ("log evidence", f"{compact(self.log_evidence, 8)} nat"),
+            ("standard error", f"{compact(self.stderr, 2)} nat"),
             ("diagnostic", self.diagnostic or "–"),
         )
         title = f"Evidence of {self.model} on {self.signal} by {self.method}"
-        return Table(title, ("", "value"), rows, said(self.outcome))
+        return Table(("", "value"), rows, caption=title, notes=outcome_notes(self.outcome))
 
     def _packed(self) -> Packed:
         return Packed("Evidence", dict(vars(self)))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
+from bayesdamp.formatting import compact
 from bayesdamp.inference.deviation.findings import default_amplitudes
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.deviation.single import Single
@@ -23,8 +24,7 @@ from bayesdamp.interface.fitting.specification import GAUSSIAN
 from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.definitions import units_of
-from bayesdamp.interface.parts.result import Packed, Result
-from bayesdamp.interface.parts.table import Table, number, said
+from bayesdamp.interface.parts.result import Packed, Result, outcome_notes
 from bayesdamp.interface.prediction import Prediction, anywhere, asked_motion, within_record
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.oscillator import Oscillator
@@ -37,6 +37,7 @@ from bayesdamp.pipeline.stored_laws import unpacked as unpacked_law
 from bayesdamp.priors import Prior, prior_of
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.answers import LawContent
+from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError, Refusal
 from bayesdamp.verdict.words import UNSEEN
 
@@ -215,10 +216,10 @@ class Fit(Result):
         if self.values:
             unit = self.signal.own_unit
             rms = float(np.sqrt(np.nanmean(self.residuals**2))) * unit.scale
-            title += f": {self.noise} noise, residual {number(rms, 3)} {unit.of(self.signal.quantity)} rms"
+            title += f": {self.noise} noise, residual {compact(rms, 3)} {unit.of(self.signal.quantity)} rms"
         parts = (self.sd_noise, self.sd_law) if self.law is not None else (self.sd,)
         rows = [
-            (n, self.units[n], number(v, 6), *(number(p[n], 2) for p in parts))
+            (n, self.units[n], compact(v, 6), *(compact(p[n], 2) for p in parts))
             for n, v in self.values.items()
         ]
         columns = (
@@ -229,11 +230,13 @@ class Fit(Result):
         )
         if self.law is not None:
             columns = (*columns, "95 %")
-            ends = [f"{number(low, 4)} to {number(high, 4)}" for low, high in self.intervals.values()]
+            ends = [f"{compact(low, 4)} to {compact(high, 4)}" for low, high in self.intervals.values()]
             rows = [(*row, end) for row, end in zip(rows, ends, strict=True)]
         empty = ("",) * (len(columns) - 4)
-        rows += [(n, "", number(v, 6), "known", *empty) for n, v in self.known.items()]
-        return Table(title, columns, tuple(rows), said(self.outcome, (*self.notes, *self._deviates)))
+        rows += [(n, "", compact(v, 6), "known", *empty) for n, v in self.known.items()]
+        return Table(
+            columns, rows, caption=title, notes=outcome_notes(self.outcome, (*self.notes, *self._deviates))
+        )
 
     @property
     def _deviates(self) -> tuple[str, ...]:

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from bayesdamp.formatting import compact
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import Motions, derive, units
 from bayesdamp.inference.model.defaults import reference_of
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.result import Packed, Result
-from bayesdamp.interface.parts.table import Table, number, said
+from bayesdamp.interface.parts.result import Packed, Result, outcome_notes
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import features
+from bayesdamp.table import Table
 from bayesdamp.types import OK, ChainStart, InputError, Refusal, Seed
 
 if TYPE_CHECKING:
@@ -189,11 +190,11 @@ class Posterior(Result):
 
     def _table(self) -> Table:
         columns = ("mean", "sd", "q2.5", "q97.5", "ess_bulk", "rhat")
-        rows = [(n, self.fit.units[n], *(number(s[c]) for c in columns)) for n, s in self.summaries.items()]
+        rows = [(n, self.fit.units[n], *(compact(s[c]) for c in columns)) for n, s in self.summaries.items()]
         title = f"Posterior of {self.fit.model.name} on {self.fit.signal.name} by {self.sampler}"
         if self.names:
             title += f": {self.draws.shape[0]} chains of {self.draws.shape[1]} draws"
-        return Table(title, ("parameter", "unit", *columns), tuple(rows), said(self.outcome))
+        return Table(("parameter", "unit", *columns), rows, caption=title, notes=outcome_notes(self.outcome))
 
     def _packed(self) -> Packed:
         fit = self.fit._packed()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bayesdamp.formatting import compact
 from bayesdamp.inference.checks.checks import laplace_draws
 from bayesdamp.inference.deviation.single import Single
 from bayesdamp.inference.fit.mode import Mode
@@ -15,12 +16,12 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.parts import axes
 from bayesdamp.interface.parts.numbers import numbers_of
 from bayesdamp.interface.parts.result import Packed, Result
-from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.kernel.solve import QUANTITIES
 from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import features
+from bayesdamp.table import Table
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -73,10 +74,10 @@ class Prediction(Result):
     def _table(self) -> Table:
         some = np.unique(np.linspace(0, self.t.size - 1, min(SHOWN, self.t.size)).astype(int))
         columns = (self.t[some].tolist(), self.value[some].tolist(), self.sd[some].tolist())
-        rows = tuple((number(t), number(v, 5), number(sd, 2)) for t, v, sd in zip(*columns, strict=True))
+        rows = tuple((compact(t), compact(v, 5), compact(sd, 2)) for t, v, sd in zip(*columns, strict=True))
         notes = (f"{some.size} of {self.t.size} times",) if some.size < self.t.size else ()
         heads = ("time / s", f"{self.quantity} / {self.unit}", "sd")
-        return Table("Predicted motion", heads, rows, notes)
+        return Table(heads, rows, caption="Predicted motion", notes=notes)
 
     def _packed(self) -> Packed:
         arrays = {n: getattr(self, n) for n in ("t", "value", "sd")}

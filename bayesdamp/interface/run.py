@@ -15,8 +15,8 @@ from bayesdamp import types
 from bayesdamp.config import Study, in_keys, load_study
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
-from bayesdamp.interface.parts.result import Shown
-from bayesdamp.interface.parts.table import Table, number, said
+from bayesdamp.formatting import compact
+from bayesdamp.interface.parts.result import Shown, outcome_notes
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.plugins import nearest
 from bayesdamp.store import TABLES, CellResult, Store, read_table
@@ -26,6 +26,7 @@ from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.store.contents.posteriors import SAID, PosteriorContent
 from bayesdamp.store.described import read_description
 from bayesdamp.store.places import Place
+from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError
 
 if TYPE_CHECKING:
@@ -59,14 +60,16 @@ class Candidate(Shown):
     outcome: str = OK
 
     def _table(self) -> Table:
-        rows = [(n, number(v, 6), number(self.sd.get(n, float("nan")), 2)) for n, v in self.values.items()]
+        rows = [(n, compact(v, 6), compact(self.sd.get(n, float("nan")), 2)) for n, v in self.values.items()]
         notes = [f"{kind}: {', '.join(found)}" for kind, found in self._more() if found]
         title = f"{types.candidate_name(self.damping, self.restoring)} on {self.record}/{self.repeat}"
-        return Table(title, ("parameter", "value", "sd"), tuple(rows), said(self.outcome, notes))
+        return Table(
+            ("parameter", "value", "sd"), rows, caption=title, notes=outcome_notes(self.outcome, notes)
+        )
 
     def _more(self) -> tuple[tuple[str, list[str]], ...]:
         found = [
-            f"{m} {number(e.log_evidence, 7)}"
+            f"{m} {compact(e.log_evidence, 7)}"
             for m, e in self.evidence.items()
             if np.isfinite(e.log_evidence)
         ]
@@ -193,10 +196,10 @@ class Run(Shown):
         more = len(self.candidates) - MOST
         notes = (f"and {more} more",) if more > 0 else ()
         return Table(
-            f"Run of {self.name} in {self.folder}",
             ("record", "model", "values"),
             rows,
-            said(self.outcome, notes),
+            caption=f"Run of {self.name} in {self.folder}",
+            notes=outcome_notes(self.outcome, notes),
         )
 
 

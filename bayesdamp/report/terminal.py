@@ -12,10 +12,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.results.alike import common_amplitude, ratio_of, short_names
 from bayesdamp.report.results.answers import Answer, answers, specimens
-from bayesdamp.report.results.confirmation import confirmation, sampled_words
+from bayesdamp.report.results.checks import Checks, sampled_words
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import OK
@@ -24,7 +25,7 @@ from bayesdamp.verdict.agreement import agreement
 from bayesdamp.verdict.parts import Grade, Motion
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
-from bayesdamp.verdict.words import energy_of, quality_of, with_interval
+from bayesdamp.verdict.words import energy_of, quality_of
 
 
 class Lasting(Console):
@@ -100,10 +101,9 @@ def conclude(folder: Path, console: Console) -> None:
             console.print()
             console.print(Text(f"{signal}: {_why(run, signal)}"), soft_wrap=True)
         _beware(run, signal, console)
-        confirmed = confirmation(run, signal)
-        if confirmed:
-            whose = f"{signal}: " if len(run.signals) > 1 else ""
-            console.print(Text(f"{whose}{confirmed}"), soft_wrap=True)
+        whose = f"{signal}: " if len(run.signals) > 1 else ""
+        for check in Checks(run, signal).all():
+            console.print(Text(f"{whose}{check.text}"), soft_wrap=True)
     for text in sentences(run):
         console.print()
         console.print(Text(text), soft_wrap=True)
@@ -134,7 +134,7 @@ def _modes(verdict: Verdict) -> Table:
     ends = "least to largest" if verdict.motion is Motion.EXCITED else "first to last"
     table = Table("frequency", "damping ratio (95 %)", f"amplitude, {ends}")
     for m in verdict.modes:
-        ratio = with_interval(m.damping_ratio, m.low, m.high, " %", 100)
+        ratio = fmt.with_interval(m.damping_ratio, m.low, m.high, " %", 100)
         table.add_row(f"{m.frequency:.5g} Hz", ratio, f"{m.first:.3g} to {m.last:.3g} {m.unit}")
     return table
 
@@ -154,12 +154,12 @@ def _overview(found: Sequence[Answer]) -> Table:
         table.add_column(title, min_width=least, overflow="fold")
     for a, ratio in zip(found, ratios, strict=True):
         v = a.verdict
-        size = with_interval(ratio.value, ratio.low, ratio.high, " %", 100) if ratio else words.NONE
+        size = fmt.with_interval(ratio.value, ratio.low, ratio.high, " %", 100) if ratio else fmt.NONE
         table.add_row(
             names[a.signal],
             words.model(v.damping) if v.damping else f"no free decay: {v.motion}",
-            words.probability(v.probability) if v.damping else words.NONE,
-            f"{v.frequency.value:.4g} {v.frequency.unit}" if v.frequency else words.NONE,
+            fmt.probability(v.probability) if v.damping else fmt.NONE,
+            f"{v.frequency.value:.4g} {v.frequency.unit}" if v.frequency else fmt.NONE,
             f"{size}, {ratio.amplitude:.2g} {ratio.unit}" if ratio and shared is None else size,
         )
     return table
@@ -168,6 +168,6 @@ def _overview(found: Sequence[Answer]) -> Table:
 def _ratios(verdict: Verdict) -> Table:
     table = Table("amplitude", "equivalent damping ratio (95 %)", "Q")
     for r in verdict.damping_ratio:
-        ratio = with_interval(r.value, r.low, r.high, " %", 100)
+        ratio = fmt.with_interval(r.value, r.low, r.high, " %", 100)
         table.add_row(f"{r.amplitude:.3g} {r.unit}", ratio, quality_of(r))
     return table

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bayesdamp.formatting import rounded, with_interval
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.several.specimen import WeighedRun, WeighedSpecimen, weigh_specimen
 from bayesdamp.priors import Prior
@@ -15,7 +16,7 @@ from bayesdamp.verdict.decide import rivals_of
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.pooled import pooled
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import named, rounded, sentence, with_interval
+from bayesdamp.verdict.words import named, sentence
 
 DRAWS = 20_000
 """Of a damping ratio: an end of a 95 % interval is good to 2 % of its width."""

@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from bayesdamp.calls import Told
+from bayesdamp.formatting import with_interval
 from bayesdamp.store.files import write_json
+from bayesdamp.table import Table
 from bayesdamp.types import VERDICT_SCHEMA, InputError
 from bayesdamp.verdict.parts import (
     Averages,
@@ -27,7 +29,6 @@ from bayesdamp.verdict.parts import (
     Share,
     Window,
 )
-from bayesdamp.verdict.table import html_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -132,9 +133,11 @@ class Verdict(Told):
         return found
 
     def _repr_html_(self) -> str:
-        rows = [(f"{r.amplitude:.3g} {r.unit}", f"{100 * r.value:.3g} %", f"{100 * r.low:.3g} to {100 * r.high:.3g} %")
-                for r in self.damping_ratio]  # fmt: skip
-        return html_table(self.sentence, ("amplitude", "equivalent damping ratio", "95 % interval"), rows)
+        columns = {
+            "amplitude": lambda r: f"{r.amplitude:.3g} {r.unit}",
+            "equivalent damping ratio (95 %)": lambda r: with_interval(r.value, r.low, r.high, " %", 100),
+        }
+        return Table.of(self.damping_ratio, columns, caption=self.sentence).__html__()
 
     def to_dict(self) -> dict[str, object]:
         """As plain values, without provenance, with the version of the fields; what is not known is None."""

@@ -1,11 +1,12 @@
-"""A verdict in the words of a mechanical engineer. Prose is made here, last, and nowhere read again."""
+"""Write a verdict in sentences for a mechanical engineer. No other code reads these sentences."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import floor, isfinite, log10
+from math import isfinite
 from typing import TYPE_CHECKING
 
+from bayesdamp.formatting import digits, probability, with_interval
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, words_of
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import DampingRatio, FrequencyAt, Grade, Interval, Mode, Motion, OverLaw, Share
@@ -29,45 +30,6 @@ def named(damping: str) -> str:
     return " + ".join(words_of(term) for term in damping.split("+"))
 
 
-FIXED, SMALL, LARGE = 8, 1e-3, 1e6
-"""Places up to which a small number is written without an exponent; what small is, and the size from which a number may
-have an exponent."""
-
-
-def digits(value: float, width: float) -> str:
-    """A value with as many digits as its interval's width allows."""
-    if not width > 0 or value == 0:
-        return f"{value:.3g}"
-    places = 1 - floor(log10(width))
-    if abs(value) >= LARGE or (places > FIXED and abs(value) < SMALL):
-        return f"{value:.{min(max(places + floor(log10(abs(value))) + 1, 1), 15)}g}"
-    places = max(0, places)
-    return f"{value:.{min(places, 15)}f}"
-
-
-def rounded(percent: float) -> str:
-    """A percentage that is hardly known: whole, below ten to one digit."""
-    return f"{percent:.0f}" if percent >= 9.5 else f"{percent:.1g}"
-
-
-def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
-    """`0.65 % (0.64 to 0.66)`; a dash where there is no value, and no interval where it has no ends."""
-    if not isfinite(value):
-        return "–"
-    if not (isfinite(low) and isfinite(high)):
-        return f"{value * scale:.3g}{unit}, within no bounds"
-    width = (high - low) * scale
-    shown = [digits(x * scale, width / 2) for x in (value, low, high)]
-    return f"{shown[0]}{unit} ({shown[1]} to {shown[2]})"
-
-
-def probability(p: float) -> str:
-    """A probability, never 1."""
-    if p >= 0.9995:
-        return "more than 0.999"
-    return f"{p:.3f}" if p > 0.99 else f"{p:.2f}" if p >= 0.01 else f"{p:.1g}"
-
-
 def _ratio(r: DampingRatio) -> str:
     return f"{with_interval(r.value, r.low, r.high, ' %', 100)} at {r.amplitude:.2g} {r.unit}"
 
@@ -86,7 +48,7 @@ def _answer(v: Verdict) -> str:
             f"{named(v.damping)} damping, leaves {_left(0.01 * v.unexplained_pct)}."
         )
     ratios = [r for r in v.damping_ratio if isfinite(r.value)]
-    size = "the size of the damping cannot be told"
+    size = "the size of the damping is not determined"
     if ratios:
         size = f"equivalent damping ratio {_ratio(ratios[0])}"
         if len(ratios) > 1:
@@ -188,7 +150,7 @@ def seen_instead(v: Verdict, motion: Motion) -> str:
         f, span = f"{one.frequency:.3g} Hz", f"{one.first:.2g} and {one.last:.2g} {one.unit}"
         return (
             f"at {f} its amplitude rises and falls again and again, between {span}, as random forces would have "
-            "it. Its damping takes a record in which nothing excites it, or a method for ambient vibration"
+            "it. Measuring its damping takes a record in which nothing excites it, or a method for ambient vibration"
         )
     if motion is Motion.GROWING:
         return f"its oscillation at {_mode(one)} grows, from {one.first:.2g} to {one.last:.2g} {one.unit}"
@@ -198,7 +160,7 @@ def seen_instead(v: Verdict, motion: Motion) -> str:
         kept, falls = sorted((one, other), key=lambda m: abs(m.damping_ratio))
         return (
             f"something keeps it in motion at {digits(kept.frequency, _slack(kept))} Hz with an amplitude of "
-            f"{kept.last:.2g} {kept.unit}, beside what decays at {_mode(falls)}"
+            f"{kept.last:.2g} {kept.unit}, besides a decay at {_mode(falls)}"
         )
     what = "two oscillations beat" if motion is Motion.BEATS else "two modes are in it"
     second = f"the second with {share} of the amplitude of the first"
@@ -254,7 +216,7 @@ def plus_minus(i: Interval) -> str:
     up, down = i.high - i.value, i.value - i.low
     half, unit = 0.5 * (up + down), f" {i.unit}" if i.unit else ""
     if given(i):
-        return f"{i.value:.5g}{unit}, given"
+        return f"{i.value:.5g}{unit} (specified)"
     if max(up, down) > UNEVEN * max(min(up, down), 1e-12):
         return with_interval(i.value, i.low, i.high, unit)
     return f"{digits(i.value, half)} ± {digits(half, half)}{unit}"
@@ -293,7 +255,7 @@ def energy_of(v: Verdict) -> tuple[str, ...]:
         shares = f"{form} {chance}; without it {shares}" if likelier else f"{shares}; or {form}, {chance}"
     said = (
         f"Energy lost: {shares}." if parts else "",
-        f"Of it at most (95 %) by what is not in the answer: {', '.join(absent)}." if absent else "",
+        f"Other damping terms can account for at most (95 %): {', '.join(absent)}." if absent else "",
     )
     return tuple(filter(None, said))
 
@@ -324,7 +286,7 @@ def _hold(v: Verdict) -> str:
     if v.grade is Grade.EXACT:
         return f"; the law holds within {max(100 * d.high, 0.1):.2g} %"
     if d.value < UNSEEN:
-        return f"; no deviation from the law is seen (95 %: below {100 * d.high:.2g} %)"
+        return f"; no deviation from the law is detected (95 %: below {100 * d.high:.2g} %)"
     within = f"; the law holds within {100 * d.value:.2g} % (95 %: below {100 * d.high:.2g} %)"
     return within if v.over_law is None else f"{within} but at {_over_law(v.over_law)}"
 
@@ -336,19 +298,20 @@ def _over_law(o: OverLaw) -> str:
 
 
 def loses_like(e: Interval, damping: str = "") -> str:
-    """`loses like v^1.02 ± 0.03: viscous`; an interval with one side much longer stands in brackets.
+    """Return `grows as v^(1.02 ± 0.03), which is viscous`; an uneven interval follows in brackets.
 
-    damping: the sum that is named. Where it has another term than the three laws, the exponent is near a law's and the
-    record is not said to have that law.
+    damping: the sum that is named. Where it has a term other than the three laws, an exponent near one of these laws
+    does not mean that the record follows it.
     """
-    like = f"loses like v^{plus_minus(e)}"
+    shown = plus_minus(e)
+    grows = f"grows as v^({shown})" if "±" in shown else f"grows as v^{shown}"
     held = _held(e)
     if held is None:
-        return like
+        return grows
     power, name = held
     if all(term in PAPER_TERMS for term in damping.split("+") if term):
-        return f"{like}: {name}"
-    return f"{like}, near the v^{power} of {name} damping"
+        return f"{grows}, which is {name}"
+    return f"{grows}, near the v^{power} of {name} damping"
 
 
 def _held(e: Interval) -> tuple[int, str] | None:
@@ -390,53 +353,59 @@ def remarks(
         said.append(
             (
                 0.9,
-                f"The record does not tell {words_of(term)} damping from {words_of(twin)}: both lose alike at every "
-                f"amplitude and differ within a cycle only; up to {100 * share:.0f} % of the loss may be the other.",
+                f"The record cannot distinguish {words_of(term)} damping from {words_of(twin)}: both lose the same at "
+                f"every amplitude and differ only within a cycle. Up to {100 * share:.0f} % of the loss may be the "
+                "other.",
             )
         )
     if not same and v.grade is not Grade.DEVIATES:
         other = named(next(iter(found.exact)))
-        said.append((1.0, f"If damping and spring followed their laws exactly, {other} would be ahead."))
+        said.append(
+            (
+                1.0,
+                f"If damping and spring followed their laws exactly, {other} would be the most probable damping.",
+            )
+        )
     if found.unexplained >= thresholds.REMARK:
         left = _first(_left(found.unexplained))
         said.append((found.unexplained, f"{left} is not explained by the law."))
     if abs(found.midline) >= thresholds.MIDLINE:
         by = f"{100 * abs(found.midline):.2g} %"
         said.append(
-            (abs(found.midline), f"Its midline drifts by {by} of the first amplitude over the record.")
+            (abs(found.midline), f"The midline drifts by {by} of the first amplitude over the record.")
         )
     fallen = found.amplitudes[1] / found.amplitudes[0]
     if fallen > thresholds.HARDLY_FALLS:
-        by = f"falls by {100 * (1 - fallen):.0f} % only" if fallen < 1 else "does not fall"
-        said.append((0.5, f"The amplitude {by}, which tells dampings apart poorly."))
+        by = f"falls by only {100 * (1 - fallen):.0f} %" if fallen < 1 else "does not fall"
+        said.append((0.5, f"The amplitude {by}, so damping models are hard to distinguish."))
     if v.exponent is not None:
         e = v.exponent
         said.append(
             (
                 0.0,
-                f"As one power of the velocity it {loses_like(e, v.damping)}.",
+                f"Fitted as a power law, the damping force {loses_like(e, v.damping)}.",
             )
         )
     for name in found.untold if not v.contradicted else ():
         said.append(
-            (0.6, f"The record does not tell the {_plain(name)}: its interval is that of what was assumed.")
+            (0.6, f"The record does not determine the {_plain(name)}; its interval is just the prior.")
         )
     for one, other in found.tied if not v.contradicted else ():
         pair = f"{called(one)} and {called(other)}"
-        said.append((0.6, f"{_first(pair)} are told together only, not each by itself."))
+        said.append((0.6, f"Only a combination of {pair} is determined, not each separately."))
     if v.averages is not None:
         a = v.averages
-        moved = f"that moves no parameter by more than {a.error_sd:.1g} of its standard deviation"
-        text = f"Averaged amplitude and phase stand for {a.cycles:,.0f} cycles; beside the equation of motion, {moved}."
+        moved = f"that moves no parameter by more than {a.error_sd:.1g} of its standard deviation from the full motion"
+        text = f"Amplitude and phase were averaged over {a.cycles:,.0f} cycles; {moved}."
         if not isfinite(a.error_sd):
             text = (
-                f"Averaged amplitude and phase stand for {a.cycles:,.0f} cycles; the equation of motion itself could "
-                "not be followed to say how near they are."
+                f"Amplitude and phase were averaged over {a.cycles:,.0f} cycles; the equation of motion could not be "
+                "solved to check this approximation."
             )
         elif a.error_sd > thresholds.AVERAGED:
             text = (
-                f"Averaged amplitude and phase stand for {a.cycles:,.0f} cycles, too many for the equation of motion; "
-                f"that moves parameters by up to {a.error_sd:.2g} of their standard deviations."
+                f"Amplitude and phase were averaged over {a.cycles:,.0f} cycles, too many for the equation of "
+                f"motion; that moves parameters by up to {a.error_sd:.2g} of their standard deviations."
             )
         said.append((0.0 if a.error_sd <= thresholds.AVERAGED else 0.5, text))
     said += [(0.0, note) for note in notes]

@@ -228,7 +228,7 @@ def test_a_law_that_contradicts_the_record_is_nowhere_on_its_page(tmp_path: Path
         "Energy lost: ",
         "each law fitted alone",
         "fit of",
-        "loses like",
+        "grows as v",
         "confirms",
     ):
         assert said not in text

@@ -110,7 +110,7 @@ def test_saved(tmp_path: Path) -> None:
 
 def test_shown_and_drawn() -> None:
     assert "zeta" in repr(fit())
-    assert "<td>zeta</td>" in fit()._repr_html_()
+    assert ">zeta</td>" in fit()._repr_html_()
     assert list(fit().summary().columns) == ["value", "sd", "low", "high", "unit", "prior"]
     above, below = fit().plot(until=10.0)
     assert below.get_xlabel() == "time / s"

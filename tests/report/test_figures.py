@@ -23,8 +23,8 @@ from bayesdamp.report.figures.records.backbone import backbone
 from bayesdamp.report.figures.records.exponent import exponent
 from bayesdamp.report.figures.records.motions import motions
 from bayesdamp.report.figures.records.record import thinned
-from bayesdamp.report.html import Line, Table
 from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
+from bayesdamp.table import Line, Table
 from bayesdamp.verdict.parts import Mode
 
 
@@ -245,7 +245,7 @@ def test_the_exponents_picture_marks_the_three_laws(narrow):
     """0, 1 and 2 are lines with their names; the hill and the interval lie where the draws do."""
     draws = np.random.default_rng(8).normal(1.7, 0.05, 400)
     low, value, high = np.quantile(draws, [0.025, 0.5, 0.975])
-    figure = exponent(draws, (value, low, high), "This record loses like v^1.70", narrow)
+    figure = exponent(draws, (value, low, high), "The damping force grows as v^1.70", narrow)
     (ax,) = figure.axes
     assert [text.get_text() for text in ax.texts] == ["Coulomb", "viscous", "quadratic"]
     assert [text.get_position()[0] for text in ax.texts] == [0.0, 1.0, 2.0]
@@ -255,7 +255,7 @@ def test_the_exponents_picture_marks_the_three_laws(narrow):
     assert 1.4 < hill.min() < hill.max() < 2.0
     assert bar.tolist() == [low, high]
     assert dot.tolist() == [value]
-    assert ax.get_title(loc="left") == "This record loses like v^1.70"
+    assert ax.get_title(loc="left") == "The damping force grows as v^1.70"
 
 
 def test_the_density_of_any_coefficient_ends_at_zero():

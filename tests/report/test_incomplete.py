@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.report import render
+from bayesdamp.report.results.checks import Checks
 from bayesdamp.report.results.reading import ranking
 from bayesdamp.report.results.run import Run
 from bayesdamp.store import CellResult, Store, write_json
@@ -39,7 +40,11 @@ def without(folder: Path, *kinds: str) -> None:
         (["fits.csv"], ["mode"], "No model was fitted in this study."),
         ([], ["signal"], "The record is not in this folder."),
         ([], ["mode"], "No fit of viscous + Coulomb is stored."),
-        ([], ["posterior", "estimate", "evidence", "mode", "signal"], "damping is most likely viscous"),
+        (
+            [],
+            ["posterior", "estimate", "evidence", "mode", "signal"],
+            "Probability of viscous among the compared damping models: 0.80",
+        ),
         (
             ["estimates.csv", "posteriors.csv", "evidence.csv", "fits.csv"],
             ["posterior", "estimate", "evidence", "mode"],
@@ -85,11 +90,11 @@ def test_a_refusal_is_shown(maker):
 def test_poor_evidence_is_not_to_be_believed(maker):
     folder = maker.make()
     text = (folder / "evidence.csv").read_text()
-    assert "was weighed by bridge" not in Page(render(folder).read_text()).words
+    assert "not settled" not in Page(render(folder).read_text()).words
     text = re.sub(r"(bridge,[^,]*,[^,]*,[^,]*,[^,]*,[^,]*),,ok", r"\1,halves apart,not settled", text)
     (folder / "evidence.csv").write_text(text)
     words = Page(render(folder).read_text()).words
-    assert "that viscous was weighed by bridge: not settled" in words
+    assert "The evidence of viscous (bridge sampling): not settled." in words
 
 
 def test_methods_that_disagree_are_named(maker):
@@ -97,14 +102,16 @@ def test_methods_that_disagree_are_named(maker):
     run = Run(folder)
     agreed = ranking(run, "sim", 0)
     assert agreed
-    assert agreed.others == {}
+    assert {next(iter(p)) for p in agreed.shares.values()} == {"viscous"}
     for row in run.evidence:
         if row["method"] == "importance":
             row["probability"] = 1 - row["probability"]
     found = ranking(run, "sim", 0)
     assert found
     assert found.method == "bridge"
-    assert found.others == {"importance": "viscous + Coulomb"}
+    assert next(iter(found.shares["importance"])) == "viscous+coulomb"
+    said = [check.text for check in Checks(run, "sim").all() if check.fails]
+    assert any(one.startswith("Importance sampling puts viscous + Coulomb first") for one in said)
 
 
 def test_a_folder_that_is_no_run(tmp_path):

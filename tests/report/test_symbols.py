@@ -9,7 +9,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_symbol
 from bayesdamp.plugins import read_modules, use
 from bayesdamp.report import words
-from bayesdamp.report.html import Line, Table
+from bayesdamp.table import Line, Table
 
 OWN = """
 from bayesdamp.physics.damping import DampingTerm

@@ -50,10 +50,10 @@ def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> Non
 @pytest.mark.parametrize(
     ("interval", "said"),
     [
-        ((1.02, 0.99, 1.05), "loses like v^1.020 ± 0.030: viscous"),
-        ((0.01, 0.0, 0.2), "loses like v^0.01 (0 to 0.20): Coulomb"),
-        ((1.5, 1.3, 1.7), "loses like v^1.50 ± 0.20"),
-        ((1.0, 0.4, 1.6), "loses like v^1.00 ± 0.60"),
+        ((1.02, 0.99, 1.05), "grows as v^(1.020 ± 0.030), which is viscous"),
+        ((0.01, 0.0, 0.2), "grows as v^0.01 (0 to 0.20), which is Coulomb"),
+        ((1.5, 1.3, 1.7), "grows as v^(1.50 ± 0.20)"),
+        ((1.0, 0.4, 1.6), "grows as v^(1.00 ± 0.60)"),
     ],
 )
 def test_the_exponent_in_words(interval, said):
@@ -66,9 +66,9 @@ def test_the_exponent_in_words(interval, said):
 def test_an_exponent_near_coulombs_does_not_call_another_law_coulomb(damping: str) -> None:
     """Control: it does where the sum named is of the three laws."""
     e = Interval(0.07, 0.0, 0.38)
-    assert loses_like(e, damping) == "loses like v^0.07 (0 to 0.38), near the v^0 of Coulomb damping"
-    assert loses_like(e, "viscous+coulomb").endswith(": Coulomb")
-    assert loses_like(Interval(1.5, 1.3, 1.7), damping) == "loses like v^1.50 ± 0.20"
+    assert loses_like(e, damping) == "grows as v^0.07 (0 to 0.38), near the v^0 of Coulomb damping"
+    assert loses_like(e, "viscous+coulomb").endswith(", which is Coulomb")
+    assert loses_like(Interval(1.5, 1.3, 1.7), damping) == "grows as v^(1.50 ± 0.20)"
 
 
 def test_a_share_of_all_is_not_given_an_interval_from_nothing() -> None:
@@ -117,7 +117,7 @@ def test_a_frequency_that_was_given_has_no_width() -> None:
     one = Verdict(
         "rig", Grade.EXACT, True, "viscous", 0.99, frequency=Interval(0.71265, 0.71265, 0.71265, "Hz")
     )
-    assert "natural frequency 0.71265 Hz, given" in sentence(one)
+    assert "natural frequency 0.71265 Hz (specified)" in sentence(one)
     found = replace(one, frequency=Interval(0.71265, 0.7126, 0.7127, "Hz"))
     assert "given" not in sentence(found)
     assert "0.712650 ± 0.000050 Hz" in sentence(found)

@@ -6,6 +6,7 @@ import math
 import sys
 from pathlib import Path
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.markdown import table
 from bayesdamp.report.results.places import interval, places
@@ -27,7 +28,7 @@ def page(run: Run) -> str:
     lines = [
         "# Errors of the eleven estimators in noise",
         "",
-        f"At 1 % of noise no method is ahead of {words.listing(first)} beyond luck; the refined "
+        f"At 1 % of noise no method is ahead of {fmt.listing(first)} beyond luck; the refined "
         "estimates of all methods "
         f"have {min(refined):.2f} to {max(refined):.2f} of the Cramér–Rao bound.",
         "",

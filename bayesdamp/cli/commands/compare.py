@@ -86,8 +86,9 @@ def compare(
         bool,
         typer.Option(
             "--exact",
-            help="Also a second opinion under laws that hold exactly: NUTS, bridge sampling; minutes. With --deviation "
-            "law under the answer's own deviations. With --repeats the joint fit, whose laws hold as --deviation says.",
+            help="Also check the answer by NUTS and bridge sampling under laws that hold exactly; "
+            "minutes. With --deviation law under the answer's own deviations. "
+            "With --repeats the joint fit, whose laws hold as --deviation says.",
             rich_help_panel=RUNNING,
         ),
     ] = False,

@@ -23,11 +23,11 @@ from bayesdamp.interface.parts.asked import (
     number,
 )
 from bayesdamp.interface.parts.result import Packed, Result
-from bayesdamp.interface.parts.table import Table
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior, prior_of
+from bayesdamp.table import Table
 from bayesdamp.types import InputError, System
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ class Specification(Result):
         rows += [("deviation", self.deviation), ("sensor", f"{self.sensor:.3g}")] * self.approximate
         rows += [(f"prior of {n}", p.describe()) for n, p in self.priors.items()]
         rows += [(n, f"{v:.6g} (known)") for n, v in self.known.items()]
-        return Table(f"Model {self.name}", ("", ""), tuple(rows))
+        return Table(("", ""), rows, caption=f"Model {self.name}")
 
     def _packed(self) -> Packed:
         meta = {f.name: getattr(self, f.name) for f in fields(self)}

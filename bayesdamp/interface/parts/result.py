@@ -6,7 +6,7 @@ import io
 import json
 import zipfile
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -15,8 +15,8 @@ import numpy as np
 
 from bayesdamp import __version__
 from bayesdamp.calls import Told
-from bayesdamp.interface.parts.table import Table
 from bayesdamp.store import write_bytes
+from bayesdamp.table import Table
 from bayesdamp.types import InputError
 
 META = "result.json"
@@ -54,7 +54,7 @@ class Shown(Told, ABC):
         return self._table().text()
 
     def _repr_html_(self) -> str:
-        return self._table().html()
+        return self._table().__html__()
 
 
 class Result(Shown):
@@ -119,3 +119,8 @@ def _plain(value: object) -> object:
     if isinstance(value, Mapping):
         return dict(value)
     return str(value)
+
+
+def outcome_notes(outcome: str, notes: Sequence[str] = ()) -> tuple[str, ...]:
+    """The sentences below a table: the outcome, where it is more than `ok`, and notes."""
+    return (*([f"Outcome: {outcome}"] if outcome != "ok" else []), *notes)

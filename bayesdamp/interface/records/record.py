@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from bayesdamp.formatting import compact
 from bayesdamp.interface.parts import axes
 from bayesdamp.interface.parts.result import Packed, Result
-from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal, cut
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.cleaning.clean import known_unit
@@ -20,6 +20,7 @@ from bayesdamp.records.findings import Kind, findings, question
 from bayesdamp.records.read import read_records
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import read_as
+from bayesdamp.table import Table
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -117,12 +118,12 @@ class Record(Result):
 
     def _table(self) -> Table:
         rows = [
-            (str(run), time or f"{raw.rate:g} Hz", value, str(raw.y.size), number(float(np.ptp(raw.y))))
+            (str(run), time or f"{raw.rate:g} Hz", value, str(raw.y.size), compact(float(np.ptp(raw.y))))
             for run, raw, (time, value) in zip(self.runs, self.raw, self.columns, strict=True)
         ]
         unit = UNITS[self.unit]
         title = f"Record {self.path.name}: {unit.called(self.quantity)} in {unit.of(self.quantity)}"
-        return Table(title, ("run", "time", "values", "samples", "range"), tuple(rows))
+        return Table(("run", "time", "values", "samples", "range"), rows, caption=title)
 
     def _packed(self) -> Packed:
         arrays: dict[str, np.ndarray] = {}

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
+from bayesdamp.formatting import compact
 from bayesdamp.interface.parts import axes
 from bayesdamp.interface.parts.numbers import numbers_of
 from bayesdamp.interface.parts.result import Packed, Result
-from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.cleaning.clean import clean, known_unit
 from bayesdamp.records.cleaning.clock import clock_times
@@ -23,6 +23,7 @@ from bayesdamp.records.read import FASTEST, SLOWEST
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import resolved_unit
 from bayesdamp.records.wrapped import unwrapped
+from bayesdamp.table import Table
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS, Unit
 
@@ -104,15 +105,15 @@ class Signal(Result, types.Signal):
     def _table(self) -> Table:
         unit, n, length = self.own_unit, self.t.size, float(self.t[-1])
         low, high = (float(end) * unit.scale for end in (self.y.min(), self.y.max()))
-        rate = f"{number((n - 1) / length, 5)} Hz"
+        rate = f"{compact((n - 1) / length, 5)} Hz"
         rows = (
             ("samples", str(n)),
-            ("length", f"{number(length, 5)} s"),
+            ("length", f"{compact(length, 5)} s"),
             ("sampling rate", rate if self.uniform else f"{rate}, uneven"),
             ("quantity", f"{unit.called(self.quantity)} in {unit.of(self.quantity)}"),
-            ("range", f"{number(low)} to {number(high)}"),
+            ("range", f"{compact(low)} to {compact(high)}"),
         )
-        return Table(f"Signal {self.name}", ("", "value"), rows, self.notes)
+        return Table(("", "value"), rows, caption=f"Signal {self.name}", notes=self.notes)
 
     def _packed(self) -> Packed:
         meta: dict[str, object] = {n: getattr(self, n) for n in ("quantity", "unit", "name", "step")}

@@ -16,20 +16,16 @@ from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.types import OK, candidate_parts
 
 _FIRST = ("combined", "nested", "bridge", "importance", "laplace")
-MATTERS = 1e-3
-"""Probability from which, and below one less it, it matters whether an evidence is to be trusted."""
 _SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """The models of one signal by one method, best first. others: methods that name another best; lost: rows of models
-    that could not be weighed, which have no share."""
+    """The models of one signal by one method, best first. shares: the probability of each damping by every method."""
 
     method: str
     rows: list[Row]
-    others: dict[str, str]
-    lost: tuple[Row, ...] = ()
+    shares: dict[str, dict[str, float]]
 
     @property
     def best(self) -> Row:
@@ -37,19 +33,9 @@ class Ranking:
         return self.rows[0]
 
     @property
-    def unsettled(self) -> list[Row]:
-        """Rows whose evidence is not to be trusted and might be another by some nats, where that matters."""
-        poor = [r for r in self.rows if r["outcome"] != OK and status_of(r["outcome"]) is not Status.PRUNED]
-        return [r for r in poor if MATTERS <= r["probability"] <= 1.0 - MATTERS]
-
-    @property
     def dampings(self) -> dict[str, float]:
         """The probability of each damping, summed over the restoring laws, the most probable first."""
-        found: dict[str, float] = {}
-        for row in self.rows:
-            damping = damping_of(row)
-            found[damping] = found.get(damping, 0.0) + row["probability"]
-        return dict(sorted(found.items(), key=lambda one: -one[1]))
+        return self.shares[self.method]
 
 
 def damping_of(row: Row) -> str:
@@ -63,14 +49,12 @@ def label(row: Row) -> str:
 
 
 def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
-    """The ranking by the method that covers the most models; None where no evidence was computed. An evidence that is
-    not to be trusted counts as it is, and is named in `unsettled`.
+    """Return the ranking by the method that covers the most models; None where no evidence was computed.
 
     Of several such methods the order is that of trust: a combination, nested sampling, bridge, importance.
     """
-    every = rows_of(run.evidence, signal=signal, repeat=repeat)
     by_method: dict[str, list[Row]] = {}
-    for row in every:
+    for row in rows_of(run.evidence, signal=signal, repeat=repeat):
         if math.isfinite(row["probability"]):
             by_method.setdefault(row["method"], []).append(row)
     if not by_method:
@@ -80,21 +64,21 @@ def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
         place = _FIRST.index(name) if name in _FIRST else len(_FIRST)
         return -len(by_method[name]), place, name
 
-    def sort(found: list[Row]) -> list[Row]:
-        return sorted(
-            found, key=lambda row: (-row["probability"], -np.nan_to_num(row["log_evidence"], nan=-1e300))
-        )
-
     chosen = min(by_method, key=trust)
-    ordered = sort(by_method[chosen])
-    best = ordered[0]["model"]
-    others = {}
-    for name, found in by_method.items():
-        top = sort(found)[0]
-        if len(found) == len(ordered) and top["model"] != best:
-            others[name] = label(top)
-    lost = tuple(r for r in every if r["method"] == chosen and not math.isfinite(r["probability"]))
-    return Ranking(chosen, ordered, others, lost)
+    ordered = sorted(
+        by_method[chosen],
+        key=lambda row: (-row["probability"], -np.nan_to_num(row["log_evidence"], nan=-1e300)),
+    )
+    return Ranking(chosen, ordered, {name: _by_damping(rows) for name, rows in by_method.items()})
+
+
+def _by_damping(rows: list[Row]) -> dict[str, float]:
+    """Sum probabilities over restoring laws, the most probable damping first."""
+    found: dict[str, float] = {}
+    for row in rows:
+        damping = damping_of(row)
+        found[damping] = found.get(damping, 0.0) + row["probability"]
+    return dict(sorted(found.items(), key=lambda pair: -pair[1]))
 
 
 @dataclass(frozen=True)

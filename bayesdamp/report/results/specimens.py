@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Fitting, fitting_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Run, rows_of
-from bayesdamp.report.results.verdict import SURE
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointContent, PopulationContent, Weighing
 from bayesdamp.types import OK, candidate_parts, summed
-from bayesdamp.verdict.thresholds import CAP
+from bayesdamp.verdict.thresholds import CAP, DECIDED
 
 WORTH = 0.01
 """Probability from which a form of damping is named that the study does not compare."""
@@ -49,18 +49,18 @@ def joint_sentence(run: Run, cell: CellResult) -> str:
     row = joint.candidates[joint.best]
     text = f"{len(joint.records)} records together, {ASSUMED[joint.deviation]}: damping is {_named(joint)}"
     if row.summary:
-        text += f"; {words.listing(f'{words.symbol(n).text} = {size(row, n)}' for n in row.summary)}"
+        text += f"; {fmt.listing(f'{words.symbol(n).text} = {size(row, n)}' for n in row.summary)}"
     text += f"; {spread_clause(joint)}"
     if row.outcome != OK:
         text += f"; {row.outcome}"
     # Where laws may hold approximately each record's own deviation takes what an exact law does not fit.
     worse = misfits(run, joint) if joint.deviation == "none" else []
-    return f"{text}; it does not fit {words.listing(worse)}." if worse else f"{text}."
+    return f"{text}; it does not fit {fmt.listing(worse)}." if worse else f"{text}."
 
 
 def spread_clause(joint: JointContent) -> str:
     """Return how much the damping differs from record to record, and whether the records agree."""
-    median, low, high = (words.number(100 * joint.spread[q], 2) for q in ("median", "q2.5", "q97.5"))
+    median, low, high = (fmt.number(100 * joint.spread[q], 2) for q in ("median", "q2.5", "q97.5"))
     by = f"from record to record by {median} % (standard deviation; 95 %: {low} to {high} %)"
     if joint.differ:
         return f"the records differ in the size of their damping, so that each has its own: it varies {by}"
@@ -74,13 +74,13 @@ def _named(joint: JointContent) -> str:
     probabilities = {c: row.probability for c, row in joint.candidates.items()}
     damping, law = candidate_parts(joint.best)
     p = summed(probabilities)[damping]
-    sure = "" if p >= SURE else "most likely "
+    sure = "" if p >= DECIDED else "most likely "
     text = f"{sure}{words.model(damping)}, with probability {capped(p)}"
     laws = summed(probabilities, 1)
     if len(laws) > 1:
         text += f", the restoring law {words.law(law)}, with probability {capped(laws[law])}"
     others = [f"{words.model(n)} {capped(q)}" for n, q in joint.others.items() if q >= WORTH]
-    return f"{text} (also weighed: {words.listing(others)})" if others else text
+    return f"{text} (also weighed: {fmt.listing(others)})" if others else text
 
 
 def misfits(run: Run, joint: JointContent) -> list[str]:
@@ -95,18 +95,18 @@ def misfits(run: Run, joint: JointContent) -> list[str]:
 
 def capped(probability: float) -> str:
     """Return a probability in words; of measured records no more is claimed than in the answers."""
-    return f">\u00a0{CAP:g}" if probability > CAP else words.probability(probability)
+    return f"> {CAP:g}" if probability > CAP else fmt.probability(probability)
 
 
 def size(row: Weighing, name: str) -> str:
     """A parameter of a candidate with its standard deviation and unit."""
     one = row.summary[name]
-    return f"{words.with_error(one['mean'], one['sd'])} {words.unit(row.units[name])}"
+    return f"{fmt.with_error(one['mean'], one['sd'])} {words.unit(row.units[name])}"
 
 
 def over(one: Mapping[str, float], unit: str) -> str:
     """The population's mean or spread with its 95 % interval."""
-    return f"{words.number(one['median'], 3)} {words.interval(one['q2.5'], one['q97.5'])} {words.unit(unit)}"
+    return f"{fmt.number(one['median'], 3)} {fmt.interval(one['q2.5'], one['q97.5'])} {words.unit(unit)}"
 
 
 def population_sentence(cell: CellResult) -> str:
@@ -121,5 +121,5 @@ def population_sentence(cell: CellResult) -> str:
     ]
     text = f"Over {len(found.specimens)} specimens, all taken as {words.model(found.best)}, "
     text += f"{ASSUMED[found.deviation]}: "
-    text += words.listing(parts)
+    text += fmt.listing(parts)
     return f"{text}; {cell.outcome}." if cell.outcome != OK else f"{text}."

@@ -79,9 +79,9 @@ def test_terms_that_a_record_cannot_tell_are_said() -> None:
         osc, p, duration=25.0, samples=900, noise_sd=0.006, rng=np.random.default_rng(1), name="weak"
     )
     verdict = answer(signal, damping=["power"], restoring=["linear"]).verdict
-    assert any("does not tell the exponent" in remark for remark in verdict.remarks)
+    assert any("does not determine the exponent" in remark for remark in verdict.remarks)
     sure, *_ = found("cubic")
-    assert not any("does not tell" in remark for remark in sure.remarks)  # control
+    assert not any("does not determine" in remark for remark in sure.remarks)  # control
 
 
 def test_an_interval_as_wide_as_the_prior() -> None:

@@ -119,7 +119,7 @@ def test_the_page_says_under_which_assumption() -> None:
     assert "The joint fit takes the noise" not in page, "the study asks for Gaussian noise"
     assert "<h3>rep</h3>" in page
     assert "Summed over the restoring laws" not in page, "there is one"
-    assert "0.71176 Hz, given" in page.split("<h3>rep</h3>")[1][:600]
+    assert "0.71176 Hz (specified)" in page.split("<h3>rep</h3>")[1][:600]
     spread = {
         d: [r for r in read_table(ran(d) / "population.csv") if r["what"] == "spread"]
         for d in ("law", "none")

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import off_axis, panels
 from bayesdamp.report.results.beside import Beside
@@ -54,7 +55,7 @@ def _panel(ax: Axes, one: Beside, methods: Sequence[str]) -> None:
             if low <= value <= high:
                 ax.plot(value, row + shift, "o", ms=4.4, mfc=face, mec=shade, mew=1.0)
             elif np.isfinite(value):
-                off_axis(ax, words.number(value, 3), value < low, row + shift)
+                off_axis(ax, fmt.number(value, 3), value < low, row + shift)
         error = one.published.get(method, np.nan)
         ends = [one.truth * (1 + sign * error / 100) for sign in (-1, 1)]
         if low <= ends[0] and ends[1] <= high:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import off_axis
 from bayesdamp.report.figures.density import outline
@@ -81,7 +82,7 @@ def _one(
             ax.plot([point.value - error, point.value + error], [y, y], color=colour(model), lw=0.9)
         ax.plot(point.value, y, "o", ms=4.2, mfc=face, mec=colour(model), mew=1.0)
     for (y, left), values in outside.items():
-        text = words.number(values[0], 3) if len(values) == 1 else f"{len(values)} repeats"
+        text = fmt.number(values[0], 3) if len(values) == 1 else f"{len(values)} repeats"
         off_axis(ax, text, left, y)
     room = 0.16 * (high - low)
     low -= room * any(left for _, left in outside)

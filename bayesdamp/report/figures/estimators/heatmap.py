@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import ABREAST
 from bayesdamp.report.results.comparing import STAGES, Comparison
@@ -35,7 +36,7 @@ def heatmap(found: Comparison) -> Figure:
             # Dark on the pale middle of the scale, white on its ends.
             place = float(norm(np.clip(error, LOW, HIGH))) if np.isfinite(error) else 0.5
             shade = "white" if abs(place - 0.5) > 0.36 else INK if np.isfinite(error) else QUIET
-            text = words.short(error) if np.isfinite(error) else words.NONE
+            text = fmt.short(error) if np.isfinite(error) else fmt.NONE
             ax.text(j, i, text, ha="center", va="center", fontsize=7.5, color=shade)
         slanted = {"rotation": 35, "ha": "right", "rotation_mode": "anchor"} if stacked else {}
         ax.set_xticks(range(len(found.signals)), found.signals, **slanted)

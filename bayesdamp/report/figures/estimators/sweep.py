@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.results.comparing import STAGES
 from bayesdamp.report.results.sweeping import FACTORS, Series
@@ -46,5 +47,5 @@ def _finish(ax: Axes, x: np.ndarray, found: Series) -> None:
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_xlabel(FACTORS[found.factor])
-    ax.set_xticks(x, [words.given(v) for v in found.values])
+    ax.set_xticks(x, [fmt.given(v) for v in found.values])
     ax.minorticks_off()

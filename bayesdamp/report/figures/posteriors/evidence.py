@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from bayesdamp.report import words
+from bayesdamp import formatting as fmt
 from bayesdamp.report.style import FAINT, INK, WIDTH, colour
 
 
@@ -32,7 +32,7 @@ def bars(found: Sequence[Bar]) -> Figure:
     behind = [max(0.0, -bar.log_bayes_factor) for bar in found]
     left.barh(places, behind, color=colours, height=0.62)
     for place, length, bar in zip(places, behind, found):
-        text = "best" if length == 0 else words.nats(-length)
+        text = "best" if length == 0 else fmt.nats(-length)
         text = text if np.isfinite(bar.log_bayes_factor) else "not weighed"
         left.annotate(
             text, (length, place), xytext=(5, 0), textcoords="offset points", va="center", fontsize=8
@@ -51,7 +51,7 @@ def bars(found: Sequence[Bar]) -> Figure:
     right.barh(places, [bar.probability for bar in found], color=colours, height=0.62)
     for place, bar in zip(places, found):
         right.annotate(
-            words.probability(bar.probability),
+            fmt.probability(bar.probability),
             (bar.probability, place),
             xytext=(5, 0),
             textcoords="offset points",

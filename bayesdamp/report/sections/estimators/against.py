@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from markupsafe import Markup
 
-from bayesdamp.report import words
+from bayesdamp import formatting as fmt
 from bayesdamp.report.figures._panels import ABREAST
 from bayesdamp.report.figures.estimators.against import against
 from bayesdamp.report.html import fill
@@ -43,7 +43,7 @@ def inside(found: Sequence[Beside]) -> str:
         if values:
             count = sum(low <= value <= high for value, low, high in values)
             said.append(f"{count} of the {len(values)} {name}")
-    return f"{words.listing(said)} lie in the posterior's 95 % interval." if said else ""
+    return f"{fmt.listing(said)} lie in the posterior's 95 % interval." if said else ""
 
 
 def _values(found: Sequence[Beside], stage: str) -> list[tuple[float, float, float]]:

@@ -7,17 +7,19 @@ import math
 import numpy as np
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import ABREAST
 from bayesdamp.report.figures.estimators.convergence import convergence
 from bayesdamp.report.figures.estimators.heatmap import heatmap
 from bayesdamp.report.figures.estimators.ranking import categories, ranking, responses
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.comparing import STAGES, Comparison, compared, true_models
 from bayesdamp.report.results.reading import damping_parameters, truth
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
 from bayesdamp.report.sections.estimators.published import times
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 
 
@@ -76,7 +78,7 @@ def _errors(found: Comparison) -> Table:
             for stage in STAGES:
                 error = found.errors.get((method, signal, stage), math.nan)
                 outcome = found.outcomes.get((method, signal, stage), OK)
-                cells.append(words.short(error) + ("*" if outcome != OK and math.isfinite(error) else ""))
+                cells.append(fmt.short(error) + ("*" if outcome != OK and math.isfinite(error) else ""))
         lines.append(Line(cells))
     starred = any(o != OK for o in found.outcomes.values())
     note = (

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.estimators.estimates import Point, estimates
 from bayesdamp.report.figures.estimators.traces import traces
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.beside import covered
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
@@ -19,6 +20,7 @@ from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 
 
@@ -131,14 +133,14 @@ def _table(run: Run, signal: str, model: str, rows: Sequence[Row], repeats: Sequ
         seconds = [r["seconds"] for r in own]
         counts = [r["evaluations"] for r in own if r["evaluations"] is not None]
         cells += [
-            f"{max(counts):,}".replace(",", "\u202f") if counts else words.NONE,
-            words.duration(max(seconds)),
+            f"{max(counts):,}".replace(",", "\u202f") if counts else fmt.NONE,
+            fmt.duration(max(seconds)),
         ]
         lines.append(
             Line([*cells, outcome], "quiet" if not any(math.isfinite(r["value"]) for r in own) else "")
         )
-    caption = "Truth: " + words.listing(
-        f"{words.symbol(n).text} = {words.given(v)} {units.get(n, '')}"
+    caption = "Truth: " + fmt.listing(
+        f"{words.symbol(n).text} = {fmt.given(v)} {units.get(n, '')}"
         for n, v in known.items()
         if math.isfinite(v)
     )
@@ -151,20 +153,20 @@ def _table(run: Run, signal: str, model: str, rows: Sequence[Row], repeats: Sequ
 
 def _value(found: Sequence[Row]) -> str:
     if not found:
-        return words.NONE
+        return fmt.NONE
     if len(found) == 1:
-        return words.with_error(found[0]["value"], found[0]["stderr"])
+        return fmt.with_error(found[0]["value"], found[0]["stderr"])
     values = [r["value"] for r in found if math.isfinite(r["value"])]
-    return words.spread(min(values), max(values)) if values else words.NONE
+    return fmt.spread(min(values), max(values)) if values else fmt.NONE
 
 
 def _error(found: Sequence[Row]) -> str:
     errors = [abs(r["error_pct"]) for r in found if math.isfinite(r["error_pct"])]
     if not errors:
-        return words.NONE
+        return fmt.NONE
     if len(errors) == 1:
-        return words.number(errors[0], 3)
-    return f"{words.number(min(errors), 2)} to {words.number(max(errors), 2)}"
+        return fmt.number(errors[0], 3)
+    return f"{fmt.number(min(errors), 2)} to {fmt.number(max(errors), 2)}"
 
 
 def _others(rows: Sequence[Row]) -> Table:
@@ -174,7 +176,7 @@ def _others(rows: Sequence[Row]) -> Table:
                 words.method(r["estimator"]),
                 words.stage(r["stage"]),
                 words.symbol(r["parameter"]).text,
-                words.with_error(r["value"], r["stderr"]),
+                fmt.with_error(r["value"], r["stderr"]),
                 words.unit(r["unit"]),
             ]
         )

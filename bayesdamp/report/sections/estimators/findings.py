@@ -8,15 +8,17 @@ from typing import Any
 
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.estimators.findings import eigenvalues, force
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.comparing import true_models
 from bayesdamp.report.results.reading import models_by_rank
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.estimates import EstimateContent
+from bayesdamp.table import Line, Table
 
 Details = Mapping[str, Any]
 TOLD = {
@@ -83,13 +85,16 @@ def _one(run: Run, signal: str) -> Markup:
 
 def _terms(details: Details) -> str:
     pairs = zip(details["selected"], details.get("coefficients") or [math.nan] * len(details["selected"]))
-    return " + ".join(f"{words.number(c, 4)}·{name}" for name, c in pairs) or "none"
+    return " + ".join(f"{fmt.number(c, 4)}·{name}" for name, c in pairs) or "none"
 
 
 def _front(details: Details) -> Table:
     front = zip(details["pareto_length"], details["pareto_error"], details["pareto_expression"])
     lines = [
-        Line([str(length), words.number(error, 3), text], "best" if i == details.get("pareto_chosen") else "")
+        Line(
+            [str(length), fmt.number(error, 3), text],
+            "best" if i == details.get("pareto_chosen") else "",
+        )
         for i, (length, error, text) in enumerate(front)
     ]
     return Table(["length", "relative error", "expression"], lines, frozenset({2}))
@@ -115,8 +120,8 @@ def _is_plain(name: str, value: object) -> bool:
 
 def _plain(value: object) -> str:
     if isinstance(value, list):
-        return words.listing(_plain(v) for v in value)
-    return words.number(value, 4) if isinstance(value, float) else str(value)
+        return fmt.listing(_plain(v) for v in value)
+    return fmt.number(value, 4) if isinstance(value, float) else str(value)
 
 
 PLUGIN = Findings()

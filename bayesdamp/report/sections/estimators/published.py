@@ -6,14 +6,16 @@ import math
 
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import Line, Table, fill, symbols
+from bayesdamp.report.html import fill
 from bayesdamp.report.results.beside import beside, posterior_of
 from bayesdamp.report.results.comparing import STAGES, Comparison, compared, true_models
 from bayesdamp.report.results.reading import damping_parameters, truth
 from bayesdamp.report.results.run import Row, Run
 from bayesdamp.report.sections._section import Section
 from bayesdamp.report.sections.estimators.against import inside, picture
+from bayesdamp.table import Line, Table, symbols
 from bayesdamp.types import OK
 
 OWN, REFINED = STAGES
@@ -50,13 +52,13 @@ def lead(found: Comparison) -> str:
     said = []
     if refined:
         said.append(
-            f"After the trajectory fit every method is within {words.short(max(refined))} % of the truth: that fit has "
+            f"After the trajectory fit every method is within {fmt.short(max(refined))} % of the truth: that fit has "
             "one optimum, whatever starts it. Methods differ in their own estimates."
         )
     if own:
         worst = max(own, key=lambda key: own[key])
         said.append(
-            f"The largest error of these is {words.short(own[worst])} % ({words.method(worst[0])}, {worst[1]})."
+            f"The largest error of these is {fmt.short(own[worst])} % ({words.method(worst[0])}, {worst[1]})."
         )
     return " ".join(said)
 
@@ -73,8 +75,8 @@ def errors(run: Run, found: Comparison, posteriors: dict[str, Row | None]) -> Ta
             for stage in STAGES:
                 error = found.errors.get((method, signal, stage), math.nan)
                 doubted = found.outcomes.get((method, signal, stage), OK) != OK and math.isfinite(error)
-                cells.append(words.short(error) + ("*" if doubted else ""))
-            cells.append(found.published.get((method, signal), words.NONE))
+                cells.append(fmt.short(error) + ("*" if doubted else ""))
+            cells.append(found.published.get((method, signal), fmt.NONE))
         lines.append(Line(cells))
     foot: list[tuple[str, int]] = []
     if any(posteriors.values()):
@@ -94,8 +96,8 @@ def times(found: Comparison) -> Table:
     lines = []
     for method in found.methods:
         seconds = [found.seconds.get((method, stage), math.nan) for stage in STAGES]
-        printed = [found.times.get(method, words.NONE)] if found.times else []
-        lines.append(Line([words.method(method), *map(words.duration, seconds), *printed]))
+        printed = [found.times.get(method, fmt.NONE)] if found.times else []
+        lines.append(Line([words.method(method), *map(fmt.duration, seconds), *printed]))
     headers = ["method", "own estimate", "trajectory fit", *(["published"] if found.times else [])]
     many = f"{len(found.signals)} signals" if len(found.signals) > 1 else "the signal"
     said = f"Time for {many} together, compilation included where it fell due."
@@ -110,10 +112,10 @@ def _posterior(run: Run, signal: str) -> Row | None:
 
 def _about(run: Run, signal: str, row: Row | None) -> str:
     if row is None:
-        return words.NONE
+        return fmt.NONE
     value = truth(run, signal, row["parameter"])
     if not math.isfinite(value) or not value:
-        return words.NONE
+        return fmt.NONE
     return " to ".join(f"{100 * (row[q] / value - 1):+.2f}".replace("-", "−") for q in ("q2.5", "q97.5"))
 
 

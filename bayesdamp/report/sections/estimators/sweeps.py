@@ -6,14 +6,16 @@ import math
 
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.estimators.sweep import sweep
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.comparing import CATEGORIES, STAGES
 from bayesdamp.report.results.places import interval
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import FACTORS, Series, series
 from bayesdamp.report.sections._section import Section
+from bayesdamp.table import Line, Table
 
 
 class Sweeps(Section):
@@ -33,7 +35,7 @@ class Sweeps(Section):
         for found in series(run):
             methods = _methods(found)
             counts = sorted({tried for pairs in found.answers.values() for _, tried in pairs if tried})
-            repeats = words.listing(map(str, counts), "or") if counts else "no"
+            repeats = fmt.listing(map(str, counts), "or") if counts else "no"
             caption = (
                 f"{words.model(found.model)}: root mean square error over {repeats} repeats, the other two factors "
                 "held. Below the bound only a biased method or one that uses more than the record can be."
@@ -52,8 +54,8 @@ def _methods(found: Series) -> list[str]:
 
 
 def _table(found: Series, methods: list[str], stage: str) -> Table:
-    headers = [words.stage(stage), *(words.given(v) for v in found.values)]
-    lines = [Line(["Cramér–Rao bound", *(words.number(b, 2) for b in found.bounds)], "best")]
+    headers = [words.stage(stage), *(fmt.given(v) for v in found.values)]
+    lines = [Line(["Cramér–Rao bound", *(fmt.number(b, 2) for b in found.bounds)], "best")]
     for method in methods:
         errors = found.errors.get((method, stage))
         if errors is None:
@@ -62,9 +64,9 @@ def _table(found: Series, methods: list[str], stage: str) -> Table:
         each = found.each[method, stage]
         for error, own, (had, tried) in zip(errors, each, found.answers[method, stage]):
             low, high = interval(own)
-            luck = f" ({words.number(low, 2)} to {words.number(high, 2)})" if math.isfinite(low) else ""
+            luck = f" ({fmt.number(low, 2)} to {fmt.number(high, 2)})" if math.isfinite(low) else ""
             some = f", {had} of {tried}" if had < tried and math.isfinite(error) else ""
-            cells.append(words.number(error, 2) + luck + some)
+            cells.append(fmt.number(error, 2) + luck + some)
         lines.append(Line([words.method(method), *cells]))
     said = f"Root mean square error in per cent of the truth, by {FACTORS[found.factor]}."
     said += " In brackets its 95 % interval, by the repeats; then how many of them had an answer, if not all."

@@ -6,15 +6,17 @@ import math
 
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Status, reason_of, status_of
 from bayesdamp.report import words
 from bayesdamp.report.figures.posteriors.evidence import Bar, bars
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import label, ranking
 from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 
 COUNTS = (
@@ -91,11 +93,11 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
                         *lead,
                         label(r) if r["model"] != last else "",
                         words.method(r["method"]),
-                        words.nats(r["log_evidence"], r["stderr"]),
-                        words.nats(r["log_bayes_factor"]) if r["log_bayes_factor"] else "0",
-                        words.probability(r["probability"]),
+                        fmt.nats(r["log_evidence"], r["stderr"]),
+                        fmt.nats(r["log_bayes_factor"]) if r["log_bayes_factor"] else "0",
+                        fmt.probability(r["probability"]),
                         (r["diagnostic"].replace(" -", " −") if r["outcome"] == OK else r["outcome"])
-                        or words.NONE,
+                        or fmt.NONE,
                     ],
                     "best" if top else "" if r["outcome"] == OK else "quiet",
                 )
@@ -123,7 +125,7 @@ def _aside(run: Run, signal: str, repeat: int) -> Table:
     lines = []
     for model in sorted(why, key=height, reverse=True):
         numbers = cheap.get(model, {})
-        shown = [words.nats(numbers.get(key)) for key in ("log_evidence", "log_bayes_factor")]
+        shown = [fmt.nats(numbers.get(key)) for key in ("log_evidence", "log_bayes_factor")]
         lines.append(Line([label(first[model]), *shown, reason_of(why[model])]))
     headers = ["model", "log evidence / nats", "log Bayes factor", "why"]
     return Table(headers, lines, frozenset({0, 3}), "Laplace's approximation, where the search came so far.")

@@ -9,16 +9,18 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.posteriors.amplitude import amplitude
 from bayesdamp.report.figures.posteriors.posterior import marginals, pairs
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 
 RATIO = "curve/equivalent_ratio"
@@ -80,7 +82,7 @@ def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
     if not draws:
         return []
     true = {name: truth(run, signal, name) for found in draws.values() for name in found}
-    who = words.listing(map(words.method, draws))
+    who = fmt.listing(map(words.method, draws))
     caption = f"{signal}, {words.model(model)}: marginal posterior of each parameter by {who}."
     damping = coefficients(run, model)
     figures = [
@@ -165,7 +167,7 @@ def _left_out(run: Run, signal: str, repeat: int, model: str) -> set[tuple[str, 
     for cell in run.cells("posterior", signal, repeat, model):
         without = PosteriorContent.of(cell).without
         if without:
-            names = words.listing(words.symbol(n).text for n in without)
+            names = fmt.listing(words.symbol(n).text for n in without)
             draws = max(without.values())
             said = f"no {names}: {draws} draws have no such motion (no stable equilibrium, or an escape)"
             found.add((cell.place.method, said))
@@ -183,17 +185,17 @@ def _line(run: Run, signal: str, row: Row, simulated: bool) -> Line:
         words.symbol(row["parameter"]).text,
         words.unit(row["unit"]),
         words.method(row["sampler"]),
-        words.with_error(row["mean"], row["sd"]),
-        words.interval(row["q2.5"], row["q97.5"]),
+        fmt.with_error(row["mean"], row["sd"]),
+        fmt.interval(row["q2.5"], row["q97.5"]),
     ]
     if simulated:
-        cells.append(words.given(true) if math.isfinite(true) else words.NONE)
+        cells.append(fmt.given(true) if math.isfinite(true) else fmt.NONE)
     divergences = row["divergences"]
     cells += [
-        f"{row['rhat']:.3f}" if math.isfinite(row["rhat"]) else words.NONE,
-        f"{row['ess_bulk']:.0f}" if math.isfinite(row["ess_bulk"]) else words.NONE,
-        f"{row['ess_tail']:.0f}" if math.isfinite(row["ess_tail"]) else words.NONE,
-        words.NONE if divergences is None else str(divergences),
+        f"{row['rhat']:.3f}" if math.isfinite(row["rhat"]) else fmt.NONE,
+        f"{row['ess_bulk']:.0f}" if math.isfinite(row["ess_bulk"]) else fmt.NONE,
+        f"{row['ess_tail']:.0f}" if math.isfinite(row["ess_tail"]) else fmt.NONE,
+        fmt.NONE if divergences is None else str(divergences),
     ]
     poor = row["rhat"] > 1.01 or row["ess_bulk"] < 400 or row["ess_tail"] < 400 or bool(divergences)
     return Line(cells, "alert" if poor else "")
@@ -205,7 +207,7 @@ def _repeats(run: Run, signal: str, model: str) -> Table:
     lines = []
     for r in rows:
         true = truth(run, signal, r["parameter"])
-        inside = words.NONE
+        inside = fmt.NONE
         if math.isfinite(true) and math.isfinite(r["q2.5"]):
             inside = "inside" if r["q2.5"] <= true <= r["q97.5"] else "outside"
         lines.append(
@@ -214,8 +216,8 @@ def _repeats(run: Run, signal: str, model: str) -> Table:
                     str(r["repeat"] + 1),
                     words.symbol(r["parameter"]).text,
                     words.method(r["sampler"]),
-                    words.with_error(r["mean"], r["sd"]),
-                    words.interval(r["q2.5"], r["q97.5"]),
+                    fmt.with_error(r["mean"], r["sd"]),
+                    fmt.interval(r["q2.5"], r["q97.5"]),
                     inside,
                     r["outcome"],
                 ]

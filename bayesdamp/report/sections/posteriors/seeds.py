@@ -8,14 +8,16 @@ from typing import Any
 
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.reading import mode_of, models_by_rank
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.candidates import Climb, ModeContent
 from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK, Seed
 
 Row = Mapping[str, Any]
@@ -86,17 +88,17 @@ def _sentences(mode: ModeContent) -> list[str]:
         depth = mode.log_posterior - best.log_posterior if best else math.nan
         share = f", about {100 * best.share:.2g} % of the posterior" if best and best.share > 1e-3 else ""
         found.append(
-            f"{_names(elsewhere)} ended in another maximum; the highest of these is {words.number(depth, 3)} "
+            f"{_names(elsewhere)} ended in another maximum; the highest of these is {fmt.number(depth, 3)} "
             f"nats lower{share}, and was not sampled."
         )
     failed = [c for c in climbs if c.mode is None]
     if failed:
         found.append(f"{_names(failed)} came to no maximum.")
     if mode.refused:
-        found.append(f"No values to start from: {words.listing(_name(r.seed) for r in mode.refused)}.")
+        found.append(f"No values to start from: {fmt.listing(_name(r.seed) for r in mode.refused)}.")
     touching = [words.symbol(n).text for n in mode.touching_zero]
     if touching:
-        found.append(f"The posterior of {words.listing(touching)} touches zero.")
+        found.append(f"The posterior of {fmt.listing(touching)} touches zero.")
     return found
 
 
@@ -112,7 +114,7 @@ def _name(seed: Seed) -> str:
 
 def _names(climbs: Sequence[Climb]) -> str:
     listed = [_name(n) for c in climbs for n in (c.seed, *c.same)]
-    text = words.listing(listed)
+    text = fmt.listing(listed)
     return text[:1].upper() + text[1:]
 
 
@@ -125,12 +127,12 @@ def _table(mode: ModeContent) -> Table:
         lines.append(
             Line(
                 [
-                    words.listing(_name(n) for n in (c.seed, *c.same)),
+                    fmt.listing(_name(n) for n in (c.seed, *c.same)),
                     _nats(top, c.start),
-                    words.number(c.distance, 3),
+                    fmt.number(c.distance, 3),
                     str(c.evaluations),
                     where,
-                    words.fixed(max(below, 0.0), 2) if below < 1e4 else words.number(below, 2),
+                    fmt.fixed(max(below, 0.0), 2) if below < 1e4 else fmt.number(below, 2),
                 ],
                 "alert" if number is None else "quiet" if number else "",
             )
@@ -147,7 +149,7 @@ def _table(mode: ModeContent) -> Table:
 
 
 def _nats(top: float, value: float | None) -> str:
-    return words.number(top - value, 3) if value is not None and math.isfinite(value) else "not finite"
+    return fmt.number(top - value, 3) if value is not None and math.isfinite(value) else "not finite"
 
 
 def _chains(run: Run, signal: str, repeat: int, model: str) -> list[Table]:
@@ -162,9 +164,9 @@ def _chains(run: Run, signal: str, repeat: int, model: str) -> list[Table]:
                 [
                     str(i + 1),
                     _name(s.seed),
-                    words.number(s.seed_distance, 3),
-                    words.number(s.distance, 2),
-                    words.fixed(s.shift, 2),
+                    fmt.number(s.seed_distance, 3),
+                    fmt.number(s.distance, 2),
+                    fmt.fixed(s.shift, 2),
                 ],
                 "alert" if s.shift > ALIKE else "",
             )

@@ -10,10 +10,11 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from bayesdamp import formatting as fmt
 from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.report.figures.posteriors import sensitivity as figures
-from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.html import fill
 from bayesdamp.report.results.reading import mode_of, models_by_rank, over_odds, ranking
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
@@ -22,6 +23,7 @@ from bayesdamp.store import CellResult
 from bayesdamp.store.contents.candidates import SecondHalf
 from bayesdamp.store.contents.evidence import HalfContent, NoisesContent, RatiosContent, WidthsContent
 from bayesdamp.store.contents.posteriors import AverageContent
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 
 _ONE_NOISE = (
@@ -87,7 +89,7 @@ def _widths(run: Run, signal: str, models: list[str]) -> Markup | None:
     )
     caption = (
         f"{signal}: log Bayes factor to {words.model(best)} as the scales of all given damping priors are multiplied. "
-        f"Dots: the importance draws reweighted ({words.number(least, 2)} effective ones or more); open: sampled anew "
+        f"Dots: the importance draws reweighted ({fmt.number(least, 2)} effective ones or more); open: sampled anew "
         "under that prior; crosses: diagnostics are poor."
     )
     factors = cells[best].arrays["factors"]
@@ -101,13 +103,13 @@ def _odds(run: Run, signal: str, models: list[str]) -> Table | None:
     if not found or not shares:
         return None
     lines = [
-        Line([words.model(damping), *(words.probability(one.dampings[damping]) for one in shares)])
+        Line([words.model(damping), *(fmt.probability(one.dampings[damping]) for one in shares)])
         for damping in found.dampings
     ]
-    headers = ["damping", *(f"factor {words.number(one.factor, 3)}" for one in shares)]
+    headers = ["damping", *(f"factor {fmt.number(one.factor, 3)}" for one in shares)]
     caption = (
         "Probability of each damping where each further term makes a sum so many times as probable before the record "
-        f"is seen; everywhere else here the factor is {words.number(FURTHER_TERM, 3)}."
+        f"is seen; everywhere else here the factor is {fmt.number(FURTHER_TERM, 3)}."
     )
     return Table(headers, lines, frozenset({0}), caption)
 
@@ -138,7 +140,7 @@ def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:
     if not headers:
         return None
     lines = [
-        Line([words.model(model), *(words.fixed(logs.get(h, math.nan) - best[h], 1) for h in headers)])
+        Line([words.model(model), *(fmt.fixed(logs.get(h, math.nan) - best[h], 1) for h in headers)])
         for model, logs in found.items()
     ]
     caption = (
@@ -189,11 +191,11 @@ def _halves(run: Run, signal: str, models: list[str]) -> Table | None:
         Line(
             [
                 words.model(model),
-                words.nats(whole.get(model)),
-                words.nats(half.log_evidence - best, half.stderr),
-                words.number(half.told.rms / half.told.expected, 3),
+                fmt.nats(whole.get(model)),
+                fmt.nats(half.log_evidence - best, half.stderr),
+                fmt.number(half.told.rms / half.told.expected, 3),
                 f"{100 * half.told.coverage:.0f} %",
-                words.nats(half.told.log_predictive - ahead, half.predictive_stderr),
+                fmt.nats(half.told.log_predictive - ahead, half.predictive_stderr),
                 half.diagnostic,
             ],
             "" if half.sound else "alert",
@@ -241,8 +243,8 @@ def _ratios(run: Run, signal: str, models: list[str]) -> Table | None:
                 Line(
                     [
                         f"{words.model(smaller)} to {words.model(model)}",
-                        words.nats(ratio.log_bayes_factor, ratio.stderr) if valid else words.NONE,
-                        words.nats(
+                        fmt.nats(ratio.log_bayes_factor, ratio.stderr) if valid else fmt.NONE,
+                        fmt.nats(
                             one["log_evidence"] - other["log_evidence"],
                             math.hypot(one["stderr"], other["stderr"]),
                         ),
@@ -274,9 +276,9 @@ def _average(run: Run, signal: str, models: list[str]) -> Markup | None:
             medians[model] = (scale * cell.arrays["amplitudes"], own)
     content = AverageContent.of(cell)
     covered, weighed = content.covered, content.weighed
-    part = "" if covered > 0.9995 else f" that hold {words.probability(covered)} of the probability"
+    part = "" if covered > 0.9995 else f" that hold {fmt.probability(covered)} of the probability"
     how = (
-        f" Not sampled, by the weighted draws of the evidence: {words.listing(map(words.model, weighed))}."
+        f" Not sampled, by the weighted draws of the evidence: {fmt.listing(map(words.model, weighed))}."
         if weighed
         else ""
     )

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.posteriors.intervals import Interval, Panel, intervals
-from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.html import fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import (
     capped,
@@ -23,6 +24,7 @@ from bayesdamp.report.sections._section import Section
 from bayesdamp.report.style import colour
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointContent, PopulationContent
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK, summed
 
 _HOW = (
@@ -106,7 +108,7 @@ def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
     )
     labels = list(joint.alone)
     parts.append(run.drawings.add(f"joint-{name}", caption, lambda: intervals(labels, panels, colour(best))))
-    factor = words.nats(joint.no_spread)
+    factor = fmt.nats(joint.no_spread)
     parts.append(
         _text(f"The log Bayes factor of one size in all records against sizes that differ is {factor} nats.")
     )
@@ -119,7 +121,7 @@ def _dampings(joint: JointContent) -> str:
     if len(found) in (1, len(joint.candidates)):
         return ""
     shares = [f"{words.model(d)} {capped(p)}" for d, p in found.items()]
-    return f"Summed over the restoring laws the probabilities are: {words.listing(shares)}."
+    return f"Summed over the restoring laws the probabilities are: {fmt.listing(shares)}."
 
 
 def _candidates(joint: JointContent) -> Table:
@@ -128,11 +130,11 @@ def _candidates(joint: JointContent) -> Table:
     top = logs[joint.best]
     lines = []
     for candidate, row in sorted(joint.candidates.items(), key=lambda item: -logs[item[0]]):
-        sizes = [size(row, n) if n in row.summary else words.NONE for n in names]
+        sizes = [size(row, n) if n in row.summary else fmt.NONE for n in names]
         ratio = None if row.log_evidence is None else row.log_evidence - top
         kind = "best" if candidate == joint.best else "" if row.outcome == OK else "quiet"
         share = capped(row.probability)
-        lines.append(Line([words.model(candidate), share, words.nats(ratio), *sizes, row.outcome], kind))
+        lines.append(Line([words.model(candidate), share, fmt.nats(ratio), *sizes, row.outcome], kind))
     headers = ["damping model", "probability", "log Bayes factor", *(words.symbol(n).text for n in names)]
     caption = (
         "All records together: the probabilities are those of the answer on the specimen, and the coefficients are the "
@@ -148,20 +150,20 @@ def _population(run: Run, cell: CellResult) -> list[object]:
         return parts
     best, labels = content.best, list(content.specimens)
     scales = [
-        f"{words.number(p.scale, 2)} {words.unit(content.units[n])} for {words.symbol(n).text}"
+        f"{fmt.number(p.scale, 2)} {words.unit(content.units[n])} for {words.symbol(n).text}"
         for n, p in content.populations.items()
     ]
-    behind = [f"{label} ({words.nats(gap)} nats)" for label, gap in content.behind.items() if gap > 1]
+    behind = [f"{label} ({fmt.nats(gap)} nats)" for label, gap in content.behind.items() if gap > 1]
     how = (
         "Specimens' coefficients are taken as normal, cut off at zero; the mean and the spread are of what is "
         "left. The normal's location has a half-normal prior with the scale "
-        f"{words.listing(scales)}, which is that of the prior which the study states, or else three times the largest "
+        f"{fmt.listing(scales)}, which is that of the prior which the study states, or else three times the largest "
         "coefficient of a specimen. Its width has one with the scale of the location: specimens of one kind hardly "
         "spread by more than their size. The model is the one with the greatest evidence over all specimens "
         "together."
     )
     if behind:
-        how += f" Another model is ahead for {words.listing(behind)}."
+        how += f" Another model is ahead for {fmt.listing(behind)}."
     parts += [_text(how), _values(content)]
     panels = [
         Panel(
@@ -185,13 +187,13 @@ def _values(content: PopulationContent) -> Table:
     for name, found in content.populations.items():
         unit = words.unit(content.units[name])
         for what, one in (("mean", found.mean), ("spread", found.spread)):
-            bounds = words.interval(one["q2.5"], one["q97.5"])
+            bounds = fmt.interval(one["q2.5"], one["q97.5"])
             lines.append(
-                Line([f"{words.symbol(name).text}, {what}", words.number(one["median"], 3), bounds, unit])
+                Line([f"{words.symbol(name).text}, {what}", fmt.number(one["median"], 3), bounds, unit])
             )
         for label, one in found.shrunk.items():
-            cells = [f"{words.symbol(name).text} of {label}", words.number(one["median"], 4)]
-            lines.append(Line([*cells, words.interval(one["q2.5"], one["q97.5"]), unit], "quiet"))
+            cells = [f"{words.symbol(name).text} of {label}", fmt.number(one["median"], 4)]
+            lines.append(Line([*cells, fmt.interval(one["q2.5"], one["q97.5"]), unit], "quiet"))
     caption = "The population's mean and spread (sd), and each specimen's value given all of them."
     return Table(["quantity", "median", "95 %", "unit"], lines, frozenset({0, 3}), caption)
 

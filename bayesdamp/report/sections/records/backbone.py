@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
-from bayesdamp.report import words
+from bayesdamp import formatting as fmt
 from bayesdamp.report.figures.records.backbone import backbone
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.reading import models_by_rank
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
+from bayesdamp.table import Line, Table
 
 SHOWN = 6
 """Candidates that are drawn, the most probable ones."""
@@ -57,7 +58,7 @@ def _one(run: Run, signal: str) -> Markup:
     )
     figure = run.drawings.add(f"backbone-{signal}", caption, lambda: backbone(record, curves, scale, unit))
     lines = [
-        Line([words.number(scale * a), words.with_error(z, s), words.with_error(w, e)])
+        Line([fmt.number(scale * a), fmt.with_error(z, s), fmt.with_error(w, e)])
         for a, z, s, w, e in zip(
             *(record[k] for k in ("amplitude", "ratio", "ratio_sd", "frequency", "frequency_sd")), strict=True
         )

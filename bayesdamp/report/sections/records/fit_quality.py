@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.records.windows import windows
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import coefficients, mode_of, models_by_rank, other_forms
 from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
+from bayesdamp.table import Line, Table
 
 _EXACT = (
     "All of it is of fits under laws that hold exactly, which chains and evidence here do not need: what an exact law "
@@ -76,11 +78,11 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
                     [
                         *lead,
                         words.model(r["model"]),
-                        words.rms(*run.rms(r)),
-                        words.fixed(r["residual_autocorrelation"], 2),
-                        words.number(r["window_spread"], 2),
-                        words.number(r["predictive_p"], 2),
-                        r["verdict"] or words.NONE,
+                        fmt.rms(*run.rms(r)),
+                        fmt.fixed(r["residual_autocorrelation"], 2),
+                        fmt.number(r["window_spread"], 2),
+                        fmt.number(r["predictive_p"], 2),
+                        r["verdict"] or fmt.NONE,
                     ]
                 )
             )
@@ -100,7 +102,7 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
 def _other_forms(run: Run, signal: str, repeat: int, model: str) -> Table | None:
     """Of each form of damping that no candidate has: with it beside its own damping, how likely is the candidate?"""
     lines = [
-        Line([form.words, words.fixed(form.log_bayes, 2), words.probability(form.probability)])
+        Line([form.words, fmt.fixed(form.log_bayes, 2), fmt.probability(form.probability)])
         for form in other_forms(run, signal, repeat, model)
     ]
     headers = ["what there might be beside it", "ln Bayes factor", "probability, against none"]
@@ -126,9 +128,9 @@ def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
         Line(
             [
                 w.label,
-                words.number(w.start, 4),
-                words.number(w.stop, 4),
-                *(words.with_error(w.values.get(n), w.sd.get(n)) for n in names),
+                fmt.number(w.start, 4),
+                fmt.number(w.stop, 4),
+                *(fmt.with_error(w.values.get(n), w.sd.get(n)) for n in names),
             ]
         )
         for w in found

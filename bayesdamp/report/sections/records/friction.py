@@ -7,12 +7,14 @@ from collections.abc import Sequence
 
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.html import fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.records import NoiseContent, WidthTried
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 
 STAYS = "the usual one stays: no other is clearly ahead"
@@ -72,10 +74,10 @@ def _one(run: Run, signal: str) -> Markup:
 
 
 def _line(t: WidthTried, best: float, names: Sequence[str], taken: str) -> Line:
-    below = words.fixed(best - t.log_evidence, 1) if t.outcome == OK else words.NONE
+    below = fmt.fixed(best - t.log_evidence, 1) if t.outcome == OK else fmt.NONE
     said = t.outcome if t.outcome != OK else taken
-    found = [words.with_error(*t.coefficients.get(name, (None, None))) for name in names]
-    shown = [f"{100 * t.share:g} %", words.number(t.epsilon, 3), below, *found, said]
+    found = [fmt.with_error(*t.coefficients.get(name, (None, None))) for name in names]
+    shown = [f"{100 * t.share:g} %", fmt.number(t.epsilon, 3), below, *found, said]
     return Line(shown, "best" if taken else "")
 
 

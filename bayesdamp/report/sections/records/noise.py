@@ -6,12 +6,14 @@ import math
 
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.html import fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.records import NoiseContent, NoiseTried
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 
 
@@ -60,10 +62,10 @@ def _one(run: Run, signal: str) -> Markup:
 def _line(w: NoiseTried, best: float, chosen: str) -> Line:
     name = words.method(w.noise)
     if w.outcome != OK:
-        return Line([name, words.NONE, words.NONE, w.outcome], "quiet")
-    values = ", ".join(f"{words.symbol(n).text} {words.number(v, 3)}" for n, v in w.values.items())
+        return Line([name, fmt.NONE, fmt.NONE, w.outcome], "quiet")
+    values = ", ".join(f"{words.symbol(n).text} {fmt.number(v, 3)}" for n, v in w.values.items())
     mine = w.noise == chosen
-    below = words.fixed(best - w.log_evidence, 0 if w.held else 1)
+    below = fmt.fixed(best - w.log_evidence, 0 if w.held else 1)
     said = "chosen" if mine else "far behind on the residuals of another's fit" if w.held else ""
     return Line([name, below, values, said], "best" if mine else "")
 
@@ -73,7 +75,7 @@ def _others(run: Run, signal: str, repeats: list[int]) -> Markup:
     chosen = [NoiseContent.of(c).chosen for c in cells if c is not None and c.outcome == OK]
     if len(chosen) < 2:
         return Markup("")
-    said = words.listing(f"{words.method(n)} in {chosen.count(n)}" for n in dict.fromkeys(chosen))
+    said = fmt.listing(f"{words.method(n)} in {chosen.count(n)}" for n in dict.fromkeys(chosen))
     return Markup("<p>Over {} repeats: {}.</p>").format(len(chosen), said)
 
 

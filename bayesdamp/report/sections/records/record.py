@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.provenance import Provenance
 from bayesdamp.report import words
 from bayesdamp.report.figures.records.record import Fit, raw, record
@@ -109,7 +110,7 @@ def _fits(
                 (r for r in run.fits if (r["signal"], r["repeat"], r["model"]) == (signal, repeat, model)),
                 None,
             )
-            text = words.rms(*run.rms(row)) if row else f"not in fits.csv (axis in {unit})"
+            text = fmt.rms(*run.rms(row)) if row else f"not in fits.csv (axis in {unit})"
             autocorrelation = np.asarray(cell.arrays.get("autocorrelation", []), float)
             fits.append(Fit(model, cell.arrays["fit"] * factor, residual, autocorrelation, text))
     return fits, missing

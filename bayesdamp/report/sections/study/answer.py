@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
+from bayesdamp.formatting import with_interval
+from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures.records import answer as figures
 from bayesdamp.report.figures.records.exponent import exponent
 from bayesdamp.report.figures.records.motions import motions
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.answers import Answer, answer_of
-from bayesdamp.report.results.confirmation import confirmation, sampled
+from bayesdamp.report.results.checks import Check, Checks, sampled
+from bayesdamp.report.results.reading import models_by_rank, ranking
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import ANCHOR, by_signal
 from bayesdamp.report.sections._section import Section
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 from bayesdamp.verdict.parts import Grade, Motion
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like, quality_of, with_interval
+from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like, quality_of
 
 CAPTION = (
     "Equivalent damping ratio: level means viscous, rising to small amplitudes friction, to large ones drag; "
@@ -46,40 +50,47 @@ EXPONENT = (
 
 
 class AnswerSection(Section):
-    """The verdict of each record: a sentence, three numbers, one picture, what it does not say."""
+    """The verdict of each record: a sentence, three numbers, one picture, the checks of it."""
 
     order = 5
     name = "answer"
     title = "Which damping, and how large"
 
     def applies(self, run: Run) -> bool:
-        """Where a record has a verdict."""
-        return bool(self._answered(run))
+        """Apply to every run but a calibration, which has a verdict of its own."""
+        return run.info.get("kind") is None
 
     def render(self, run: Run) -> str:
-        """One block a record."""
-        return by_signal(run, lambda signal: _one(run, signal), self._answered(run), anchor=ANCHOR)
-
-    @staticmethod
-    def _answered(run: Run) -> list[str]:
-        return [s for s in run.signals if answer_of(run, s, run.repeats(s)[0]) is not None]
+        """Show one block a record."""
+        if not run.signals:
+            return Markup("<p>The folder holds no signal yet: run the study.</p>")
+        return by_signal(run, lambda signal: _block(run, signal), anchor=ANCHOR)
 
 
-def _one(run: Run, signal: str) -> Markup:
+def _block(run: Run, signal: str) -> Markup:
     answer = answer_of(run, signal, run.repeats(signal)[0])
-    assert answer is not None
+    checks = Checks(run, signal)
+    found = [*sampled(run, signal), *checks.all()]
+    read = [
+        Check(f"The record as it was read: {note}", fails=True) for note in run.provenance(signal).warnings
+    ]
+    shown = {"checks": [*read, *sorted(found, key=lambda c: not c.fails)], "table": checks.table() or ""}
+    if answer is None:
+        return fill(
+            "answer.html",
+            sentence=_why_none(run, signal),
+            numbers=(),
+            energy=(),
+            remarks=(),
+            parts=[],
+            **shown,
+        )
     v = answer.verdict
     unit = v.damping_ratio[0].unit if v.damping_ratio else "rad"
     if v.grade is Grade.NO_FREE_DECAY:
-        nothing = dict.fromkeys(("energy", "confirmed", "exponent", "coefficients", "candidates"), "")
+        parts = [_motions(run, signal, v), _modes(v)]
         return fill(
-            "answer.html",
-            sentence=v.sentence,
-            numbers=(),
-            remarks=v.remarks,
-            picture=_motions(run, signal, v),
-            ratios=_modes(v),
-            **nothing,
+            "answer.html", sentence=v.sentence, numbers=(), energy=(), remarks=v.remarks, parts=parts, **shown
         )
     recorded = run.unit(signal).displacement.of(run.quantity(signal))
     picture = run.drawings.add(
@@ -88,22 +99,40 @@ def _one(run: Run, signal: str) -> Markup:
         lambda: figures.answer(answer.arrays, unit, v.damping, recorded),
         narrow=lambda: figures.answer(answer.arrays, unit, v.damping, recorded, narrow=True),
     )
+    candidates = _candidates(answer, recorded, run.unit(signal).displacement.scale)
+    parts = [
+        picture,
+        _exponent(run, signal, answer),
+        _ratios(v),
+        _coefficients(v) if v.coefficients else "",
+        folded("All damping models that were compared", candidates),
+    ]
     return fill(
         "answer.html",
         sentence=v.sentence,
         numbers=_numbers(v),
         energy=energy_of(v),
         remarks=v.remarks,
-        confirmed=" ".join(filter(None, (sampled(run, signal), confirmation(run, signal)))),
-        picture=picture,
-        exponent=_exponent(run, signal, answer),
-        ratios=_ratios(v),
-        coefficients=_coefficients(v) if v.coefficients else "",
-        candidates=folded(
-            "Every damping sum that was compared",
-            _candidates(answer, recorded, run.unit(signal).displacement.scale),
-        ),
+        parts=parts,
+        **shown,
     )
+
+
+def _why_none(run: Run, signal: str) -> str:
+    """Say why a record has no answer, and what there is."""
+    repeat = run.repeats(signal)[0]
+    cells = (run.cell(kind, signal, repeat) for kind in ("answer", "noise"))
+    outcomes = [str(run.about(signal).get("outcome", OK)), *(c.outcome for c in cells if c is not None)]
+    why = next((o for o in outcomes if o != OK), "")
+    models = models_by_rank(run, signal, repeat)
+    if not models:
+        return f"Nothing was computed for this signal{': ' * bool(why)}{reason_of(why).rstrip('.')}."
+    if why:
+        return f"Which damping it is was not decided: {reason_of(why).rstrip('.')}."
+    if len(models) == 1:
+        return f"Damping was assumed to be {words.model(models[0])}; no other model was compared."
+    missing = "" if ranking(run, signal, repeat) else ": no evidence was computed"
+    return f"Which damping it is was not decided{missing}."
 
 
 def _caption(v: Verdict) -> str:
@@ -136,7 +165,7 @@ def _exponent(run: Run, signal: str, answer: Answer) -> Markup | str:
     if e is None or draws is None:
         return ""
     said, interval = loses_like(e, answer.verdict.damping), (e.value, e.low, e.high)
-    title = f"This record {said}"
+    title = f"The damping force {said}"
     return run.drawings.add(
         f"exponent-{signal}",
         EXPONENT,
@@ -154,7 +183,7 @@ def _numbers(v) -> list[tuple[str, str]]:
     if v.frequency is not None:
         f = v.frequency
         interval = with_interval(f.value, f.low, f.high, f" {f.unit}")
-        shown = f"{f.value:.5g} {f.unit}, given" if given(f) else interval
+        shown = f"{f.value:.5g} {f.unit} (specified)" if given(f) else interval
         name, at = "natural frequency", v.frequency_at
         if at is not None and extrapolated(f, at):
             seen = with_interval(at.value, at.low, at.high, " Hz")
@@ -224,7 +253,7 @@ def _coefficients(v) -> Table:
     )
 
 
-def _candidates(answer: Answer, unit: str, scale: float) -> Markup:
+def _candidates(answer: Answer, unit: str, scale: float) -> Table:
     """The sums under each restoring law. scale: of `unit`, the recorded quantity's, in what is computed in."""
     rows = [r for r in answer.candidates if r.outcome == OK]
     logs = [(r.exact if r.log_evidence is None else r.log_evidence, r) for r in rows]
@@ -243,9 +272,7 @@ def _candidates(answer: Answer, unit: str, scale: float) -> Markup:
         "the same under exact laws",
         f"rms that the fit leaves, {unit}",
     ]
-    return fill(
-        "stack.html", parts=[Table(head, lines, frozenset({0, 1}), "Log Bayes factors to the best, in nats")]
-    )
+    return Table(head, lines, frozenset({0, 1}), "Log Bayes factors to the best, in nats")
 
 
 PLUGIN = AnswerSection()

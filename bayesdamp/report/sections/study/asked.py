@@ -8,11 +8,13 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.answers import answers, only_answered
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
+from bayesdamp.table import Line, Table
 from bayesdamp.types import candidate_parts
 
 
@@ -42,7 +44,7 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
         count = len(dampings)
         found.append(
             f"{'One damping model was' if count == 1 else f'{count} damping models were'} in play: "
-            f"{words.listing(words.model(d) for d in dampings)}."
+            f"{fmt.listing(words.model(d) for d in dampings)}."
         )
     found.extend(_equation(run))
     found.extend(_systems(run, study))
@@ -75,8 +77,8 @@ def _equation(run: Run) -> list[str]:
         return []
     metres = " θ stands for the position in m." if any(run.unit(s).base == "m" for s in run.signals) else ""
     return [
-        f"Equation of motion: θ̈ + F_damp + F_rest = 0, where F_damp is made of {words.listing(forces)} and F_rest is "
-        f"{words.listing(rests, 'or')}; θ in rad, time in s.{metres}"
+        f"Equation of motion: θ̈ + F_damp + F_rest = 0, where F_damp is made of {fmt.listing(forces)} and F_rest is "
+        f"{fmt.listing(rests, 'or')}; θ in rad, time in s.{metres}"
     ]
 
 
@@ -86,21 +88,21 @@ def _systems(run: Run, study: Mapping[str, Any]) -> list[str]:
     for table in study.get("signals") or []:
         system, name = table.get("system") or {}, str(table.get("name", ""))
         laws = run.about(name).get("restoring") or [system["restoring"]] if system.get("restoring") else []
-        text = f"Restoring force: {words.listing(map(words.law, laws), 'or')}. " if laws else ""
+        text = f"Restoring force: {fmt.listing(map(words.law, laws), 'or')}. " if laws else ""
         if len(laws) > 1:  # what is to be found is each law's own
             system = {**system, "free": {}}
         named.setdefault(f"{text}{_known(system)}{_rest(run, name)}".rstrip(), []).append(name)
     if len(named) == 1:
         return list(named)
-    return [f"{words.listing(names)}: {text}" for text, names in named.items()]
+    return [f"{fmt.listing(names)}: {text}" for text, names in named.items()]
 
 
 def _known(system: Mapping[str, Any]) -> str:
     numbers = system.get("known") or {}
-    known = [f"{words.symbol(k).text} = {words.given(v)}" for k, v in numbers.items() if _is_number(v)]
+    known = [f"{words.symbol(k).text} = {fmt.given(v)}" for k, v in numbers.items() if _is_number(v)]
     free = [words.symbol(k).text for k in system.get("free") or {}]
-    said = [f"Known: {words.listing(known)}."] if known else []
-    said += [f"To be found: {words.listing(free)}."] if free else []
+    said = [f"Known: {fmt.listing(known)}."] if known else []
+    said += [f"To be found: {fmt.listing(free)}."] if free else []
     return " ".join(said)
 
 
@@ -110,8 +112,8 @@ def _rest(run: Run, signal: str) -> str:
     if "natural_frequency" not in derived:
         return ""
     own = run.unit(signal).displacement
-    at = words.number(own.scale * derived["equilibrium"], 4)
-    rate = words.number(derived["natural_frequency"], 4)
+    at = fmt.number(own.scale * derived["equilibrium"], 4)
+    rate = fmt.number(derived["natural_frequency"], 4)
     return f" From this follow the rest position {at} {own.name} and the natural frequency {rate} rad/s."
 
 
@@ -133,7 +135,7 @@ def _used(what: str, names: object, suffix: str = "") -> str:
         return f"{what}: {names}{suffix}."
     chosen = [str(name) for name in names] if isinstance(names, (list, tuple)) else []
     return (
-        f"{what}: {words.listing(map(words.method, chosen))}{suffix}." if chosen else f"{what}: switched off."
+        f"{what}: {fmt.listing(map(words.method, chosen))}{suffix}." if chosen else f"{what}: switched off."
     )
 
 
@@ -143,8 +145,8 @@ def _signals(run: Run) -> Table | str:
         about = run.about(signal)
         cell = run.cell("signal", signal, run.repeats(signal)[0])
         t = cell.arrays.get("t") if cell else None
-        samples = f"{len(t):,}".replace(",", "\u202f") if t is not None else words.NONE
-        span = words.number(float(t[-1] - t[0]), 4) if t is not None and len(t) else words.NONE
+        samples = f"{len(t):,}".replace(",", "\u202f") if t is not None else fmt.NONE
+        span = fmt.number(float(t[-1] - t[0]), 4) if t is not None and len(t) else fmt.NONE
         kind = "simulated" if run.simulated(signal) else "measured"
         unit, quantity = run.unit(signal), str(about.get("quantity") or "angle")
         recorded = f"{unit.called(quantity)} in {unit.of(quantity)}"

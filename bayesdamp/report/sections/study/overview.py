@@ -8,15 +8,17 @@ from collections.abc import Sequence
 import numpy as np
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.html import fill
 from bayesdamp.report.results.alike import common_amplitude, curve_of, ratio_of, short_names
 from bayesdamp.report.results.answers import Answer, answers, specimens
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import ANCHOR
 from bayesdamp.report.sections._section import Section
+from bayesdamp.table import Line, Table
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import energy_of, with_interval
+from bayesdamp.verdict.words import energy_of
 
 FEWEST = 3
 """Records from which an overview stands before them."""
@@ -90,7 +92,7 @@ def _panel(answer: Answer, name: str, left: float, right: float, top: float) -> 
         f'<polyline points="{_points(x, ratio)}" fill="none" stroke="currentColor" stroke-width="1.6"/></svg>'
     )
     v = answer.verdict
-    said = f"{words.model(v.damping)} ({words.probability(v.probability)})"
+    said = f"{words.model(v.damping)} ({fmt.probability(v.probability)})"
     return Markup('<a href="#{}"><b>{}</b>{}<span>{}</span></a>').format(
         ANCHOR + answer.signal, name, Markup(drawing), said
     )
@@ -121,12 +123,12 @@ def _line(answer: Answer, name: str, shared: float | None) -> Line:
         [
             Markup('<a href="#{}">{}</a>').format(ANCHOR + answer.signal, name),
             words.model(v.damping),
-            words.probability(v.probability),
-            words.number(v.frequency.value, 4) if v.frequency else words.NONE,
-            f"{ratio.amplitude:.3g} {ratio.unit}" if ratio else words.NONE,
-            with_interval(100 * ratio.value, 100 * ratio.low, 100 * ratio.high) if ratio else words.NONE,
-            words.number(100 * v.deviation.value, 2) if v.deviation else words.NONE,
-            words.number(v.unexplained_pct, 2),
+            fmt.probability(v.probability),
+            fmt.number(v.frequency.value, 4) if v.frequency else fmt.NONE,
+            f"{ratio.amplitude:.3g} {ratio.unit}" if ratio else fmt.NONE,
+            fmt.with_interval(100 * ratio.value, 100 * ratio.low, 100 * ratio.high) if ratio else fmt.NONE,
+            fmt.number(100 * v.deviation.value, 2) if v.deviation else fmt.NONE,
+            fmt.number(v.unexplained_pct, 2),
         ],
         "" if v.decided else "quiet",
     )

@@ -7,11 +7,12 @@ from markupsafe import Markup
 from bayesdamp.odds import FURTHER_TERM, OTHERS
 from bayesdamp.priors import LEAST_SCALE, MOST_SCALE, SharedHalfNormal
 from bayesdamp.report import words
-from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.html import fill
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
+from bayesdamp.table import Line, Table
 
 COMPARED = (
     "Before the record is seen single terms are equally probable; each further term of a sum makes it "

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from bayesdamp.report import words
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp import formatting as fmt
+from bayesdamp.outcomes import Status, status_of
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.places import Place
+from bayesdamp.table import Line, Table
 
 
 class Provenance(Section):
@@ -41,9 +43,27 @@ class Provenance(Section):
         if versions:
             table = Table(["package", "version"], [Line([k, v]) for k, v in versions.items()], text)
             parts.append(folded(f"Versions of {len(versions)} packages", table))
+        parts += _without_result(run)
         parts += _timing(info.get("seconds") or {})
         parts += _budget(info.get("error_budget") or {})
         return fill("stack.html", parts=parts)
+
+
+def _without_result(run: Run) -> list[object]:
+    """The sentences that tasks ended with instead of a result, each with the names of its tasks."""
+    found: dict[str, list[str]] = {}
+    for cell in run.not_ok():
+        if status_of(cell.outcome) is not Status.PRUNED:  # the evidence section has these
+            found.setdefault(cell.outcome, []).append(cell.name)
+    if not found:
+        return []
+    count = sum(map(len, found.values()))
+    lines = [
+        Line([outcome, ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")])
+        for outcome, names in found.items()
+    ]
+    caption = f"{count} task{'s' if count > 1 else ''} ended with a sentence instead of a result"
+    return [Table(["sentence", "tasks"], lines, frozenset({0, 1}), caption)]
 
 
 def _machine(machine: object) -> list[tuple[str, Any]]:
@@ -60,17 +80,22 @@ def _timing(seconds: Mapping[str, float]) -> list[object]:
     for name, s in known.items():
         kinds.setdefault(Place.of(name).kind, []).append(s)
     lines = [
-        Line([kind, str(len(found)), words.duration(sum(found)), words.duration(max(found))])
+        Line([kind, str(len(found)), fmt.duration(sum(found)), fmt.duration(max(found))])
         for kind, found in kinds.items()
     ]
     total = Line(
-        ["all", str(len(known)), words.duration(sum(known.values())), words.duration(max(known.values()))]
+        [
+            "all",
+            str(len(known)),
+            fmt.duration(sum(known.values())),
+            fmt.duration(max(known.values())),
+        ]
     )
     table = Table(
         ["stage", "tasks", "together", "the longest"], [*lines, total], caption="Time, summed over workers"
     )
     longest = sorted(known, key=lambda name: -known[name])[:20]
-    cells = Table(["task", "time"], [Line([name, words.duration(known[name])]) for name in longest])
+    cells = Table(["task", "time"], [Line([name, fmt.duration(known[name])]) for name in longest])
     return [table, folded(f"The {len(longest)} longest tasks", cells)]
 
 
@@ -99,8 +124,8 @@ def _leaves(table: Mapping[str, Any], at: str = "") -> dict[str, dict[str, Any]]
 
 def _show(value: object) -> str:
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return words.number(float(value), 2)
-    return words.NONE if value is None else str(value)
+        return fmt.number(float(value), 2)
+    return fmt.NONE if value is None else str(value)
 
 
 PLUGIN = Provenance()

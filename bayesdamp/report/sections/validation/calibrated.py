@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.validation.ranks import ranks
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.sections._section import Section
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 
 FEWEST = 15
@@ -69,7 +71,7 @@ def _claim(result: Mapping[str, Any]) -> str:
         if found["tests"]:
             wrong = f"{found['wrong']} are wrong" if found["wrong"] else "none is wrong"
             said.append(f"of {found['tests']} checks {of} {wrong}")
-    text = words.listing(said)
+    text = fmt.listing(said)
     alarm = f"{100 * result['alarm']:g} %"
     return f"{text[:1].upper()}{text[1:]} (false-alarm rate {alarm} for each of the two tables, Holm)."
 
@@ -82,7 +84,15 @@ def _records(result: Mapping[str, Any]) -> Table:
         seconds = sum(found["seconds"].values()) / max(found["tried"], 1)
         counts = [str(found[k]) for k in ("tried", "counted")]
         lines.append(
-            Line([words.model(model), *counts, doubts, words.duration(seconds), refused or words.NONE])
+            Line(
+                [
+                    words.model(model),
+                    *counts,
+                    doubts,
+                    fmt.duration(seconds),
+                    refused or fmt.NONE,
+                ]
+            )
         )
     headers = [
         "model",
@@ -131,7 +141,7 @@ def _coverage(rows: Sequence[dict[str, str]], names: Sequence[str]) -> Table:
         cells = [words.symbol(name).text]
         for method, level in columns:
             here = rows_of(rows, parameter=name, method=method, level=level)
-            cells.append(_share(here[0]) if here else words.NONE)
+            cells.append(_share(here[0]) if here else fmt.NONE)
         lines.append(Line(cells))
     headers = ["parameter", *(f"{words.method(m)} {100 * float(v):g} %" for m, v in columns)]
     caption = "Share of intervals that hold the truth, in per cent; * where the whole table calls it wrong"
@@ -140,7 +150,7 @@ def _coverage(rows: Sequence[dict[str, str]], names: Sequence[str]) -> Table:
 
 def _share(row: Mapping[str, str]) -> str:
     if not row["value"]:
-        return words.NONE
+        return fmt.NONE
     star = " *" if row["verdict"] == "wrong" else ""
     without = f" ({row['without']} without)" if int(row["without"] or 0) else ""
     return f"{100 * float(row['value']):.1f}{star}{without}"
@@ -151,7 +161,7 @@ def _tests(rows: Sequence[dict[str, str]]) -> Table:
     tested = sorted((r for r in rows if r["p"]), key=lambda r: float(r["p"]))
     for r in tested[:FEWEST]:
         texts = [r[k] for k in ("value", "low", "high", "p", "p_holm")]
-        numbers = [words.number(float(text), 3) if text else words.NONE for text in texts]
+        numbers = [fmt.number(float(text), 3) if text else fmt.NONE for text in texts]
         head = [words.model(r["model"]), words.method(r["method"]), words.symbol(r["parameter"]).text]
         check = f"{r['check']} {100 * float(r['level']):g} %" if r["level"] else r["check"]
         kind = "alert" if r["verdict"] == "wrong" else ""

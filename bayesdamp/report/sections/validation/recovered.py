@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.validation.reliability import confusion, reliability
-from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.html import fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
+from bayesdamp.table import Line, Table
 
 SERIES = {
     "recovery": "All models, over noise and length",
@@ -56,10 +58,10 @@ def _series(run: Run, name: str, found: Mapping[str, Any], alarm: float) -> list
     claim = (
         f"The most probable model was the true one in {hits['hits']} of {hits['records']} records "
         f"({100 * share:.1f} %, 95 % interval {100 * hits['share_low']:.1f} to {100 * hits['share_high']:.1f} %); "
-        f"the probabilities promised {hits['expected']:.1f}. The difference of {words.fixed(hits['excess'], 1)} is "
-        f"{inside} its {100 * (1 - alarm):g} % band, {words.fixed(hits['low'], 1)} to {words.fixed(hits['high'], 1)}."
+        f"the probabilities promised {hits['expected']:.1f}. The difference of {fmt.fixed(hits['excess'], 1)} is "
+        f"{inside} its {100 * (1 - alarm):g} % band, {fmt.fixed(hits['low'], 1)} to {fmt.fixed(hits['high'], 1)}."
     )
-    scores = [words.fixed(found[f"log_score{kind}"], 3) for kind in ("", "_expected", "_ignorant")]
+    scores = [fmt.fixed(found[f"log_score{kind}"], 3) for kind in ("", "_expected", "_ignorant")]
     score = (
         f"Mean log score {scores[0]} nats; the probabilities promised {scores[1]}, knowing nothing gives {scores[2]}. "
         f"{found['doubtful']} of {found['evidences']} evidences were doubted by their own diagnostic, and count. "
@@ -90,8 +92,8 @@ def _bins(found: Mapping[str, Any]) -> Table:
             [
                 f"{b['from']:g} to {b['to']:g}",
                 str(b["records"]),
-                *(words.fixed(b[k], 3) for k in ("probability", "share", "low", "high")),
-                *(words.number(b[k], 2) for k in ("p", "p_holm")),
+                *(fmt.fixed(b[k], 3) for k in ("probability", "share", "low", "high")),
+                *(fmt.number(b[k], 2) for k in ("p", "p_holm")),
             ],
             "" if b["low"] <= b["share"] <= b["high"] else "alert",
         )
@@ -107,8 +109,8 @@ def _models(found: Mapping[str, Any]) -> Table:
             [
                 words.model(m["model"]),
                 str(m["true"]),
-                words.fixed(m["expected"], 1),
-                *(words.number(m[k], 2) for k in ("p", "p_holm")),
+                fmt.fixed(m["expected"], 1),
+                *(fmt.number(m[k], 2) for k in ("p", "p_holm")),
             ]
         )
         for m in found["by_model"]
@@ -123,9 +125,9 @@ def _design(found: Mapping[str, Any]) -> list[Table]:
         Line(
             [
                 f"{100 * d['noise']:g} %",
-                words.given(d["cycles"]),
+                fmt.given(d["cycles"]),
                 str(d["records"]),
-                *(words.fixed(d[k], 3) for k in ("share", "probability")),
+                *(fmt.fixed(d[k], 3) for k in ("share", "probability")),
             ]
         )
         for d in found["by_design"]

@@ -1,0 +1,181 @@
+"""Numbers, probabilities and durations as text: the one place that formats them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+NONE = "–"
+"""Where there is no number."""
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number to so many significant digits; a dash where there is none."""
+    if value is None or math.isnan(value):
+        return NONE
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if value == 0:
+        return "0"
+    power = _power(value, digits)
+    if -4 <= power < 6:
+        return _signed(f"{value:.{max(0, digits - 1 - power)}f}")
+    return _scientific(value, power, digits - 1)
+
+
+def rms(value: float, unit: str) -> str:
+    """A residual with its unit."""
+    return f"{number(value, 3)} {unit}"
+
+
+def short(error: float) -> str:
+    """An error where there is little room: two digits, below a ten-thousandth one and a power."""
+    if not math.isfinite(error) or error == 0 or abs(error) >= 1e-4:
+        return number(error, 2)
+    return f"{error:.0e}".replace("e-0", "e-").replace("-", "−")
+
+
+def fixed(value: float, places: int) -> str:
+    """A number to so many decimals."""
+    return _signed(f"{round(value, places) + 0.0:.{places}f}") if math.isfinite(value) else number(value)
+
+
+def given(value: float) -> str:
+    """A number that somebody chose: without digits that were not given."""
+    return _signed(f"{value:.6g}") if 1e-4 <= abs(value) < 1e6 or value == 0 else number(value, 3)
+
+
+NEGLIGIBLE = 1e-7
+"""Share of a value below which its error is that of a record without noise, and not written."""
+
+
+def with_error(value: float | None, error: float | None) -> str:
+    """value ± error, to two significant digits of the error; the value alone where there is none, or next to none."""
+    if value is None or not math.isfinite(value) or error is None or not math.isfinite(error) or error <= 0:
+        return number(value)
+    if error < NEGLIGIBLE * abs(value):
+        return number(value, 7)
+    decimals = 1 - _power(error, 2)
+    top = max(_power(value, 4), _power(error, 2)) if value else _power(error, 2)
+    if -4 <= top < 6 and decimals <= 8:
+        places = max(0, decimals)
+        return f"{_signed(f'{value:.{places}f}')} ± {error:.{places}f}"
+    places = max(0, top + decimals)
+    tens = 10.0**top
+    body = f"({value / tens:.{places}f} ± {error / tens:.{places}f})"
+    return f"{_signed(body)} × 10{str(top).translate(_RAISED)}"
+
+
+def nats(value: float | None, error: float = math.nan) -> str:
+    """A logarithm of probability: never finer than a hundredth, for nothing hangs on that."""
+    if value is None or not math.isfinite(value):
+        return number(value)
+    places = 2 if abs(value) < 100 or error < 0.5 else 1 if abs(value) < 1000 else 0
+    shown = _signed(f"{value:.{places}f}")
+    if not math.isfinite(error):
+        return shown
+    return f"{shown} ± {error:.2f}" if error >= 0.005 else f"{shown} ± < 0.01"
+
+
+def interval(low: float | None, high: float | None) -> str:
+    """[low, high] to two significant digits of the width."""
+    if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
+        return NONE
+    width = high - low
+    if width <= 0:
+        return f"[{number(low)}, {number(high)}]"
+    places = max(0, 1 - _power(width / 4, 2))
+    if places > 8 or max(abs(low), abs(high)) >= 1e6:
+        return f"[{number(low, 4)}, {number(high, 4)}]"
+    return f"[{_signed(f'{low:.{places}f}')}, {_signed(f'{high:.{places}f}')}]"
+
+
+def spread(low: float, high: float) -> str:
+    """low to high, to two significant digits of the difference, within three to five of the larger."""
+    if low == high:
+        return number(low)
+    digits = _power(max(abs(low), abs(high)), 3) - _power(high - low, 2) + 2
+    places = min(5, max(3, digits))
+    return f"{number(low, places)} to {number(high, places)}"
+
+
+def probability(value: float | None) -> str:
+    """Return a probability: two decimals, near 0 and 1 three, and a bound rather than 0 or 1."""
+    if value is None or math.isnan(value):
+        return NONE
+    if value >= 0.9995:
+        return "> 0.999"
+    if value < 0.0005:
+        return "< 0.001"
+    return f"{value:.2f}" if 0.01 <= value <= 0.99 else f"{value:.3f}"
+
+
+def duration(seconds: float | None) -> str:
+    """Seconds as a reader says them."""
+    if seconds is None or not math.isfinite(seconds):
+        return NONE
+    if seconds < 0.0995:
+        return f"{1000 * seconds:.0f} ms"
+    if seconds < 60:
+        return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
+    whole = round(seconds)
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def listing(items: Iterable[str], last: str = "and") -> str:
+    """a, b and c."""
+    every = list(items)
+    return f"{', '.join(every[:-1])} {last} {every[-1]}" if len(every) > 1 else "".join(every)
+
+
+def _power(value: float, digits: int) -> int:
+    """Decimal exponent of a number once it is rounded to so many digits."""
+    return int(f"{value:.{digits - 1}e}".split("e")[1])
+
+
+def _signed(text: str) -> str:
+    return text.replace("-", "−")
+
+
+def _scientific(value: float, power: int, places: int) -> str:
+    return f"{_signed(f'{value / 10.0**power:.{places}f}')} × 10{str(power).translate(_RAISED)}"
+
+
+def compact(value: float, digits: int = 4) -> str:
+    """Return a number to so many digits, as short as it can be; a dash where there is none."""
+    return NONE if math.isnan(value) else f"{value:.{digits}g}"
+
+
+FIXED, SMALL, LARGE = 8, 1e-3, 1e6
+"""Places up to which a small number is written without an exponent; what small is, and the size from which a number may
+have an exponent."""
+
+
+def digits(value: float, width: float) -> str:
+    """A value with as many digits as its interval's width allows."""
+    if not width > 0 or value == 0:
+        return f"{value:.3g}"
+    places = 1 - math.floor(math.log10(width))
+    if abs(value) >= LARGE or (places > FIXED and abs(value) < SMALL):
+        return f"{value:.{min(max(places + math.floor(math.log10(abs(value))) + 1, 1), 15)}g}"
+    places = max(0, places)
+    return f"{value:.{min(places, 15)}f}"
+
+
+def rounded(percent: float) -> str:
+    """A percentage that is hardly known: whole, below ten to one digit."""
+    return f"{percent:.0f}" if percent >= 9.5 else f"{percent:.1g}"
+
+
+def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
+    """`0.65 % (0.64 to 0.66)`; a dash where there is no value, and no interval where it has no ends."""
+    if not math.isfinite(value):
+        return NONE
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return f"{value * scale:.3g}{unit}, within no bounds"
+    width = (high - low) * scale
+    shown = [digits(x * scale, width / 2) for x in (value, low, high)]
+    return f"{shown[0]}{unit} ({shown[1]} to {shown[2]})"

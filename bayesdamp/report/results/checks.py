@@ -1,0 +1,463 @@
+"""Compare a record's answer with the study's chains, evidence, residuals and estimators, and with the truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesdamp import formatting as fmt
+from bayesdamp.outcomes import Fitting, Status, fitting_of, status_of
+from bayesdamp.report import words
+from bayesdamp.report.results.answers import Answer, answer_of
+from bayesdamp.report.results.comparing import true_models
+from bayesdamp.report.results.reading import (
+    Ranking,
+    coefficients,
+    damping_of,
+    label,
+    models_by_rank,
+    over_widths,
+    ranking,
+    truth,
+)
+from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.store.contents.answers import AnswerContent
+from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.table import Line, Table
+from bayesdamp.types import OK, candidate_parts
+from bayesdamp.verdict.agreement import SMALL, Z95, Agreement, agreement, intervals
+from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.units import in_unit
+
+WINDOW_SPREAD = 3.0
+"""Standard deviations by which a coefficient seldom moves by chance between parts of a record."""
+PREDICTIVE = 0.01
+"""Predictive p below which, and above one less it, records drawn from a model look different."""
+HOLDS = 0.8
+"""Probability that the leading damping should keep whatever the width of the given priors (conventional)."""
+ANSWERS = "smc"
+"""The sampler whose draws and evidence the answer itself rests on."""
+SILENT = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
+"""What became of a task that needs no word here: other sections give the reason."""
+AGREE = 1e-6
+"""Relative spread below which trajectory fits are one value."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """A sentence on one check of an answer. fails: whether it contradicts the answer, or cannot be trusted."""
+
+    text: str
+    fails: bool = False
+
+
+def sampled_words(found: Agreement) -> str:
+    """Say how MCMC sampling compares with the answer from linear approximations."""
+    if found.confirms:
+        return "MCMC sampling confirms this result."
+    if found.same:
+        return f"MCMC sampling moves the damping ratio by {found.moved:.1f} of these standard deviations:"
+    return "MCMC sampling corrects this result:"
+
+
+def sampled(run: Run, signal: str) -> list[Check]:
+    """Compare the answer with the one from linear approximations; empty where nothing was sampled."""
+    repeat = run.repeats(signal)[0]
+    cells = [run.cell(kind, signal, repeat) for kind in ("answer", "sampled")]
+    verdicts = [
+        in_unit(Verdict.from_dict(AnswerContent.of(c).verdict), run.unit(signal))
+        for c in cells
+        if c is not None and c.outcome == OK
+    ]
+    if len(verdicts) < 2 or verdicts[0].grade is Grade.NO_FREE_DECAY or verdicts[-1].law_free:
+        return []
+    found = agreement(*verdicts)
+    if found.confirms:
+        return [Check(sampled_words(found))]
+    if found.same:
+        return [
+            Check(
+                "This result is from MCMC sampling; linear approximations gave damping ratios up to "
+                f"{found.moved:.1f} standard deviations away."
+            )
+        ]
+    return [
+        Check(f"This result is from MCMC sampling; linear approximations alone gave: {verdicts[0].sentence}")
+    ]
+
+
+def candidate_of(run: Run, signal: str, answer: Answer | None) -> str | None:
+    """Return the study's candidate that an answer names; without an answer the most probable one."""
+    ranked = models_by_rank(run, signal, run.repeats(signal)[0])
+    if answer is None:
+        return ranked[0] if ranked else None
+    own = set(answer.verdict.damping.split("+"))
+    for model in ranked:
+        damping, law = candidate_parts(model)
+        if set(damping.split("+")) == own and law in ("", answer.verdict.restoring):
+            return model
+    return None
+
+
+class Checks:
+    """What a study's tables say of a record's answer."""
+
+    def __init__(self, run: Run, signal: str) -> None:
+        self.run, self.signal, self.repeat = run, signal, run.repeats(signal)[0]
+        self.answer = answer_of(run, signal, self.repeat)
+        self.verdict = self.answer.verdict if self.answer else None
+        self.model = candidate_of(run, signal, self.answer)
+        self.exact_only = (
+            self.verdict is not None and self.verdict.deviation is not None and not run.under_law
+        )
+        """Whether laws may deviate in the answer but not in what checks it."""
+
+    def all(self) -> list[Check]:
+        """Return every check, those that fail first."""
+        v = self.verdict
+        evidence = ranking(self.run, self.signal, self.repeat)
+        if not self.model and not evidence:
+            return self._truth()
+        if v is not None and v.law_free:
+            return [
+                Check(
+                    "No law of damping describes this record, so chains and evidence, which assume one, are not "
+                    "compared with the answer."
+                )
+            ]
+        found = [*self._convergence(), *self._ratios(), *self._coefficients(), *self._evidence(evidence)]
+        found += [*self._residuals(), *self._estimators(), *self._truth()]
+        if self.exact_only and found:
+            found.append(
+                Check(
+                    "Chains, evidence and residual checks take the laws to hold exactly; the answer does not, and "
+                    "its intervals are the ones to quote."
+                )
+            )
+        return sorted(found, key=lambda check: not check.fails)
+
+    def table(self) -> Table | None:
+        """Return each damping coefficient by the answer, the chains and the trajectory fits, with the truth."""
+        if self.model is None or (self.verdict is not None and self.verdict.law_free):
+            return None
+        own = {c.name: c for c in self.verdict.coefficients} if self.verdict else {}
+        samplers = self._samplers()
+        lines, units = [], {r["parameter"]: r["unit"] for r in (*self.run.posteriors, *self.run.estimates)}
+        simulated = self.run.simulated(self.signal)
+        fits = {name: self._fits(name) for name in coefficients(self.run, self.model)}
+        for name, values in fits.items():
+            by_chain = [rows_of(rows, parameter=name) for rows in samplers.values()]
+            cells = []
+            if own:
+                c = own.get(name)
+                cells.append(fmt.with_interval(c.value, c.low, c.high) if c else fmt.NONE)
+            cells += [
+                fmt.with_interval(r[0]["median"], r[0]["q2.5"], r[0]["q97.5"]) if r else fmt.NONE
+                for r in by_chain
+            ]
+            if any(fits.values()):
+                cells.append(_range(values) if values else fmt.NONE)
+            if simulated:
+                true = truth(self.run, self.signal, name)
+                cells.append(fmt.given(true) if math.isfinite(true) else fmt.NONE)
+            lines.append(Line([words.symbol(name).text, words.unit(units.get(name, "")), *cells]))
+        headers = ["coefficient", "unit"]
+        headers += ["answer (95 %)"] if own else []
+        headers += [f"{words.method(s)} (95 %)" for s in samplers]
+        headers += ["trajectory fits"] if any(fits.values()) else []
+        headers += ["truth"] if simulated else []
+        if not lines or not (samplers or any(fits.values())):
+            return None
+        caption = f"Coefficients of {words.model(self.model)} damping"
+        return Table(headers, lines, frozenset({0, 1}), caption)
+
+    def _samplers(self) -> dict[str, list[Row]]:
+        """Each sampler's rows of the candidate, where it has numbers."""
+        rows = rows_of(self.run.posteriors, signal=self.signal, repeat=self.repeat, model=self.model)
+        found: dict[str, list[Row]] = {}
+        for row in rows:
+            if math.isfinite(row["mean"]):
+                found.setdefault(row["sampler"], []).append(row)
+        return {s: own for s, own in found.items() if s != ANSWERS}
+
+    def _convergence(self) -> list[Check]:
+        rows = rows_of(self.run.posteriors, signal=self.signal, repeat=self.repeat, model=self.model)
+        bad = {(r["sampler"], r["outcome"]) for r in rows if status_of(r["outcome"]) not in SILENT}
+        found = [Check(f"{_name(s)}: {outcome.rstrip('.')}.", fails=True) for s, outcome in sorted(bad)]
+        chains = {s: own for s, own in self._samplers().items() if all(r["outcome"] == OK for r in own)}
+        for s, own in chains.items():
+            sizes = [min(r["ess_bulk"], r["ess_tail"]) for r in own if math.isfinite(r["ess_bulk"])]
+            rhat = max((r["rhat"] for r in own if math.isfinite(r["rhat"])), default=math.nan)
+            size = f"effective sample size at least {min(sizes):,.0f}" if sizes else ""
+            if math.isfinite(rhat):
+                found.append(Check(f"{_name(s)} converged: R̂ at most {rhat:.3f}, {size}."))
+            else:
+                found.append(
+                    Check(f"{_name(s)} is close to the posterior by its importance weights ({size}).")
+                )
+        return found
+
+    def _coefficients(self) -> list[Check]:
+        """Compare each coefficient of the chains with the answer's, where both make the same assumptions."""
+        if self.verdict is None or self.exact_only:
+            return []
+        found = []
+        for c in self.verdict.coefficients:
+            sd = max(c.high - c.low, 1e-300) / (2 * Z95)
+            for sampler, rows in self._samplers().items():
+                for r in rows_of(rows, parameter=c.name, outcome=OK):
+                    moved = abs(r["median"] - c.value) / sd
+                    if c.name in coefficients(self.run, self.model or "") and moved >= SMALL:
+                        text = (
+                            f"{_name(sampler)} contradicts the answer: its {words.symbol(c.name).text} is "
+                            f"{moved:.1f} of the answer's standard deviations away."
+                        )
+                        found.append(Check(text, fails=True))
+        return found
+
+    def _ratios(self) -> list[Check]:
+        """Compare the damping ratios of the chains with the answer's."""
+        v = self.verdict
+        drawn = _drawn_ratios(self.run, self.signal, self.repeat, v) if v is not None else None
+        if v is None or drawn is None:
+            return []
+        sampler, ratios, averaged = drawn
+        name = f"{_name(sampler)}, averaged over the damping models," if averaged else _name(sampler)
+        likelier = [r for r in v.rivals if r.probability > v.probability]
+        if not averaged and v.probability < 0.5 and likelier:
+            return [
+                Check(
+                    f"{name} sampled {words.model(v.damping)} damping alone, which has probability "
+                    f"{fmt.probability(v.probability)} in the answer; {words.model(likelier[0].damping)} has "
+                    f"{fmt.probability(likelier[0].probability)}."
+                )
+            ]
+        middle = len(ratios) // 2
+        at, size = v.damping_ratio[middle], fmt.with_interval(*ratios[middle], " %", 100)
+        given = f"{size} at {at.amplitude:.2g} {at.unit}"
+        if self.exact_only:
+            return [
+                Check(f"If the law held exactly, the damping ratio would be {given} ({name.rstrip(',')}).")
+            ]
+        off = intervals(v, ratios)
+        if off.confirms:
+            return [Check(f"{name} confirms the damping ratio: {given}.")]
+        if off.moved < SMALL:
+            text = f"{name} agrees with the damping ratio ({given}), with an interval {off.wider:.1f} times as wide."
+            return [Check(text, fails=off.wider > 1)]
+        i = next(k for k, r in enumerate(v.damping_ratio) if r.amplitude == off.amplitude)
+        at, size = v.damping_ratio[i], fmt.with_interval(*ratios[i], " %", 100)
+        return [
+            Check(
+                f"{name} contradicts the damping ratio: it gives {size} at {at.amplitude:.2g} {at.unit}, which is "
+                f"{off.moved:.1f} of the answer's standard deviations away, with an interval {off.wider:.1f} times "
+                "as wide.",
+                fails=True,
+            )
+        ]
+
+    def _evidence(self, chosen: Ranking | None) -> list[Check]:
+        if chosen is None or chosen.method == ANSWERS:
+            return []
+        run, signal, repeat = self.run, self.signal, self.repeat
+        found = []
+        for row in rows_of(run.evidence, signal=signal, repeat=repeat):
+            counts = chosen.method != "combined" or row["method"] == "combined"
+            if counts and status_of(row["outcome"]) not in SILENT:
+                text = f"The evidence of {label(row)} ({words.method(row['method'])}): {row['outcome'].rstrip('.')}."
+                found.append(Check(text, fails=True))
+        if len({damping_of(row) for row in chosen.rows}) < 2:
+            return [*found, Check("No other damping was compared.")]
+        methods = dict.fromkeys([chosen.method, *(m for m in chosen.shares if m != ANSWERS)])
+        shares = {m: chosen.shares[m] for m in methods if len(chosen.shares[m]) == len(chosen.dampings)}
+        leading = next(iter(chosen.dampings))
+        named = _same_sum(chosen.dampings, self.verdict.damping) if self.verdict else leading
+        if named is not None:
+            by = fmt.listing(f"{fmt.probability(p[named])} by {words.method(m)}" for m, p in shares.items())
+            compared = _among(self.verdict, list(chosen.dampings)) if self.verdict else math.nan
+            own = f"; the answer gives {fmt.probability(compared)}" if math.isfinite(compared) else ""
+            found.append(
+                Check(f"Probability of {words.model(named)} among the compared damping models: {by}{own}.")
+            )
+        for method, p in shares.items():
+            first = max(p, key=lambda damping: p[damping])
+            if first != (named if self.verdict else leading):
+                share = fmt.probability(p[first])
+                text = f"{_name(method)} puts {words.model(first)} first, with probability {share}"
+                if self.exact_only:
+                    found.append(
+                        Check(f"If the laws held exactly: {text}. The choice depends on how well they hold.")
+                    )
+                else:
+                    against = "the answer" if self.verdict else words.method(chosen.method)
+                    found.append(Check(f"{text}, which contradicts {against}.", fails=True))
+        lowest = min(over_widths(run, signal, repeat, chosen), key=lambda w: w.probability, default=None)
+        if lowest is not None and lowest.probability < min(HOLDS, chosen.dampings[leading]):
+            text = (
+                f"The width of the priors matters: with priors {fmt.number(lowest.factor, 2)} times as wide, the "
+                f"probability of {words.model(leading)} is {fmt.probability(lowest.probability)}."
+            )
+            found.append(Check(text, fails=True))
+        return [*found, *self._repeats()]
+
+    def _repeats(self) -> list[Check]:
+        """Say which damping the evidence puts first in each repeat of a simulated record."""
+        repeats = self.run.repeats(self.signal)
+        every = [r for r in (ranking(self.run, self.signal, repeat) for repeat in repeats) if r]
+        if len(every) < 2:
+            return []
+        wins: dict[str, int] = {}
+        for found in every:
+            first = next(iter(found.dampings))
+            wins[first] = wins.get(first, 0) + 1
+        lowest = min(next(iter(found.dampings.values())) for found in every)
+        counts = fmt.listing(
+            f"{words.model(d)} in {n}" for d, n in sorted(wins.items(), key=lambda pair: -pair[1])
+        )
+        text = f"Most probable by evidence in {len(every)} repeats of this record: {counts} (at least "
+        return [Check(f"{text}{fmt.probability(lowest)}).")]
+
+    def _residuals(self) -> list[Check]:
+        """Say whether the candidate fits; not of a study whose laws may deviate, for the fits' laws are exact."""
+        if self.run.under_law:
+            return []
+        found = []
+        for row in rows_of(self.run.fits, signal=self.signal, repeat=self.repeat, model=self.model)[:1]:
+            verdict, name = row["verdict"].rstrip("."), words.model(self.model or "")
+            misfit = fitting_of(verdict) is Fitting.DOES_NOT_FIT
+            if verdict and status_of(verdict) not in SILENT:
+                says = f"{name} {verdict}" if fitting_of(verdict) else f"{name}: {verdict}"
+                fails = misfit and not self.exact_only
+                found.append(Check(f"Residuals: {says}.", fails=fails))
+            if math.isfinite(row["window_spread"]) and row["window_spread"] > WINDOW_SPREAD:
+                text = (
+                    "Between parts of the record the coefficients move by "
+                    f"{fmt.number(row['window_spread'], 2)} of the standard deviations that chance allows them."
+                )
+                found.append(Check(text, fails=True))
+            if math.isfinite(row["predictive_p"]) and not PREDICTIVE < row["predictive_p"] < 1 - PREDICTIVE:
+                p = fmt.number(row["predictive_p"], 2)
+                text = f"Records drawn from the model look different from this one (predictive p {p})."
+                found.append(Check(text, fails=not self.exact_only))
+        return found
+
+    def _fits(self, parameter: str) -> list[float]:
+        """The trajectory fits of a coefficient under the candidate."""
+        rows = rows_of(self.run.estimates, signal=self.signal, repeat=self.repeat, model=self.model)
+        rows = rows_of(rows, stage="refined", parameter=parameter, outcome=OK)
+        return [r["value"] for r in rows if math.isfinite(r["value"])]
+
+    def _estimators(self) -> list[Check]:
+        """Say whether the trajectory fits agree with each other, and lie in the answer's intervals."""
+        own = {c.name: c for c in self.verdict.coefficients} if self.verdict else {}
+        found = []
+        for name in coefficients(self.run, self.model) if self.model else ():
+            values = self._fits(name)
+            if not values:
+                continue
+            count = f"{len(values)} trajectory fit{'s' if len(values) > 1 else ''}"
+            outside = [x for x in values if name in own and not own[name].low <= x <= own[name].high]
+            text = f"{count} of {words.symbol(name).text}: {_range(values)}"
+            if outside and not self.exact_only:
+                text += f"; {len(outside)} of them outside the answer's 95 % interval"
+            found.append(Check(f"{text}.", fails=bool(outside) and not self.exact_only))
+        return found
+
+    def _truth(self) -> list[Check]:
+        """Compare with what a record was simulated with."""
+        made = true_models(self.run).get(self.signal)
+        v, found = self.verdict, []
+        if made is not None and v is not None and v.damping:
+            same = set(made.split("+")) == set(v.damping.split("+"))
+            share = next(
+                (r.probability for r in v.rivals if set(r.damping.split("+")) == set(made.split("+"))), 0.0
+            )
+            text = f"Truth: the record was simulated with {words.model(made)} damping"
+            if same and v.decided:
+                found.append(Check(f"{text}, as the answer says."))
+            elif same:
+                found.append(
+                    Check(f"{text}, the most probable in the answer ({fmt.probability(v.probability)}).")
+                )
+            else:
+                found.append(
+                    Check(f"{text}, to which the answer gives {fmt.probability(share)}.", fails=True)
+                )
+        limits = {c.name: (c.low, c.high) for c in v.coefficients} if v else {}
+        if v is None:
+            rows = next(iter(self._samplers().values()), [])
+            limits = {r["parameter"]: (r["q2.5"], r["q97.5"]) for r in rows}
+        for name in coefficients(self.run, self.model) if self.model else ():
+            true = truth(self.run, self.signal, name)
+            if not math.isfinite(true):
+                continue
+            text = f"Truth: {words.symbol(name).text} = {fmt.given(true)}"
+            if name in limits:
+                inside = limits[name][0] <= true <= limits[name][1]
+                where = "inside" if inside else "outside"
+                found.append(Check(f"{text}, {where} the 95 % interval.", fails=not inside))
+            elif v is None:
+                found.append(Check(f"{text}."))
+        return found
+
+
+def _name(method: str) -> str:
+    """A method's name at the beginning of a sentence; emcee keeps its own spelling."""
+    name = words.method(method)
+    return name if method == "emcee" else name[:1].upper() + name[1:]
+
+
+def _range(values: Sequence[float]) -> str:
+    """The values from the least to the largest; one value where they agree."""
+    low, high = min(values), max(values)
+    agree = high - low <= AGREE * abs(high)
+    return fmt.number(high, 6) if agree else f"{fmt.number(low, 5)} to {fmt.number(high, 5)}"
+
+
+def _same_sum(dampings: Iterable[str], damping: str) -> str | None:
+    """Return the sum of these that has the same terms."""
+    own = set(damping.split("+"))
+    return next((d for d in dampings if set(d.split("+")) == own), None)
+
+
+def _among(verdict: Verdict, dampings: Sequence[str]) -> float:
+    """Return the probability of the answer's damping among these sums alone."""
+    each = [(verdict.damping, verdict.probability), *((r.damping, r.probability) for r in verdict.rivals)]
+    total = sum(p for d, p in each if _same_sum(dampings, d) is not None)
+    return verdict.probability / total if total > 0 else math.nan
+
+
+def _drawn_ratios(
+    run: Run, signal: str, repeat: int, verdict: Verdict
+) -> tuple[str, list[tuple[float, float, float]], bool] | None:
+    """Return a sampler, its damping ratios at the verdict's amplitudes, (value, low, high), and whether they are
+    averaged over the damping models by their evidence, or else of the answer's damping alone."""
+    if not verdict.damping_ratio:
+        return None
+    at = np.log([r.amplitude / run.unit(signal).displacement.scale for r in verdict.damping_ratio])
+
+    def of_curve(arrays: Mapping[str, np.ndarray]) -> list[tuple[float, float, float]]:
+        grid = np.log(arrays["amplitudes"])
+        low, middle, high = (np.interp(at, grid, row) for row in arrays["curve/equivalent_ratio"])
+        return [(float(m), float(a), float(b)) for a, m, b in zip(low, middle, high, strict=True)]
+
+    averaged = run.cell("averaged", signal, repeat)
+    if averaged is not None and averaged.outcome == OK and averaged.arrays["amplitudes"].size > 1:
+        return "nuts", of_curve(averaged.arrays), True
+    own = set(verdict.damping.split("+"))
+    rows = [r for r in run.posteriors if r["signal"] == signal and set(damping_of(r).split("+")) == own]
+    trusted = [r for r in rows if r["restoring"] == verdict.restoring and r["outcome"] == OK]
+    for model, sampler in dict.fromkeys((r["model"], r["sampler"]) for r in trusted):
+        cell = run.cell("posterior", signal, repeat, model, sampler)
+        content = PosteriorContent.maybe(cell)
+        if cell is None or content is None or sampler == ANSWERS:
+            continue
+        if len(content.ratios) == len(verdict.damping_ratio):
+            return sampler, [(r.value, r.low, r.high) for r in content.ratios], False
+        if cell.arrays.get("amplitudes", np.empty(0)).size > 1:
+            return sampler, of_curve(cell.arrays), False
+    return None

@@ -1,0 +1,279 @@
+"""The checks below an answer: what confirms it, what contradicts it, and what cannot be trusted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from bayesdamp.odds import FURTHER_TERM
+from bayesdamp.report.results.checks import Checks, sampled
+from bayesdamp.report.results.reading import over_odds, ranking
+from bayesdamp.report.results.run import Run
+from bayesdamp.store import CellResult
+from bayesdamp.store.contents.answers import AnswerContent
+from bayesdamp.units import UNITS
+from bayesdamp.verdict.parts import Coefficient, DampingRatio, Grade, Interval, Rival
+from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.words import sentence
+
+MISFIT = {"verdict": "does not fit: why", "window_spread": 1.0, "predictive_p": 0.5, "model": "viscous"}
+ROW = {"signal": "a", "repeat": 0, "restoring": "linear", "outcome": "ok"}
+
+
+def verdict(damping: str = "viscous", probability: float = 0.98, **changes: Any) -> Verdict:
+    """1 % at 0.2 rad, ζ = 0.05 ± 0.002."""
+    ratio = DampingRatio(0.2, "rad", 0.01, 0.0002, 0.0004, 0.009, 0.011)
+    zeta = Coefficient("zeta", 0.05, 0.001, 0.0, 0.048, 0.052, "1/s")
+    found = Verdict("a", Grade.EXACT, probability > 0.95, damping, probability, restoring="linear")
+    return replace(found, **{"damping_ratio": (ratio,), "coefficients": (zeta,), **changes})
+
+
+def cell(kind: str, v: Verdict) -> CellResult:
+    v = replace(v, sentence=sentence(v))
+    return CellResult(f"{kind}/a/0", "key", AnswerContent(v.to_dict()).meta())
+
+
+def evidence(method: str = "importance", **probabilities: float) -> list[dict]:
+    return [
+        {**ROW, "method": method, "model": m, "probability": p, "log_evidence": 10 * p}
+        for m, p in probabilities.items()
+    ]
+
+
+def chain(sampler: str = "nuts", at: float = 0.05, outcome: str = "ok") -> list[dict]:
+    quantiles = {"mean": at, "median": at, "q2.5": at - 0.002, "q97.5": at + 0.002}
+    sizes = {"rhat": 1.002, "ess_bulk": 3000.0, "ess_tail": 2500.0}
+    common = {**ROW, "model": "viscous", "sampler": sampler, "parameter": "zeta", "unit": "1/s"}
+    return [{**common, **quantiles, **sizes, "outcome": outcome}]
+
+
+def fitted(value: float = 0.05, estimator: str = "envelope") -> dict:
+    common = {**ROW, "model": "viscous", "estimator": estimator, "stage": "refined", "parameter": "zeta"}
+    return {**common, "unit": "1/s", "value": value, "truth": 0.05}
+
+
+def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **given: Any) -> Run:
+    """As much of a run as checks read."""
+    cells = {kind: cell(kind, v) for kind, v in given.pop("cells", {}).items()}
+    cells |= {"answer": cell("answer", answer)} if answer else {}
+    source = {"source": {"damping": truth.split("+")}} if truth else {}
+    found = {
+        "signals": ["a"],
+        "models": [],
+        "estimates": [],
+        "posteriors": [],
+        "evidence": [],
+        "fits": [],
+        "info": {},
+        "under_law": False,
+        "study": {"signals": [{"name": "a", **source}]},
+        "repeats": lambda _: [0],
+        "cell": lambda kind, *_: cells.get(kind),
+        "cells": lambda *_: [],
+        "unit": lambda _: UNITS[unit],
+        "simulated": lambda _: bool(truth),
+        "provenance": lambda _: SimpleNamespace(warnings=()),
+    }
+    return cast(Run, SimpleNamespace(**{**found, **given}))
+
+
+def checked(run: Run) -> tuple[list[str], list[str]]:
+    """The sentences of the checks that pass, and of those that fail."""
+    found = Checks(run, "a").all()
+    return [c.text for c in found if not c.fails], [c.text for c in found if c.fails]
+
+
+def test_what_linear_models_gave_is_in_the_unit_of_the_record() -> None:
+    other = verdict("viscous+stribeck"), verdict("viscous+coulomb")
+    (said,) = sampled(run_of(unit="deg", cells=dict(zip(("answer", "sampled"), other, strict=True))), "a")
+    assert "linear approximations alone gave" in said.text
+    assert f"at {math.degrees(0.2):.2g} deg" in said.text
+    assert "rad" not in said.text
+    (same,) = sampled(run_of(cells={"answer": verdict(), "sampled": verdict()}), "a")
+    assert same.text == "MCMC sampling confirms this result."
+
+
+def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
+    tables = {
+        "posteriors": chain() + chain("emcee"),
+        "evidence": evidence(viscous=0.99, coulomb=0.01),
+        "fits": [{**ROW, "model": "viscous", "verdict": "fits", "window_spread": 0.7, "predictive_p": 0.5}],
+        "estimates": [fitted(), fitted(estimator="koopman")],
+    }
+    passed, failed = checked(run_of(verdict(), truth="viscous", **tables))
+    assert failed == []
+    assert passed == [
+        "NUTS converged: R̂ at most 1.002, effective sample size at least 2,500.",
+        "emcee converged: R̂ at most 1.002, effective sample size at least 2,500.",
+        "Probability of viscous among the compared damping models: 0.99 by importance sampling; the answer gives "
+        "> 0.999.",
+        "Residuals: viscous fits.",
+        "2 trajectory fits of ζ: 0.0500000.",
+        "Truth: the record was simulated with viscous damping, as the answer says.",
+        "Truth: ζ = 0.05, inside the 95 % interval.",
+    ]
+    table = Checks(run_of(verdict(), truth="viscous", **tables), "a").table()
+    assert table is not None
+    assert list(table.lines[0]) == [
+        "ζ", "1/s", "0.0500 (0.0480 to 0.0520)", *["0.0500 (0.0480 to 0.0520)"] * 2, "0.0500000", "0.05",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"posteriors": chain(outcome="not converged: R̂ of ζ is 1.03.")}, "NUTS: not converged: R̂ of ζ is 1.03."),
+        ({"posteriors": chain(at=0.052)}, "NUTS contradicts the answer: its ζ is 2.0 of the answer's standard"),
+        (
+            {"evidence": evidence(coulomb=0.7, viscous=0.3)},
+            "Importance sampling puts Coulomb first, with probability 0.70, which contradicts the answer.",
+        ),
+        (
+            {
+                "fits": [
+                    {**ROW, **MISFIT}
+                ],
+                "posteriors": chain(),
+            },
+            "Residuals: viscous does not fit: why.",
+        ),
+        (
+            {"estimates": [fitted(0.06)]},
+            "1 trajectory fit of ζ: 0.0600000; 1 of them outside the answer's 95 % interval.",
+        ),
+        ({"truth": "coulomb", "posteriors": chain()}, "with Coulomb damping, to which the answer gives 0.02."),
+        (
+            {"truth": "viscous", "estimates": [{**fitted(), "truth": 0.06}]},
+            "Truth: ζ = 0.06, outside the 95 % interval.",
+        ),
+    ],
+)  # fmt: skip
+def test_a_check_that_contradicts_the_answer_says_so(changes: dict, said: str) -> None:
+    run = run_of(verdict(rivals=(Rival("coulomb", 0.02),)), **changes)
+    _, failed = checked(run)
+    assert any(said in one for one in failed)
+
+
+def test_what_takes_laws_to_hold_exactly_contradicts_no_answer_with_deviations() -> None:
+    """Control: with the same assumptions the same tables contradict it."""
+    tables = {
+        "posteriors": chain(at=0.052),
+        "evidence": evidence(coulomb=0.7, viscous=0.3),
+        "fits": [{**ROW, **MISFIT}],
+    }
+    about = verdict(deviation=Interval(0.02, 0.0, 0.04))
+    passed, failed = checked(run_of(about, **tables))
+    assert failed == []
+    assert "If the laws held exactly: Importance sampling puts Coulomb first" in " ".join(passed)
+    assert "take the laws to hold exactly" in passed[-1]
+    assert len(checked(run_of(verdict(), **tables))[1]) == 3
+    assert len(checked(run_of(about, under_law=True, **tables))[1]) == 2  # exact fits are not compared there
+
+
+def test_the_damping_ratio_of_chains_confirms_or_contradicts() -> None:
+    def ratios(value: float, half: float) -> str:
+        row = {
+            "amplitude": 0.2,
+            "value": value,
+            "low": value - half,
+            "high": value + half,
+            "sd_noise": 0.0,
+            "sd_law": 0.0,
+        }
+        stored = {
+            "answer": cell("answer", verdict()),
+            "posterior": SimpleNamespace(meta={"ratios": [row]}, arrays={}),
+        }
+        run = run_of(posteriors=chain())
+        run.cell = lambda kind, *_: stored.get(kind)  # type: ignore[method-assign]
+        return " ".join(check.text for check in Checks(run, "a").all())
+
+    assert "NUTS confirms the damping ratio: 1.000 % (0.900 to 1.100) at 0.2 rad." in ratios(0.01, 0.001)
+    assert "NUTS contradicts the damping ratio: it gives 1.10 % (1.00 to 1.20) at 0.2 rad" in ratios(
+        0.011, 0.001
+    )
+    assert "with an interval 0.5 times as wide" in ratios(0.01, 0.0005)
+
+
+def test_no_law_is_compared_where_none_is_the_answer() -> None:
+    tables = {"posteriors": chain(), "evidence": evidence(viscous=0.99, coulomb=0.01)}
+    run = run_of(verdict(law_free=True), **tables)
+    passed, failed = checked(run)
+    assert failed == []
+    assert [one.startswith("No law of damping describes this record") for one in passed] == [True]
+    assert Checks(run, "a").table() is None
+
+
+def test_evidence_that_is_not_to_be_trusted_fails() -> None:
+    rows = evidence(viscous=0.99, coulomb=math.nan)
+    rows[1]["outcome"] = "the posterior has no curvature at its mode."
+    _, failed = checked(run_of(verdict(), evidence=rows))
+    assert failed == [
+        "The evidence of Coulomb (importance sampling): the posterior has no curvature at its mode."
+    ]
+    rows[1]["outcome"] = "pruned: far behind"
+    assert checked(run_of(verdict(), evidence=rows))[1] == []
+
+
+def test_an_answer_that_rests_on_the_priors_width_says_so() -> None:
+    """Odds of 99 that a prior a tenth as wide turns into 99 / 40 are not the record's; 99 / 2 are."""
+
+    def widths(by: float) -> list[str]:
+        logs = {"viscous": [-5.0, -5.0, -5.0], "coulomb": [-9.6 + np.log(by), -9.6, -11.9]}
+        run = run_of(verdict(), evidence=evidence(viscous=0.99, coulomb=0.01))
+        answer = run.cell("answer")
+
+        def stored(kind: str, *parts: object) -> object:
+            if kind != "sensitivity":
+                return answer if kind == "answer" else None
+            found = {"factors": np.array([0.1, 1.0, 10.0]), "log_evidence": np.array(logs[str(parts[2])])}
+            return SimpleNamespace(outcome="ok", arrays={**found, "trusted": np.ones(3, bool)})
+
+        run.cell = stored  # type: ignore[method-assign, assignment]
+        return checked(run)[1]
+
+    (said,) = widths(40.0)
+    assert (
+        "with priors 0.10 times as wide, the probability of viscous is 0.71" in said
+    )  # 0.99 / (0.99 + 0.01 * 40)
+    assert widths(2.0) == []
+
+
+def test_the_priors_width_is_judged_over_all_laws() -> None:
+    """A law that takes over from another at another width leaves its damping where it was."""
+    told = {"viscous@pendulum": 0.6, "viscous@linear": 0.39, "coulomb@linear": 0.01}
+    moved = {m: [s * np.log(20.0), 0.0, 0.0] for m, s in zip(told, (0, 1, 0), strict=True)}
+    run = run_of(verdict(), evidence=evidence(**told))
+    answer = run.cell("answer")
+
+    def stored(kind: str, *parts: object) -> object:
+        if kind != "sensitivity":
+            return answer if kind == "answer" else None
+        found = {"factors": np.array([0.1, 1.0, 10.0]), "log_evidence": np.array(moved[str(parts[2])])}
+        return SimpleNamespace(outcome="ok", arrays={**found, "trusted": np.ones(3, bool)})
+
+    run.cell = stored  # type: ignore[method-assign, assignment]
+    assert checked(run)[1] == []
+    moved["coulomb@linear"] = [np.log(2000.0), 0.0, -15.0]
+    assert "The width of the priors matters" in checked(run)[1][0]
+
+
+def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
+    """With the factor halved, 0.6 to 0.4 for the sum becomes 0.3 to 0.4; sums over two laws are moved together."""
+    told = {"viscous+coulomb": 0.6, "viscous@linear": 0.3, "viscous@pendulum": 0.1}
+    found = ranking(run_of(evidence=evidence(**told)), "a", 0)
+    assert found is not None
+    lower, own, higher = over_odds(found)
+    assert [lower.factor, own.factor, higher.factor] == [0.5 * FURTHER_TERM, FURTHER_TERM, 2 * FURTHER_TERM]
+    assert own.dampings == pytest.approx({"viscous+coulomb": 0.6, "viscous": 0.4})
+    assert lower.dampings == pytest.approx({"viscous": 0.4 / 0.7, "viscous+coulomb": 0.3 / 0.7})
+    assert next(iter(lower.dampings)) == "viscous"
+    assert higher.dampings["viscous+coulomb"] == pytest.approx(1.2 / 1.6)
+    single = ranking(run_of(evidence=evidence(viscous=0.6, coulomb=0.4)), "a", 0)
+    assert single is not None
+    assert over_odds(single) == []  # all have as many terms
