@@ -20,11 +20,11 @@ from bayesdamp.inference.deviation.sampled.table import Posterior, posterior_of
 from bayesdamp.inference.deviation.several.run_likelihood import DampingRun, damping_run
 from bayesdamp.inference.deviation.several.specimen import OtherForm, WeighedRun
 from bayesdamp.inference.deviation.single import Found, found_of
-from bayesdamp.inference.deviation.weighing import Known, Result, Weighing
+from bayesdamp.inference.deviation.weighing import Friction, Known, Result, Weighing
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.not_one import no_free_decay, remark_on
-from bayesdamp.pipeline.stored_laws import packed
+from bayesdamp.pipeline.stored_laws import packed, packed_friction
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.law_free import TWO_SIDED, amplitude_curves, law_free
@@ -34,6 +34,7 @@ from bayesdamp.store.contents.answers import (
     FoundLaw,
     SampledPosterior,
     WeighedCandidate,
+    WeighedNoise,
 )
 from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
@@ -64,7 +65,9 @@ class Answer:
     parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
     `inference.deviation.picture` leaves them, and of one of several records `run/DAMPING@RESTORING/...`. posteriors: of
     the candidates that were sampled, priors: of all, in words by parameter; laws: where the search for each with
-    deviations ended; all by (damping, restoring).
+    deviations ended; all by (damping, restoring). noise: of the samples. terms: all damping terms that were weighed;
+    epsilon: the width of friction that candidates were compared under, None where it was known; frictions: the widths
+    that were tried.
     """
 
     verdict: Verdict
@@ -75,6 +78,10 @@ class Answer:
     priors: Mapping[tuple[str, str], Mapping[str, str]] = field(default_factory=dict)
     laws: Mapping[tuple[str, str], Found] = field(default_factory=dict)
     rivals: tuple[WeighedCandidate, ...] = ()
+    noise: SampleNoise = field(default_factory=SampleNoise)
+    terms: tuple[str, ...] = ()
+    epsilon: float | None = None
+    frictions: tuple[Friction, ...] = ()
 
     def content(self) -> AnswerContent:
         """As a cell or a file keeps it, beside its arrays."""
@@ -86,6 +93,11 @@ class Answer:
             priors=tuple(CandidatePriors(d, law, said) for (d, law), said in self.priors.items()),
             posteriors=tuple(_kept(*name, one) for name, one in self.posteriors.items()),
             laws=tuple(FoundLaw(d, law, packed(one)[0]) for (d, law), one in self.laws.items()),
+            noise=self.noise.name,
+            noises=tuple(WeighedNoise(n.name, n.log_evidence, n.values) for n in self.noise.weighed),
+            terms=self.terms,
+            epsilon=self.epsilon,
+            frictions=tuple(map(packed_friction, self.frictions)),
         )
 
     def law_arrays(self) -> dict[str, np.ndarray]:
@@ -202,6 +214,10 @@ def answer(
         _priors(weighing),
         _laws(weighing),
         tuple(_rivals(weighing)),
+        weighing.noise,
+        next(iter(weighing.solvers.values())).terms,
+        None if weighing.epsilon_known else weighing.epsilon,
+        weighing.frictions,
     )
 
 

@@ -17,7 +17,6 @@ from bayesdamp.pipeline.candidates.cells import cells_of, compute
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.many.many import joint_cells, populated, repeated
 from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, AnswerCell, answers
-from bayesdamp.pipeline.records.noise import NoiseCell, has_noise_cell
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.plugins import use
 from bayesdamp.store import Store
@@ -43,8 +42,8 @@ class Cell:
 
 @dataclass(frozen=True)
 class Job:
-    """What one worker does in a row: a record itself (model None), the fit of all its dampings under a law, the choice
-    of its "noise" from these, one candidate's branch on it, or, once all of these are done, what joins them: an
+    """What one worker does in a row: a record itself (model None), one candidate's branch on it, or, once all of these
+    are done, what joins them: an
     "average" over models, a "specimen" of several records (signal is then its name), the "population" of all specimens.
 
     part: of a record "read", "answer" or "sampled"; of a branch "look" (estimates, mode, Laplace's evidence), "weigh"
@@ -56,7 +55,6 @@ class Job:
     model: str | None = None
     joined: str = ""
     part: str | None = None
-    law: str | None = None
 
 
 def cells(study: Study) -> list[Cell]:
@@ -90,9 +88,6 @@ def jobs_of(study: Study) -> list[Job]:
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
     parts = ("read", *((ANSWERED, SAMPLED) if answers(study) else ()))
     first = [Job(s.name, r, part=part) for part in parts for s, r in records]
-    noisy = [(s, r) for s, r in records if has_noise_cell(study)]
-    first += [Job(s.name, r, law=law) for s, r in noisy for law in s.restoring]
-    first += [Job(s.name, r, joined="noise") for s, r in noisy]
     last = [Job(s.name, 0, joined="average") for s in study.signals if averages(study, s)]
     last += [Job(name, 0, joined="specimen") for name in repeated(study)]
     last += [Job("specimens", 0, joined="population")] if populated(study) else []
@@ -109,10 +104,6 @@ def work_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callab
     if job.joined in ("specimen", "population"):
         return joint_cells(study, store, None if job.joined == "population" else job.signal)
     spec = spec_of(study, job.signal)
-    if job.law is not None or job.joined == "noise":
-        noise = NoiseCell(study, spec, job.repeat, store)
-        one = noise if job.law is None else noise.fits[job.law]
-        return {one.name: (one.key, lambda *_: one.compute())}
     if job.joined:
         branches = [cells_of(Branch(study, spec, job.repeat, m, store)) for m in study.compare(spec)]
         key = task_key("averaged", branches)
@@ -153,11 +144,9 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
     jobs = jobs_of(study)
     # Records first: every other task reads its record from the store.
     for part, last in (("read", None), (ANSWERED, Depth.ANSWER), (SAMPLED, Depth.SAMPLED)):
-        yield [job for job in jobs if job.part == part and job.model is job.law is None]
+        yield [job for job in jobs if job.part == part and job.model is None]
         if depth is last:
             return
-    yield [job for job in jobs if job.law is not None]
-    yield [job for job in jobs if job.joined == "noise"]
     if pruning.staged(study):
         yield from _staged(study, store)
     else:

@@ -17,8 +17,6 @@ CODE: dict[str, tuple[str, ...]] = {
     "signal": ("bayesdamp.pipeline.records.records",),
     "answer": ("bayesdamp.pipeline.records.answering", "bayesdamp.physics.kernel.march"),
     "sampled": ("bayesdamp.pipeline.records.answering", "bayesdamp.physics.kernel.march"),
-    "fitted": ("bayesdamp.pipeline.records.law_fits",),
-    "noise": ("bayesdamp.pipeline.records.noise",),
     "estimate": ("bayesdamp.pipeline.candidates.estimates", "bayesdamp.pipeline.records.targets"),
     "mode": (*_BRANCH, "bayesdamp.pipeline.candidates.modes"),
     "posterior": (*_BRANCH, "bayesdamp.pipeline.candidates.posteriors"),

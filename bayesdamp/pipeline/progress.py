@@ -66,11 +66,7 @@ def step_of(study: Study, jobs: list[Job], others: Set[tuple[str, int]] = frozen
         return Step("answer", f"weighing {sums} under {laws}{of}", whole)
     if job.part == "sampled":
         return Step("sampled", f"sampling the likeliest damping models of {records}", whole)
-    if job.law is not None:
-        laws = counted(len({j.law for j in jobs}), "restoring law")
-        return Step("law", f"fitting {records} under {laws} to see the noise", len(jobs))
     joined = {
-        "noise": f"choosing the noise of {records}",
         "average": "averaging over damping models",
         "specimen": f"joining the records of {counted(len(jobs), 'specimen')}",
         "population": "comparing the specimens",
@@ -137,7 +133,7 @@ def left_words(seconds: float) -> str:
 
 USUAL = {
     "answer": 12.0, "sampled": 8.0, "model": 12.0, "look": 4.0, "weigh": 3.0, "sample": 10.0, "depend": 6.0,
-    "law": 6.0, "noise": 2.0, "average": 1.0, "specimen": 20.0, "population": 10.0, REPORT: 6.0,
+    "average": 1.0, "specimen": 20.0, "population": 10.0, REPORT: 6.0,
 }  # fmt: skip
 """Wall seconds of a job of each kind where this machine has done none (measured: two cores, 1,000 samples)."""
 

@@ -267,7 +267,7 @@ def _current(study: Study, store: Store) -> dict[str, str]:
 
 def _of_candidate(name: str) -> bool:
     """Whether a cell is one of a candidate, or of the average over them."""
-    return Place.of(name).kind not in ("signal", ANSWERED, SAMPLED, "fitted", "noise")
+    return Place.of(name).kind not in ("signal", ANSWERED, SAMPLED)
 
 
 def _results(store: Store, names: list[str]) -> Iterator[tuple[str, CellResult]]:

@@ -28,13 +28,16 @@ def packed(found: Found) -> tuple[LawContent, dict[str, np.ndarray]]:
         reference=Scales(found.reference.amplitude, found.reference.frequency),
         priors={n: p.model_dump() for n, p in found.priors.items()},
         known=dict(found.known),
-        frictions=tuple(
-            FoundFriction(f.epsilon, f.weight, tuple(f.coefficients.tolist()), tuple(f.further.tolist()))
-            for f in found.frictions
-        ),
+        frictions=tuple(map(packed_friction, found.frictions)),
         **{k: getattr(found, k) for k in NUMBERS},
     )
     return content, {"z": found.z, "u": found.u}
+
+
+def packed_friction(friction: Friction) -> FoundFriction:
+    """Return a width of friction as a cell keeps it."""
+    coefficients, further = (tuple(one.tolist()) for one in (friction.coefficients, friction.further))
+    return FoundFriction(friction.epsilon, friction.weight, coefficients, further)
 
 
 def unpacked(content: LawContent, arrays: Mapping[str, np.ndarray]) -> Found:

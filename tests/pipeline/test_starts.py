@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,8 +20,7 @@ from bayesdamp.physics.trajectories import simulate
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of
 from bayesdamp.pipeline.candidates.modes import seeds_of
-from bayesdamp.pipeline.records.law_fits import LawFit
-from bayesdamp.pipeline.records.noise import NoiseCell
+from bayesdamp.pipeline.records.answering import AnswerCell
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.pipeline.records.starts import ALL, OBSERVED, observed, of_all, regression
 from bayesdamp.pipeline.records.targets import Record
@@ -60,14 +58,6 @@ def test_the_record_itself_says_where_to_start(record) -> None:
     assert not 0.5 * FREQUENCY**2 < lost["stiffness"] < 2 * FREQUENCY**2
 
 
-def test_the_noise_is_chosen_on_a_motion_that_keeps_step(record) -> None:
-    one = LawFit(record.study, record.spec, 0, "linear", Store(Path(".")))
-    vars(one)["record"] = record
-    found = one.fit()
-    assert replace(found.mode.searches[0].seed, grown=False) == OBSERVED
-    assert float(found.target.values(found.mode.z)["stiffness"]) == pytest.approx(FREQUENCY**2, rel=0.01)
-
-
 @pytest.mark.parametrize("damping", [("viscous",), ("coulomb",), ("viscous", "coulomb", "quadratic")])
 def test_no_damping_misses_its_mode_on_a_noisy_acceleration(record, damping) -> None:
     target = record.target(damping, "linear", "gaussian")
@@ -82,10 +72,10 @@ def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
     """Its motion keeps step: no other start is climbed from, and the three terms begin at their mode."""
     study, store = record.study, Store(tmp_path)
     store.write(record.cell)
-    NoiseCell(study, record.spec, 0, store).compute()
-    fits = store.read("noise/tower/0").meta["fits"]
+    AnswerCell(study, record.spec, 0, store).compute()
+    fits = store.read("answer/tower/0").meta["fits"]
     assert fits["linear"]["stiffness"] == pytest.approx(FREQUENCY**2, rel=0.01)
-    for model, most in (("coulomb@linear", 20), ("viscous+coulomb+quadratic@linear", 6)):
+    for model, most in (("coulomb@linear", 20), ("viscous+coulomb+quadratic@linear", 12)):
         branch = Branch(study, record.spec, 0, model, store)
         estimate, *_ = (n for n in cells_of(branch) if n.startswith("estimate/"))
         store.write(CellResult(estimate, "", outcome="none"))

@@ -19,6 +19,7 @@ from bayesdamp.store.contents.answers import (
     LawContent,
     SampledPosterior,
     WeighedCandidate,
+    WeighedNoise,
 )
 from bayesdamp.store.contents.calibration import ChunkContent, RanksContent, RecoveryContent
 from bayesdamp.store.contents.candidates import Climb, ModeContent, Part, RefusedSeed, SecondHalf
@@ -43,11 +44,8 @@ from bayesdamp.store.contents.many import (
 from bayesdamp.store.contents.posteriors import AverageContent, PosteriorContent
 from bayesdamp.store.contents.records import (
     FeaturesSeen,
-    NoiseContent,
-    NoiseTried,
     RecordContent,
     Scales,
-    WidthTried,
 )
 from bayesdamp.types import ChainStart, Seed
 
@@ -56,11 +54,6 @@ RECORD = RecordContent(
     "bench", "rad", "angle", 0.001, {"start": 2.0, "notes": ["cut"]},
     features=FeaturesSeen(0.1, 0.3, 0.1, 4.5, 1.4, 9.0, 140.0, 0.001),
     anomalies=("it beats",), reference=Scales(0.3, 4.5), known={"epsilon": 0.02}, noisy=True,
-)  # fmt: skip
-NOISE = NoiseContent(
-    "gaussian", ("viscous", "coulomb"), "linear", {"linear": {"zeta": 0.05}},
-    (NoiseTried("gaussian", -1.5, {"noise_sd": 0.003}), NoiseTried("quantised", outcome="no step")),
-    epsilon=0.02, epsilons=(WidthTried(0.02, 0.1, -3.0, {"mu_c": (0.04, 0.001)}),),
 )  # fmt: skip
 MODE = ModeContent(
     {"zeta": 0.05}, {"zeta": 0.001}, {}, {"zeta": "halfnormal"}, 12.5, 1e-6, {"step_error": 1e-8},
@@ -80,6 +73,7 @@ ANSWER = AnswerContent(
         SampledPosterior("viscous", "linear", {"zeta": {"mean": 0.05}}, (0.0, 0.01, 0.1), 0.0, 9.0, 0.1, 1.0, 1),
     ),
     laws=(FoundLaw("viscous", "linear", LAW),),
+    noise="gaussian", noises=(WeighedNoise("gaussian", -1.5, {"noise_sd": 0.003}),), terms=("viscous",),
 )  # fmt: skip
 
 SUMMARY = {"mean": 0.05, "sd": 0.001, "rhat": math.nan}
@@ -142,7 +136,7 @@ ENVELOPE = EnvelopeContent(
     )
 )
 ALL = [
-    RECORD, NOISE, MODE, ANSWER, ESTIMATE, POSTERIOR, AVERAGE, EVIDENCE, WidthsContent(("zeta",)), HALF, NOISES, RATIOS,
+    RECORD, MODE, ANSWER, ESTIMATE, POSTERIOR, AVERAGE, EVIDENCE, WidthsContent(("zeta",)), HALF, NOISES, RATIOS,
     JOINT, OVER, LAW, RANKS, RECOVERY, ENVELOPE,
 ]  # fmt: skip
 PACKAGE = Path(__file__).resolve().parents[2] / "bayesdamp"
@@ -162,8 +156,8 @@ def test_through_a_file(tmp_path: Path, content: Content) -> None:
 def test_something_else_is_not_taken_for_it() -> None:
     with pytest.raises(ValueError, match="values"):
         ModeContent.of_meta({"values": "none"})
-    with pytest.raises(ValueError, match="chosen"):
-        NoiseContent.of_meta(RECORD.meta())
+    with pytest.raises(ValueError, match="verdict"):
+        AnswerContent.of_meta(RECORD.meta())
 
 
 def test_a_record_without_oscillation_has_no_scales() -> None:

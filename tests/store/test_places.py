@@ -14,7 +14,6 @@ from bayesdamp.store.places import Place
         ("signal/bench/0", Place("signal", "bench", 0)),
         ("mode/bench/12/viscous+coulomb@pendulum", Place("mode", "bench", 12, "viscous+coulomb@pendulum")),
         ("evidence/0/1/viscous/bridge", Place("evidence", "0", 1, "viscous", "bridge")),
-        ("fitted/bench/0/linear", Place("fitted", "bench", 0, "linear")),
         ("joint/rig", Place("joint", "rig")),
         ("population", Place("population")),
     ],

@@ -113,6 +113,7 @@ class Weighing:
     noise_known: bool = False
     averaging: Averaging | None = None
     noise: SampleNoise = field(default_factory=SampleNoise)
+    epsilon_known: bool = False
 
 
 def weigh_all(
@@ -230,6 +231,7 @@ def weigh_all(
     return Weighing(
         data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused,
         noise_known=stated is not None, noise=SampleNoise() if other is None else other.noise,
+        epsilon_known=given is not None,
     )  # fmt: skip
 
 

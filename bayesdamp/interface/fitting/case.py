@@ -7,16 +7,17 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from bayesdamp import types
 from bayesdamp.estimators.shared import noise_level
+from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of
 from bayesdamp.inference.deviation.quick import MOST_CYCLES
 from bayesdamp.inference.deviation.single import Single, single
-from bayesdamp.inference.fit.friction_choice import epsilon_note, weigh_epsilons
+from bayesdamp.inference.deviation.weighing import weigh_all
 from bayesdamp.inference.fit.mode import Mode, restore_mode
-from bayesdamp.inference.fit.noise_choice import chosen_noise, first_noise, fit_with, weigh_noises
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.fit.starting_points import prior_starts
 from bayesdamp.inference.model.build import build_target
@@ -24,7 +25,6 @@ from bayesdamp.inference.model.defaults import Reference, reference_of
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.fitting.specification import Specification
 from bayesdamp.interface.records.signal import Signal
-from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.records.records import NO_NOISE
 from bayesdamp.pipeline.records.starts import observed, regression
@@ -138,31 +138,38 @@ class Choice:
     starts: Starts = field(default_factory=dict)
 
 
-def choose(case: Case, starts: Starts) -> Choice:
-    """The noise by evidence under the model's own damping, where there are several; then friction's width too, where
-    nobody gave or asked for one. Raises Refusal."""
+def choose(case: Case) -> Choice:
+    """Choose the noise model by its evidence under the model's own damping, where several are in play, and then the
+    width of friction, where it is neither known nor inferred. Raises Refusal."""
     names, model = case.model.noises, case.model
     if len(names) == 1:
         return Choice(names[0])
     usable = tuple(n for n in names if _noise_knows(case, n))
-    first = first_noise(usable, case.signal)
-    fit = fit_with(case.target(first), starts, case.seen)
+    candidate = Candidate(model.terms, model.restoring)
+    with threadpool_limits(1, "blas"):
+        weighing = weigh_all(
+            prepared(case.signal, average=False),
+            [candidate],
+            known=model.system.known,
+            priors=model.parameter_priors,
+            reference=case.reference,
+            approximate=False,
+            noises=usable,
+        )
+    result = next((r for r in weighing.results), None)
+    if result is None:
+        raise Refusal(weighing.refused[candidate])
     epsilon, notes = None, []
-    switches = Oscillator(model.terms, model.restoring).switches
-    if switches and "epsilon" not in {*model.known, *model.priors}:
-        usual = fit
-        build = lambda width: case.target(first, width)  # noqa: E731
-        fit, tried = weigh_epsilons(build, usual, case.reference.peak_velocity, case.seen)
-        epsilon = None if fit is usual else fit.target.known["epsilon"]
-        notes += [epsilon_note(tried, epsilon, case.signal.unit)] * (epsilon is not None)
-    weighed = weigh_noises(lambda name: case.target(name, epsilon), fit, case.seen, usable)
-    noise = chosen_noise(weighed)
-    order = sorted((w for w in weighed if np.isfinite(w.log_evidence)), key=lambda w: -w.log_evidence)
+    if weighing.frictions and "epsilon" not in model.priors:
+        epsilon = weighing.epsilon
+        notes.append(f"ε was not given; {epsilon:.3g} {case.signal.unit}/s suits the record best.")
+    order = sorted(weighing.noise.weighed, key=lambda one: -one.log_evidence)
     if len(order) > 1:
         ahead = order[0].log_evidence - order[1].log_evidence
-        notes.append(f"Noise: {noise}, {ahead:.3g} nats ahead of {order[1].noise}.")
-    values = {n: float(v) for n, v in fit.target.values(fit.mode.z).items()}
-    return Choice(noise, epsilon, tuple(notes), {Seed("fit that chose the noise"): values})
+        notes.append(f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name}.")
+    values = result.fit.parameters.named(result.fit.z)
+    starts = {Seed("fit that chose the noise"): values}
+    return Choice(weighing.noise.likeliest, epsilon, tuple(notes), starts)
 
 
 def searched(
@@ -181,7 +188,7 @@ def searched(
         if not given:
             raise
         starts = dict(given)
-    choice = choose(case, starts)
+    choice = choose(case)
     target = case.target(choice.noise, choice.epsilon)
     seeds = {**choice.starts, **starts, **prior_starts(target, PRIOR_STARTS, seed)}
     mode = find_mode(target, seeds, noise_level=case.seen.roughness, period=case.seen.period)

@@ -12,14 +12,13 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.records.answering import law_of, likelihood_of
-from bayesdamp.pipeline.records.noise import NoiseCell, noise_cell
+from bayesdamp.pipeline.records.answering import ANSWERED, law_of, likelihood_of
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.pipeline.records.stored_modes import unpacked
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.pipeline.stored_laws import put_together
 from bayesdamp.store import Store
-from bayesdamp.store.contents.records import NoiseContent
+from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.types import OK, Refusal, System, candidate_parts
 
 
@@ -60,28 +59,23 @@ class Branch:
         return self.record.system(self.restoring)
 
     @cached_property
-    def noise_cell(self) -> NoiseCell | None:
-        """What chooses the noise, where the study does not."""
-        return noise_cell(self.study, self.spec, self.repeat, self.store)
-
-    @cached_property
-    def chosen(self) -> NoiseContent:
-        """What was chosen for the record. Raises Refusal where nothing could be."""
-        assert self.noise_cell is not None
-        found = self.store.read(self.noise_cell.name)
-        if found.outcome != OK:
-            raise Refusal(following(found.name, found.outcome))
-        return NoiseContent.of(found)
+    def answer(self) -> AnswerContent | None:
+        """The answer on the record; None where nothing was weighed."""
+        found = AnswerContent.maybe(self.store.find(f"{ANSWERED}/{self.spec.name}/{self.repeat}"))
+        return found if found is not None and found.candidates else None
 
     @property
     def noise(self) -> str:
-        """The noise model. Raises Refusal where none could be chosen."""
-        return self.chosen.chosen if self.noise_cell else self.study.noises[0]
+        """The noise model: of those that the study allows, the likeliest in the answer."""
+        every = self.answer.noises if self.answer else ()
+        found = {one.noise: one.log_evidence for one in every if one.noise in self.study.noises}
+        return max(found, key=lambda name: found[name], default=self.study.noises[0])
 
     @property
     def epsilon(self) -> float | None:
-        """The friction's ε (rad/s) that suits the record better than the usual one, where nobody gave one."""
-        return self.chosen.epsilon if self.noise_cell else None
+        """The width of friction (rad/s) that the answer is under, where it is not known and not inferred."""
+        inferred = "epsilon" in self.spec.under(self.restoring).free
+        return self.answer.epsilon if self.answer and not inferred else None
 
     @cached_property
     def target(self) -> Target:

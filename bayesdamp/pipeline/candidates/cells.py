@@ -49,14 +49,13 @@ def cells_of(branch: Branch) -> dict[str, str]:
     if not (branch.study.posterior.samplers or branch.study.evidence.methods):
         return found
     priors = {t: str(branch.study.models.prior.get(t)) for t in branch.terms}
-    noise = branch.noise_cell.key if branch.noise_cell else branch.study.noises[0]
+    # The noise and the width of friction are the answer's; what may hold approximately is what its search found.
+    answer = AnswerCell(branch.study, branch.spec, branch.repeat, branch.store)
     named = [*branch.forces, *map(NOISES.source, branch.study.noises), ESTIMATORS.source(REGRESSION)]
-    parts = (branch.model, noise, priors, use.stages, chosen, *branch.other)
+    parts = (branch.model, answer.key, priors, use.stages, chosen, *branch.other)
     mode_key = task_key("mode", branch.parent.key, list(found.values()), named, *parts)
     found[f"mode/{branch.path}"] = mode_key
     law = likelihood_of(branch.study) == "law"
-    # What may hold approximately is what the answer's search found.
-    answer = AnswerCell(branch.study, branch.spec, branch.repeat, branch.store)
     whence = (answer.key, branch.model) if law else (mode_key,)
     settings = branch.study.posterior
     for name in settings.samplers:

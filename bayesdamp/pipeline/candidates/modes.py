@@ -49,9 +49,9 @@ def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[Ref
         seeds |= regression(branch.record, problem)[0]
     decays = observed(branch.record, problem)
     seeds = decays | seeds
-    fit = branch.chosen.fits.get(branch.restoring) if branch.many and branch.noise_cell else None
-    if fit:
-        seeds = of_all(fit, list(branch.chosen.damping), problem, decays) | seeds
+    fit = branch.answer.fits.get(branch.restoring) if branch.many and branch.answer else None
+    if branch.answer and fit:
+        seeds = of_all(fit, branch.answer.terms, problem, decays) | seeds
     if not seeds:
         raise Refusal("no estimator found a place to start from")
     count = 0 if branch.many else PRIOR_SEEDS

@@ -16,8 +16,9 @@ from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.evidence.prediction import first_half, log_predictive, predict
 from bayesdamp.inference.evidence.savage_dickey import savage_dickey
 from bayesdamp.inference.evidence.widths import against_width, under_priors
+from bayesdamp.inference.fit.laplace import log_evidence_near
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.noise_choice import fit_with
+from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.outcomes import following
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.priors import Prior
@@ -164,8 +165,9 @@ def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
             continue
         try:
             target = branch.record.target(branch.terms, branch.restoring, noise, epsilon=branch.epsilon)
-            fit = fit_with(target, {Seed("under the chosen noise"): start}, branch.record.seen)
-            found[noise] = UnderNoise(fit.log_evidence)
+            seen, seeds = branch.record.seen, {Seed("under the chosen noise"): start}
+            mode = find_mode(target, seeds, noise_level=seen.roughness, period=seen.period, thrifty=True)
+            found[noise] = UnderNoise(log_evidence_near(mode.likelihood, mode.z))
         except Refusal as refusal:
             found[noise] = UnderNoise(-np.inf, str(refusal))
     return NoisesContent(branch.noise, found), {}

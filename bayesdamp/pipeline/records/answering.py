@@ -186,12 +186,6 @@ def answer_cell(store: Store, signal: str, repeat: int) -> CellResult | None:
     return None
 
 
-def fits_of(store: Store, signal: str, repeat: int) -> Mapping[str, Mapping[str, float]]:
-    """The fits of all terms by law, as `AnswerCell` stored them; none where it has none."""
-    content = AnswerContent.maybe(store.find(f"{ANSWERED}/{signal}/{repeat}"))
-    return content.fits if content else {}
-
-
 def law_of(store: Store, signal: str, repeat: int, damping: str, restoring: str) -> Found:
     """Where the search for a candidate with deviations ended. Raises Refusal where the answer has none."""
     cell = store.read(f"{ANSWERED}/{signal}/{repeat}")

@@ -11,12 +11,12 @@ from bayesdamp.config.signals import damping_order
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.records.answering import answer_cell
+from bayesdamp.pipeline.records.answering import ANSWERED, answer_cell
 from bayesdamp.store import CellResult, Store, provenance
 from bayesdamp.store.columns import SCHEMA
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.contents.candidates import ModeContent
-from bayesdamp.store.contents.records import NoiseContent, RecordContent
+from bayesdamp.store.contents.records import RecordContent
 from bayesdamp.types import OK, candidate_name
 
 Row = dict[str, Any]
@@ -36,10 +36,8 @@ def run_info(study: Study, store: Store) -> Row:
             continue
         # Where the first repeat shows no oscillation, another one may.
         seen = _first_seen(store, spec) or cell
-        noise = store.find(f"noise/{spec.name}/0")
-        content, chosen = RecordContent.of(cell), None
-        if noise and noise.outcome == OK:
-            chosen = NoiseContent.of(noise)
+        content = RecordContent.of(cell)
+        answer = AnswerContent.maybe(store.find(f"{ANSWERED}/{spec.name}/0"))
         oscillation = RecordContent.of(seen) if seen.outcome == OK else None
         about[spec.name] = {
             **content.provenance,
@@ -49,9 +47,8 @@ def run_info(study: Study, store: Store) -> Row:
             "restoring": list(spec.restoring),
             "outcome": seen.outcome,
             "bound": dict(content.bound),
-            **({"noise": chosen.chosen} if chosen else {}),
+            **({"noise": answer.noise} if answer and answer.noise else {}),
             **(_scales(oscillation) if oscillation else {}),
-            **({"epsilon_note": chosen.epsilon_note} if chosen and chosen.epsilon else {}),
         }
         cells = {m: store.find(f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
         modes = {m: ModeContent.of(c) if c.outcome == OK else None for m, c in cells.items() if c}

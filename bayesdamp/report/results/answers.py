@@ -26,6 +26,12 @@ class Answer:
     arrays: Mapping[str, np.ndarray]
 
 
+def content_of(run: Run, signal: str, repeat: int) -> AnswerContent | None:
+    """Return what is stored of the answer on one record before sampling; None where there is none."""
+    cell = run.cell("answer", signal, repeat)
+    return AnswerContent.of(cell) if cell is not None and cell.outcome == OK else None
+
+
 def answer_of(run: Run, signal: str, repeat: int) -> Answer | None:
     """The answer on one record, with its motions sampled where they were; None where there is none."""
     found = (run.cell(kind, signal, repeat) for kind in ("sampled", "answer"))

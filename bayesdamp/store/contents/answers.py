@@ -69,6 +69,15 @@ class FoundFriction:
 
 
 @dataclass(frozen=True)
+class WeighedNoise:
+    """A noise model on the residuals of the fit of all terms: log evidence in nats, and its parameters."""
+
+    noise: str
+    log_evidence: float
+    values: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class LawContent(Content):
     """Where the search for a candidate with deviations ended, as `inference.deviation.single.Found` but for its scores,
     which are arrays; priors as a study file has them."""
@@ -100,7 +109,9 @@ class AnswerContent(Content):
 
     verdict: as `Verdict.to_dict` gives it. rivals: other forms of damping that were weighed. fits: parameters of the
     fit of all terms, by restoring law. posteriors: of the candidates that were sampled; laws: of those that were
-    weighed with deviations.
+    weighed with deviations. noise: the noise model that the answer is under; noises: all that were weighed. terms:
+    all damping terms that were weighed. epsilon: the width (rad/s or m/s) within which friction changes its sign, where
+    it was not known; frictions: the widths that were tried, with the coefficients of all terms.
     """
 
     verdict: Mapping[str, Any]
@@ -110,3 +121,8 @@ class AnswerContent(Content):
     posteriors: tuple[SampledPosterior, ...] = ()
     laws: tuple[FoundLaw, ...] = ()
     rivals: tuple[WeighedCandidate, ...] = ()
+    noise: str = ""
+    noises: tuple[WeighedNoise, ...] = ()
+    terms: tuple[str, ...] = ()
+    epsilon: float | None = None
+    frictions: tuple[FoundFriction, ...] = ()

@@ -78,11 +78,11 @@ class BesideIt:
 
 @dataclass(frozen=True)
 class ModeContent(Content):
-    """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`, `fitted/NAME/REPEAT/LAW`).
+    """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`).
 
     values, sd: of the inferred parameters; known: the others; priors in words. climbs, modes: what searches came to;
-    touching_zero: coefficients within a standard deviation of zero. log_evidence: by Laplace, of a fit under a law.
-    Of a mode alone: refused: what had no values to start from; and what was checked of the fit, as
+    touching_zero: coefficients within a standard deviation of zero.
+    refused: what had no values to start from; and what was checked of the fit, as
     `inference.checks.checks.Fit` explains it.
     """
 
@@ -96,7 +96,6 @@ class ModeContent(Content):
     climbs: tuple[Climb, ...] = ()
     modes: tuple[Maximum, ...] = ()
     touching_zero: tuple[str, ...] = ()
-    log_evidence: float = NAN
     refused: tuple[RefusedSeed, ...] = ()
     windows: tuple[Part, ...] = ()
     rms: float = NAN

@@ -1,4 +1,4 @@
-"""The noise of a record: each kind is chosen where it is the truth."""
+"""The noise of a record: each kind is the likeliest where it is the truth."""
 
 from __future__ import annotations
 
@@ -8,16 +8,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bayesdamp.inference.fit.noise_choice import (
-    Weighed,
-    chosen_noise,
-    first_noise,
-    fit_with,
-    weigh_noises,
-)
+from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.data import prepared
+from bayesdamp.inference.deviation.sample_noise import SampleNoise
+from bayesdamp.inference.deviation.weighing import weigh_all
+from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference
-from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise._residuals import fit_noise
 from bayesdamp.physics.oscillator import Oscillator
@@ -48,36 +45,29 @@ def noise(kind: str, rng: np.random.Generator) -> np.ndarray:
     return e
 
 
-def weighed(kind: str, damping: tuple[str, ...] = ("viscous", "quadratic")) -> list[Weighed]:
+def weighed(kind: str, damping: tuple[str, ...] = ("viscous", "quadratic")) -> SampleNoise:
     rng = np.random.default_rng(21)
     if kind == "quantised":
         step = 5 * SD
         y = step * np.round((motion(0.2) + noise("gaussian", rng)) / step)
     else:
         y = motion(0.2) + noise(kind, rng)
-    signal = Signal(TIMES, y, step=recording_step(y))
-    seeds = {Seed("near"): {"zeta": 0.06, "mu_q": 0.15, "theta0": 0.29, "omega0": 0.01}}
-    system = System("linear", KNOWN)
-    seen = features(signal)
-
-    def build(name: str) -> Target:
-        return build_target(signal, damping, system, seen, Reference(0.3, 4.5), noise=name)
-
-    fitted = fit_with(build(first_noise(NOISES.names(), signal)), seeds, seen)
-    return weigh_noises(build, fitted, seen, NOISES.names())
+    data = prepared(Signal(TIMES, y, step=recording_step(y)))
+    known = {n: v for n, v in KNOWN.items() if n != "epsilon"}
+    asked = [Candidate(damping, "linear")]
+    return weigh_all(data, asked, known=known, approximate=False, noises=NOISES.names()).noise
 
 
 @pytest.mark.parametrize("kind", NOISES.names())
-def test_the_true_noise_is_chosen(kind):
+def test_the_true_noise_is_the_likeliest(kind):
     """Deterministic records: the true kind is ahead by more than 5 nats (odds of 150) of any that is no limit of it
     (a Student t of many degrees and a short correlation are normal noise but for the price of a parameter)."""
     found = weighed(kind)
-    assert chosen_noise(found) == kind
-    by_name = {w.noise: w for w in found}
-    others = [w.log_evidence for w in found if w.noise != kind]
-    assert by_name[kind].log_evidence > max(others) + (0.0 if kind == "gaussian" else 5.0)
-    if kind != "quantised":
-        assert "recording step" in by_name["quantised"].outcome
+    assert found.likeliest == kind
+    by_name = {one.name: one.log_evidence for one in found.weighed}
+    others = [log for name, log in by_name.items() if name != kind]
+    assert by_name[kind] > max(others) + (0.0 if kind == "gaussian" else 5.0)
+    assert ("quantised" in by_name) == (kind == "quantised")
 
 
 def test_evidence_of_residuals_against_quadrature():
@@ -94,14 +84,10 @@ def test_evidence_of_residuals_against_quadrature():
     assert found.values["noise_sd"] == pytest.approx(np.sqrt(np.mean(r**2)), rel=0.01)
 
 
-def test_a_term_that_is_missing_looks_like_correlated_noise():
-    """Why all terms in play take part: without the quadratic one its traces are taken for noise."""
-    assert chosen_noise(weighed("gaussian", ("viscous",))) == "correlated"
-
-
-def test_no_noise_to_choose_from():
-    with pytest.raises(Refusal, match="finite"):
-        chosen_noise([Weighed("gaussian", outcome="no seed leads anywhere")])
+def test_a_term_that_is_missing_is_not_taken_for_noise():
+    """What the quadratic term leaves under the viscous one is in the deviation of the law, not in the residual."""
+    found = weighed("gaussian", ("viscous",))
+    assert (found.likeliest, found.name) == ("gaussian", "gaussian")
 
 
 @pytest.mark.parametrize("rest", [0.0, 2.0])
@@ -116,6 +102,7 @@ def test_noise_does_not_stand_in_for_another_zero(rest: float) -> None:
     seeds = {Seed("near"): {"zeta": 0.06, "mu_q": 0.15, "theta0": rest + 0.3, "omega0": 0.0}}
     if rest == 0.0:
         with pytest.raises(Refusal, match=r"^pruned: noise takes the motion's place"):
-            fit_with(made, seeds, seen)
+            find_mode(made, seeds, noise_level=seen.roughness, period=seen.period, thrifty=True)
     else:
-        assert fit_with(made, seeds, seen).target is made
+        mode = find_mode(made, seeds, noise_level=seen.roughness, period=seen.period, thrifty=True)
+        assert np.isfinite(mode.log_posterior)

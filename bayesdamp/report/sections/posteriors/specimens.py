@@ -38,10 +38,6 @@ _LAWS = {
     "law": "How much the damping and the restoring force deviate from their laws along a record belongs to that record "
     "and is integrated out; the sizes of these deviations are common to all records.",
 }
-_NOISE = (
-    "The joint fit takes the noise of each record as Gaussian, as the answers do, although this study also asks for "
-    "other noise."
-)
 
 
 class Specimens(Section):
@@ -57,7 +53,7 @@ class Specimens(Section):
 
     def render(self, run: Run) -> str:
         """Joint fits beside each record alone, and the population."""
-        parts: list[object] = [_text(_HOW, *_of_noise(run))] if joint_cells(run) else []
+        parts: list[object] = [_text(_HOW)] if joint_cells(run) else []
         for name, cell in joint_cells(run).items():
             parts += [Markup("<h3>{}</h3>").format(f"Repeats of {name}"), *_joint(run, name, cell)]
         cell = population_cell(run)
@@ -72,12 +68,6 @@ def _text(*said: str) -> Markup:
 
 def _interval(one: Mapping[str, float]) -> Interval:
     return one["q2.5"], one["median"], one["q97.5"]
-
-
-def _of_noise(run: Run) -> tuple[str, ...]:
-    """What to know where the study asks for other noise than Gaussian."""
-    noise = (run.study.get("posterior") or {}).get("noise")
-    return () if noise in (None, "gaussian", ["gaussian"]) else (_NOISE,)
 
 
 def _joint(run: Run, name: str, cell: CellResult) -> list[object]:

@@ -1,20 +1,24 @@
-"""Which noise the record has, where the study left that open."""
+"""Which noise a record has, where several models were weighed."""
 
 from __future__ import annotations
-
-import math
 
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.html import fill
+from bayesdamp.report.results.answers import content_of
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
-from bayesdamp.store.contents.records import NoiseContent, NoiseTried
 from bayesdamp.table import Line, Table
-from bayesdamp.types import OK
+
+HOW = (
+    "The noise models are compared once for each record, on the residuals of the fit of all damping terms, and all "
+    "damping models share the result. The evidence is by Laplace's approximation; densities of rounded values are "
+    "probabilities divided by the recording step, so that all are on one scale. Where correlated noise is likeliest, "
+    "the answer is under Gaussian noise whose variance is that of the residual near the oscillation."
+)
 
 
 class Noise(Section):
@@ -25,58 +29,34 @@ class Noise(Section):
     title = "Which noise"
 
     def applies(self, run: Run) -> bool:
-        """Where the noise was chosen for a record."""
-        return any(run.cells("noise", signal) for signal in run.signals)
+        """Return whether several noise models were weighed on a record."""
+        return any(_weighed(run, signal) for signal in run.signals)
 
     def render(self, run: Run) -> str:
-        """A table of the noise models for each signal."""
-        said = (
-            "Chosen once for each record, under all damping terms together and the restoring law that fits best, "
-            "and shared by all models. The evidence is by Laplace's approximation; densities of rounded values "
-            "are probabilities divided by the recording step, so that all are on one scale."
-        )
-        if run.under_law:
-            said += (
-                " It is that of fits under laws that hold exactly; chains and evidence have the answer's own."
-            )
-        return fill(
-            "stack.html", parts=[Markup("<p>{}</p>").format(said), by_signal(run, lambda s: _one(run, s))]
-        )
+        """Show a table of the noise models for each signal."""
+        parts = [Markup("<p>{}</p>").format(HOW), by_signal(run, lambda s: _one(run, s))]
+        return fill("stack.html", parts=parts)
+
+
+def _weighed(run: Run, signal: str) -> bool:
+    content = content_of(run, signal, run.repeats(signal)[0])
+    return content is not None and len(content.noises) > 1
 
 
 def _one(run: Run, signal: str) -> Markup:
-    repeats = run.repeats(signal)
-    cell = run.cell("noise", signal, repeats[0])
-    if cell is None:
-        return Markup("<p>No noise was chosen for this signal.</p>")
-    if cell.outcome != OK:
-        return Markup("<p>{}</p>").format(cell.outcome)
-    found = NoiseContent.of(cell)
-    best = max((w.log_evidence for w in found.weighed if w.outcome == OK), default=math.nan)
-    lines = [_line(w, best, found.chosen) for w in sorted(found.weighed, key=lambda w: -w.log_evidence)]
+    content = content_of(run, signal, run.repeats(signal)[0])
+    if content is None or not content.noises:
+        return Markup("<p>No noise models were compared on this signal.</p>")
+    order = sorted(content.noises, key=lambda one: -one.log_evidence)
+    lines = []
+    for one in order:
+        values = ", ".join(f"{words.symbol(n).text} {fmt.number(v, 3)}" for n, v in one.values.items())
+        used = one.noise == content.noise
+        below = fmt.fixed(order[0].log_evidence - one.log_evidence, 1)
+        said = "used for the answer" if used else ""
+        lines.append(Line([words.method(one.noise), below, values, said], "best" if used else ""))
     headers = ["noise", "log evidence below the best", "its parameters", ""]
-    others = _others(run, signal, repeats)
-    return fill("stack.html", parts=[Table(headers, lines, frozenset({0, 2, 3})), others])
-
-
-def _line(w: NoiseTried, best: float, chosen: str) -> Line:
-    name = words.method(w.noise)
-    if w.outcome != OK:
-        return Line([name, fmt.NONE, fmt.NONE, w.outcome], "quiet")
-    values = ", ".join(f"{words.symbol(n).text} {fmt.number(v, 3)}" for n, v in w.values.items())
-    mine = w.noise == chosen
-    below = fmt.fixed(best - w.log_evidence, 0 if w.held else 1)
-    said = "chosen" if mine else "far behind on the residuals of another's fit" if w.held else ""
-    return Line([name, below, values, said], "best" if mine else "")
-
-
-def _others(run: Run, signal: str, repeats: list[int]) -> Markup:
-    cells = [run.cell("noise", signal, r) for r in repeats]
-    chosen = [NoiseContent.of(c).chosen for c in cells if c is not None and c.outcome == OK]
-    if len(chosen) < 2:
-        return Markup("")
-    said = fmt.listing(f"{words.method(n)} in {chosen.count(n)}" for n in dict.fromkeys(chosen))
-    return Markup("<p>Over {} repeats: {}.</p>").format(len(chosen), said)
+    return fill("stack.html", parts=[Table(headers, lines, frozenset({0, 2, 3}))])
 
 
 PLUGIN = Noise()

@@ -46,9 +46,7 @@ def _one(run: Run, signal: str) -> Markup:
     if about.get("epsilon_note") and not only_answered(run):  # the answer weighs several widths
         said.append(str(about["epsilon_note"]))
     if about.get("noise"):
-        said.append(
-            f"Noise is taken as {words.method(about['noise'])}: chosen once for all models, see below."
-        )
+        said.append(f"The noise model of the answer is {words.method(about['noise'])}; see below.")
     if about.get("outcome", OK) != OK:
         said.append(str(about["outcome"]))
     if cell is None or "t" not in cell.arrays:

@@ -121,7 +121,7 @@ def _block(run: Run, signal: str) -> Markup:
 def _why_none(run: Run, signal: str) -> str:
     """Say why a record has no answer, and what there is."""
     repeat = run.repeats(signal)[0]
-    cells = (run.cell(kind, signal, repeat) for kind in ("answer", "noise"))
+    cells = (run.cell(kind, signal, repeat) for kind in ("answer",))
     outcomes = [str(run.about(signal).get("outcome", OK)), *(c.outcome for c in cells if c is not None)]
     why = next((o for o in outcomes if o != OK), "")
     models = models_by_rank(run, signal, repeat)
