@@ -15,7 +15,6 @@ from bayesdamp.pipeline.many.populating import WIDE, location_scale
 from bayesdamp.pipeline.many.specimens import Specimen
 from bayesdamp.priors import HalfNormal, SharedHalfNormal
 from bayesdamp.report.results.specimens import joint_sentence
-from bayesdamp.report.sections.posteriors.specimens import _of_noise
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointContent
 from bayesdamp.types import Refusal
@@ -115,12 +114,6 @@ def test_other_forms_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_one_answer_is_not_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(Refusal, match="fewer than two"):
         joined(specimen(monkeypatch, weighed_run(0.05, 0.001)))
-
-
-def test_other_noise_is_said_not_to_enter() -> None:
-    """Control: a study of Gaussian noise."""
-    for noise, count in (("auto", 1), (["gaussian", "student_t"], 1), ("gaussian", 0), (["gaussian"], 0)):
-        assert len(_of_noise(SimpleNamespace(study={"posterior": {"noise": noise}}))) == count  # type: ignore[arg-type]
 
 
 def test_the_likeliest_candidate_is_of_the_likeliest_damping() -> None:
