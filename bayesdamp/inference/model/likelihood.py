@@ -156,6 +156,11 @@ class Likelihood:
         """Return the same at many scores, (m, d): shape (m,)."""
         return np.array([self.log_posterior(one) for one in z])
 
+    def folded(self, z: np.ndarray) -> np.ndarray:
+        """Return the log posterior at scores, (m, d), of which the reflected ones are not negative: shape (m,). They
+        have all the mass of both mirror images on one side, log 2 more each."""
+        return self.log_posteriors(z) + np.sum(self.target.reflected) * np.log(2.0)
+
     def line(self, z: np.ndarray) -> Line:
         """Return the motion's straight line at scores z, (d,)."""
         p = self.target.all_values(z)
