@@ -12,7 +12,7 @@ from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, condensed, normals
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit, fit, nonnegative
-from bayesdamp.inference.deviation.parameters import Parameters, retracted
+from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.model.defaults import Reference, default_prior
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
@@ -183,8 +183,8 @@ def relinearised(
             if near and _far(at, best, used) < SETTLED:
                 return at, used
             new = at.u + share * (best - at.u)
-            new[: found.z.size] = retracted(
-                found.parameters, candidate.restoring, at.u[: found.z.size], new[: found.z.size]
+            new[: found.z.size] = found.parameters.retracted(
+                candidate.restoring, at.u[: found.z.size], new[: found.z.size]
             )
             there = linearised(candidate, solver, data, found, new)
             if there is not None and float(np.sum((data.y - there.motion.y) ** 2)) <= squares * (1 + 1e-6):

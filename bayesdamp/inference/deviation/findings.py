@@ -269,7 +269,7 @@ def _coefficients(weighing: Weighing, drawn: Sequence[Drawn], best: Candidate) -
         return {}
     factor = d.result.exact_weighed.factors[0]
     parameters = d.result.fit.parameters
-    sds = np.linalg.norm(factor, axis=1) * np.abs(parameters.slopes(d.result.fit.z))
+    sds = np.linalg.norm(factor, axis=1) * np.abs(parameters.rates(d.result.fit.z))
     sds *= np.sqrt(weighing.variance / d.result.exact_variance)
     by_name = dict(zip(parameters.free_names, map(float, sds), strict=True))
     values = np.column_stack([d.coefficients, d.further, d.law])

@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from bayesdamp.inference.deviation.parameters import Parameters, retracted
+from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.numerics.levenberg_marquardt import Ended, Schedule, search
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, TOLERANCE
@@ -198,7 +198,7 @@ class _Linear:
         promised = cost - self.left - float(np.sum((self.plain @ new - self.wanted) ** 2))
         if promised < NOTHING * self.window.close * cost:
             return None
-        new = retracted(parameters, self.window.solver.restoring, self.z, new)
+        new = parameters.retracted(self.window.solver.restoring, self.z, new)
         there = self.window.at(new)
         after = np.inf if there is None else self.cost(new, there[0])
         return _Trial(new, there, (cost - after) / cost if after < cost else -np.inf)

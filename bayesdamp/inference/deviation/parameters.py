@@ -8,24 +8,17 @@ from functools import cached_property
 
 import numpy as np
 
+from bayesdamp.inference.model.scores import Scores
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
-from bayesdamp.priors import (
-    SHARED_SIGMAS,
-    Prior,
-    SharedHalfNormal,
-    log_prior_of,
-    shared_precision,
-)
+from bayesdamp.priors import Prior, log_prior_of
 
-STEP = 1e-5
-"""Scores over which the slope of a prior's map is taken."""
 SMALL_STEP = 1e-6
 """Scores over which slopes of the straight coordinates are taken."""
 
 
 @dataclass(frozen=True)
-class Parameters:
+class Parameters(Scores):
     """Which of a kernel's parameters are inferred, with their priors, and the values of the others.
 
     names: (k,), the kernel's order; priors: of those that are inferred; known: of the others, absent coefficients at 0.
@@ -46,14 +39,14 @@ class Parameters:
         return tuple(self.names[i] for i in self.free)
 
     @cached_property
+    def inferred(self) -> dict[str, Prior]:
+        """Priors of what is inferred, in the kernel's order."""
+        return {n: self.priors[n] for n in self.free_names}
+
+    @property
     def positive(self) -> np.ndarray:
         """Which of the scores, (d,), must not be negative: those of half-normal priors."""
-        return np.array([self.priors[n].reflected for n in self.free_names], bool)
-
-    @cached_property
-    def shared(self) -> np.ndarray:
-        """Which of the scores, (d,), are coefficients whose priors share an unknown scale."""
-        return np.array([isinstance(self.priors[n], SharedHalfNormal) for n in self.free_names], bool)
+        return self.reflected
 
     @cached_property
     def damping(self) -> np.ndarray:
@@ -70,21 +63,6 @@ class Parameters:
     def log_prior(self, z: np.ndarray) -> np.ndarray:
         """Log density of scores z, (..., d), shape (...); −∞ where a score that must not be negative is."""
         return log_prior_of(z, self.positive, self.shared)
-
-    def prior_precision(self, z: np.ndarray) -> np.ndarray:
-        """What a score, (d,), is multiplied by to give minus the slope of its log prior, (d,): 1, and for scores that
-        share a scale the mean of 1/σ² over the scales."""
-        found = np.ones(self.free.size)
-        if self.shared.any():
-            found[self.shared] = shared_precision(np.sum(z[self.shared] ** 2), int(self.shared.sum()))
-        return found
-
-    def prior_draws(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Scores under the prior, (n, d)."""
-        z = rng.standard_normal((count, self.free.size))
-        z[:, self.shared] *= rng.choice(SHARED_SIGMAS, count)[:, None]
-        z[:, self.positive] = np.abs(z[:, self.positive])
-        return z
 
     @cached_property
     def _fixed(self) -> np.ndarray:
@@ -112,18 +90,9 @@ class Parameters:
         found = [float(self.priors[n].score(values[n])) for n in self.free_names]
         return np.nan_to_num(found, posinf=6.0, neginf=-6.0)
 
-    def slopes(self, z: np.ndarray) -> np.ndarray:
-        """By how much each inferred parameter changes with its score at z, (d,)."""
-        found = []
-        for name, score, positive in zip(self.free_names, z, self.positive, strict=True):
-            prior = self.priors[name]
-            around = np.array([score - STEP, score + STEP]) + (STEP if positive else 0.0)
-            found.append(float(np.diff(prior.value(around))[0]) / (2 * STEP))
-        return np.array(found)
-
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Tangents by the scores at z, (n, d), of those by the kernel's parameters, (n, k)."""
-        return tangents[:, self.free] * self.slopes(z)
+        return tangents[:, self.free] * self.rates(z)
 
     def named(self, z: np.ndarray) -> dict[str, float]:
         """All of the kernel's parameters at scores z, (d,), by name."""
@@ -178,6 +147,10 @@ class Straight(Parameters):
 
     def _plain_of(self, values: np.ndarray) -> list[float]:
         return [float(self.priors[name].score(value)) for name, value in zip(self.at, values, strict=True)]
+
+    def retracted(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
+        """Return `new`: these coordinates are straight."""
+        return new
 
     def log_prior_ratio(self, z: np.ndarray) -> float:
         """Log of the prior's density at v, (d,), over that of the same prior of scores v; −∞ where it has none."""
@@ -235,22 +208,11 @@ def straight_at(parameters: Parameters, restoring: str, z: np.ndarray) -> Straig
         np.eye(len(at)),
     )
     by_natural = found._slopes(z)
-    scales = parameters.slopes(z)[places]
+    scales = parameters.rates(z)[places]
     slopes = by_natural / scales[:, None]
     if not np.all(np.isfinite(slopes)) or np.linalg.cond(slopes) > 1e12:
         return None
     return replace(found, root=np.linalg.inv(slopes))
-
-
-def retracted(parameters: Parameters, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
-    """Where a step from scores z to `new`, both (d,), leads along the law's natural coordinates: the same to first
-    order, but a step along which a record shows little stays where it shows little (a retraction; P.-A. Absil, R.
-    Mahony and R. Sepulchre, Optimization Algorithms on Matrix Manifolds, 2008)."""
-    coordinates = None if isinstance(parameters, Straight) else straight_at(parameters, restoring, z)
-    if coordinates is None:
-        return new
-    found = coordinates.plain(new)
-    return found if np.all(np.isfinite(found)) else new
 
 
 def only(priors: Mapping[str, Prior], names: Sequence[str]) -> dict[str, Prior]:

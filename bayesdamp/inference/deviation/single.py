@@ -142,9 +142,7 @@ class Single:
     def noise_sds(self) -> dict[str, float]:
         """The sd that noise alone would leave of each inferred parameter, were the laws exact."""
         result, parameters = self.result, self.result.fit.parameters
-        sds = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * np.abs(
-            parameters.slopes(result.fit.z)
-        )
+        sds = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
         sds = sds * np.sqrt(self.weighing.variance / result.exact_variance)
         return dict(zip(self.names, map(float, sds), strict=True))
 

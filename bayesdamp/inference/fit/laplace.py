@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp, ndtri_exp
+from scipy.special import logsumexp
 
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
+from bayesdamp.numerics.orthant import log_probability
 
-NODES = 24
 NEGLIGIBLE = 15.0
 """Nats below the most probable scale from which on scales are left out: together they add less than 1e-5."""
 TWO_SIDED = 1.959964
@@ -77,29 +77,8 @@ def log_integral(
     whole += 0.5 * at.size * np.log(2 * np.pi) - 0.5 * log_det
     if not reflected.size:
         return float(whole)
-    inside = log_orthant(mean[reflected], covariance[np.ix_(reflected, reflected)])
+    inside = log_probability(mean[None, reflected], covariance[None, reflected[:, None], reflected])[0]
     return float(whole + inside + reflected.size * np.log(2.0))
-
-
-def log_orthant(mean: np.ndarray, covariance: np.ndarray) -> float:
-    """log P(z ≥ 0) of a normal with mean (k,) and covariance (k, k), k of a few: to 1e-3, far out in the tails too.
-
-    Genz's separation of variables (J. Comput. Graph. Stat. 1, 1992) with Gauss and Legendre's rule.
-    """
-    # The wall that cuts most comes first: what it leaves hardly meets the others.
-    order = np.argsort(mean / np.sqrt(np.diag(covariance)))
-    mean, factor = mean[order], np.linalg.cholesky(covariance[np.ix_(order, order)])
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    log_share, x = np.zeros(1), np.zeros((1, 0))
-    for i in range(mean.size):
-        low = -(mean[i] + x @ factor[i, :i]) / factor[i, i]
-        tail = log_ndtr(-low)
-        log_share = log_share + tail
-        if i + 1 < mean.size:
-            next_x = -ndtri_exp(np.log(0.5 * (nodes + 1)) + tail[:, None])
-            x = np.column_stack([np.repeat(x, NODES, axis=0), next_x.ravel()])
-            log_share = (log_share[:, None] + np.log(0.5 * weights)).ravel()
-    return float(np.asarray(logsumexp(log_share)))
 
 
 def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from bayesdamp.inference.fit.maximise import ROUGHLY, maximise_posterior
 from bayesdamp.inference.fit.mode import LocalSearch, Mode, settle
-from bayesdamp.inference.fit.retraction import retraction
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import Status
@@ -76,7 +75,7 @@ def find_mode(
         if keeps:  # and nothing of the next stage is computed
             break
         for (seed, *same), z0, likelihood, start, _ in stage:
-            top = maximise_posterior(likelihood, z0, retract=retraction(target))
+            top = maximise_posterior(likelihood, z0, retract=target.followed)
             volume = -0.5 * float(np.linalg.slogdet(top.information)[1])
             searches.append(
                 LocalSearch(
@@ -153,7 +152,7 @@ def _grown(
                 continue
             part = replace(target, signal=replace(target.signal, t=t[:keep], y=y[:keep]))
             there = _begun(part, one.seeds, z, tolerance)
-            top = maximise_posterior(there.likelihood, there.z, retract=retraction(part), close=ROUGHLY)
+            top = maximise_posterior(there.likelihood, there.z, retract=part.followed, close=ROUGHLY)
             z = top.x
             if not np.isfinite(top.value):
                 break

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,14 +60,6 @@ class Deviation(NoiseModel):
     name = "gaussian"
     parameters = ()
 
-    def without_knots(self) -> Self:
-        """Return the distribution under exact laws: of the noise alone."""
-        none = np.zeros((1, 0, 0))
-        return type(self)(
-            self.motions, self.variance, self.samples, self.basis[:, :0], np.zeros_like(self.shift), np.zeros(1),
-            none, none, np.ones(1),
-        )  # fmt: skip
-
     @cached_property
     def _whitening(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the inverse factors of the covariances along the basis, one below the other, (c k, k), and the log of
@@ -76,7 +67,7 @@ class Deviation(NoiseModel):
         k = self.effects.shape[1]
         lower = np.linalg.cholesky(np.eye(k) + self.effects @ np.swapaxes(self.effects, 1, 2))
         log_scale = np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-        return np.linalg.inv(lower).reshape(-1, k), self.log_prior - log_scale
+        return np.linalg.inv(lower).reshape(len(lower) * k, k), self.log_prior - log_scale
 
     def _parts(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return residuals (m,) along the basis in sds of the noise, (k,), and across it, (m,); the first whitened
@@ -84,7 +75,7 @@ class Deviation(NoiseModel):
         left = (r + self.shift) / np.sqrt(self.variance)
         along = left @ self.basis
         whitening, log_mass = self._whitening
-        white = (whitening @ along).reshape(len(log_mass), -1)
+        white = (whitening @ along).reshape(len(log_mass), along.size)
         each = log_mass - 0.5 * np.einsum("ci,ci->c", white, white)
         return along, left - self.basis @ along, white, each
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.trajectories import Trajectories
-from bayesdamp.priors import log_prior_of, shared_precision
+from bayesdamp.priors import log_prior_of
 
 WIDE = 1e-2
 """Scores over which second differences by the noise's parameters are taken."""
@@ -156,6 +156,11 @@ class Likelihood:
         """Return the same at many scores, (m, d): shape (m,)."""
         return np.array([self.log_posterior(one) for one in z])
 
+    def folded(self, z: np.ndarray) -> np.ndarray:
+        """Return the log posterior at scores, (m, d), of which the reflected ones are not negative: shape (m,). They
+        have all the mass of both mirror images on one side, log 2 more each."""
+        return self.log_posteriors(z) + np.sum(self.target.reflected) * np.log(2.0)
+
     def line(self, z: np.ndarray) -> Line:
         """Return the motion's straight line at scores z, (d,)."""
         p = self.target.all_values(z)
@@ -183,7 +188,7 @@ class Likelihood:
         """Return the log posterior at scores z, (d,), its gradient, (d,), and the Gauss–Newton information, (d, d)."""
         line = self.line(z)
         value, gradient = self._gradient(line, z)
-        information = np.diag(self._prior_precision(z))
+        information = np.diag(self.target.prior_precision(z, self.scales))
         if not np.isfinite(value):
             return value, gradient, information
         moving = self.target.moving
@@ -253,17 +258,6 @@ class Likelihood:
     def _noise_values(self, z: np.ndarray) -> dict[str, float]:
         p = self.target.all_values(z)
         return {n: p[n] for n in self._noise_names}
-
-    def _prior_precision(self, z: np.ndarray) -> np.ndarray:
-        """Return what each score is multiplied by to give minus the slope of its log prior, (d,).
-
-        It is also a curvature that the log prior nowhere exceeds: that of the normal that touches it at z from below.
-        """
-        found, shared = np.ones(z.size), self.target.shared
-        if shared.any():
-            squares = np.sum(z[shared] ** 2)
-            found[shared] = shared_precision(squares, int(shared.sum()), np.asarray(self.scales))
-        return found
 
     def _gradient(self, line: Line, z: np.ndarray) -> tuple[float, np.ndarray]:
         value = self.log_noise(line.residual, z)

@@ -13,14 +13,15 @@ from functools import cached_property
 import numpy as np
 
 from bayesdamp.inference.model.deviation import Deviation
+from bayesdamp.inference.model.scores import Scores
 from bayesdamp.inference.noise import NOISES, NoiseModel
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import SHARED_SIGMAS, Prior, SharedHalfNormal
+from bayesdamp.priors import SHARED_SIGMAS, Prior
 from bayesdamp.types import Signal
 
 
 @dataclass(frozen=True)
-class Target:
+class Target(Scores):
     """The posterior of one model on one record.
 
     Attributes
@@ -66,15 +67,10 @@ class Target:
         """Names of the inferred parameters, in the order of the scores."""
         return tuple(self.priors)
 
-    @cached_property
-    def reflected(self) -> np.ndarray:
-        """Which of the scores, (d,), are those of half-normal priors: z and −z stand for one value."""
-        return np.array([p.reflected for p in self.priors.values()], bool)
-
-    @cached_property
-    def shared(self) -> np.ndarray:
-        """Which of the scores, (d,), are coefficients whose priors share an unknown scale."""
-        return np.array([isinstance(p, SharedHalfNormal) for p in self.priors.values()], bool)
+    @property
+    def inferred(self) -> Mapping[str, Prior]:
+        """Priors of the inferred parameters, in the order of the scores."""
+        return self.priors
 
     @cached_property
     def shared_places(self) -> np.ndarray:
@@ -86,13 +82,9 @@ class Target:
         """Places, (k,), of the scores that move the motion; the others are the noise's."""
         return np.array([i for i, n in enumerate(self.priors) if n in self.oscillator.parameters], int)
 
-    def prior_draws(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw scores from the prior, (n, d), of either sign where they are reflected."""
-        z = rng.standard_normal((count, len(self.names)))
-        shared = self.shared
-        if shared.any():
-            z[:, shared] *= rng.choice(self.scales, count)[:, None]
-        return z
+    def followed(self, z: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Return where a step from scores z leads along the law's natural coordinates, all (d,)."""
+        return self.retracted(self.oscillator.restoring, z, z + step)
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the scores of parameter values, (d,), within ±6; what is not given is at its prior's centre."""
@@ -106,21 +98,15 @@ class Target:
     def all_values(self, z: np.ndarray) -> dict[str, float]:
         """Return every parameter, known and inferred, at scores z, (d,)."""
         found = self._given.copy()
-        for (name, value, _, numbers), score in zip(self._maps, z.tolist(), strict=True):
+        for (name, value, numbers), score in zip(self._maps, z.tolist(), strict=True):
             found[name] = value(score, *numbers)
         return found
-
-    def rates(self, z: np.ndarray) -> np.ndarray:
-        """Return by how much each inferred parameter changes with its score at z, both (d,)."""
-        both = zip(self._maps, z.tolist(), strict=True)
-        return np.array([rate(score, *numbers) for (_, _, rate, numbers), score in both], float)
 
     @cached_property
     def _given(self) -> dict[str, float]:
         return {name: float(value) for name, value in self.known.items()}
 
     @cached_property
-    def _maps(self) -> list[tuple[str, Callable[..., float], Callable[..., float], tuple[float, ...]]]:
-        """Each parameter's name, its value and derivative as functions of a score and the prior's numbers, and
-        these numbers."""
-        return [(n, type(p).transform, type(p).derivative, p.numbers) for n, p in self.priors.items()]
+    def _maps(self) -> list[tuple[str, Callable[..., float], tuple[float, ...]]]:
+        """Each parameter's name, its value as a function of a score and the prior's numbers, and these numbers."""
+        return [(n, type(p).transform, p.numbers) for n, p in self.priors.items()]

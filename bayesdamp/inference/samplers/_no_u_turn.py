@@ -4,7 +4,6 @@ choice among the points of a trajectory (M. Betancourt, arXiv:1701.02434, 2017, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -18,28 +17,6 @@ DIVERGED = 1000.0
 """Rise of the energy that ends a trajectory (conventional)."""
 BOUNCES = 4
 """Bounces in one step, for each wall; a step that would take more ends outside, where it is refused."""
-
-
-class Space(Protocol):
-    """A log density of coordinates u, (d,), within walls @ u + offsets ≥ 0, (k, d) and (k,), and a force."""
-
-    @property
-    def walls(self) -> np.ndarray:
-        """Directions of the walls, (k, d)."""
-        ...
-
-    @property
-    def offsets(self) -> np.ndarray:
-        """Distances of the walls, (k,)."""
-        ...
-
-    def height(self, u: np.ndarray, /) -> float:
-        """Return the log density; −∞ where there is none."""
-        ...
-
-    def slope(self, u: np.ndarray, /) -> np.ndarray:
-        """Return the force that moves proposals, (d,)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -122,7 +99,7 @@ class _Tree:
 class Chain:
     """A Markov chain in a space, with steps of a length."""
 
-    def __init__(self, space: Space, step: float, rng: np.random.Generator) -> None:
+    def __init__(self, space: Whitened, step: float, rng: np.random.Generator) -> None:
         self.space, self.step, self.rng = space, step, rng
 
     def sampled(self, u: np.ndarray, height: float, count: int) -> tuple[np.ndarray, ...]:

@@ -63,7 +63,6 @@ def near(curvature: Callable) -> Any:
 @pytest.fixture
 def banana(monkeypatch) -> tuple[Any, Any]:
     """A target and its mode with that density in place of a record's."""
-    monkeypatch.setattr(importance, "reflected_log_posterior", lambda target, mode, y: height(y))
     target = SimpleNamespace(
         names=NAMES,
         noise="gaussian",
@@ -75,7 +74,13 @@ def banana(monkeypatch) -> tuple[Any, Any]:
     factor = np.linalg.cholesky(np.linalg.inv(information))
     sds = np.sqrt(np.diag(factor @ factor.T))
     return target, SimpleNamespace(
-        z=at, information=information, factor=factor, sd=lambda: sds, near=near(slopes)
+        z=at,
+        information=information,
+        factor=factor,
+        sd=lambda: sds,
+        linear=None,
+        likelihood=SimpleNamespace(folded=height),
+        near=near(slopes),
     )
 
 
@@ -164,7 +169,6 @@ def test_importance_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch
 def test_bridge_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch) -> None:
     """From exact draws; four standard errors. Negative control: with the ridge left curved the fit hardly meets
     it."""
-    monkeypatch.setattr(bridge, "reflected_log_posterior", lambda target, mode, y: height(y))
     z = np.random.default_rng(5).standard_normal((4, 1000, 4)) * [SCALE[0], WIDTH, 1.0, 1.0]
     z[..., 0] = np.abs(z[..., 0])
     z[..., 1] += TILT * z[..., 2] * z[..., 3]

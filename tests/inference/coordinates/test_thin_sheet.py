@@ -33,7 +33,6 @@ def slopes(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.fixture
 def sheet(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any]:
     """A target and its mode, at two of three walls, with that density in place of a record's."""
-    monkeypatch.setattr(importance, "reflected_log_posterior", lambda target, mode, y: height(y))
     monkeypatch.setattr(importance, "shear_of", lambda target, mode: None)
     names = ("a", "b", "c")
     target = SimpleNamespace(names=names, noise="gaussian", reflected=np.ones(3, bool))
@@ -42,7 +41,15 @@ def sheet(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any]:
     factor = np.linalg.cholesky(np.linalg.inv(information))
     sds = np.sqrt(np.diag(factor @ factor.T))
     near = SimpleNamespace(curvature=slopes, gradient=lambda z: slopes(z)[:2], target=target)
-    return target, SimpleNamespace(z=at, information=information, factor=factor, sd=lambda: sds, near=near)
+    return target, SimpleNamespace(
+        z=at,
+        information=information,
+        factor=factor,
+        sd=lambda: sds,
+        linear=None,
+        likelihood=SimpleNamespace(folded=height),
+        near=near,
+    )
 
 
 def test_evidence_on_a_thin_sheet_between_walls(sheet: tuple[Any, Any]) -> None:

@@ -10,7 +10,7 @@ from bayesdamp.inference.deviation.single import under
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence.methods import nested
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.priors import HalfNormal
+from bayesdamp.priors import LogNormal
 from bayesdamp.types import Evidence
 from tests.interface.test_chains import by_sum, without_deviations
 from tests.interface.test_deviation import fit, one_parameter
@@ -47,8 +47,8 @@ def test_nested_sampling_of_more_parameters_against_importance() -> None:
     error = (found.stderr**2 + other.stderr**2) ** 0.5
     assert abs(found.log_evidence - other.log_evidence) < 4 * error
     priors = law.found.priors
-    prior = priors["zeta"]
-    assert isinstance(prior, HalfNormal)
-    twice = {**priors, "zeta": HalfNormal(scale=2 * prior.scale)}
+    prior = priors["stiffness"]
+    assert isinstance(prior, LogNormal)
+    twice = {**priors, "stiffness": LogNormal(median=prior.median, sigma=2 * prior.sigma)}
     wider = evidence("importance", under(law, twice).mode)
     assert abs(found.log_evidence - wider.log_evidence) > 8 * error

@@ -8,6 +8,7 @@ import pytest
 import bayesdamp as bd
 import bayesdamp.inference.deviation.candidate as candidates
 from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.model.scores import Scores
 from tests.measured.records import DATA
 
 RECORD = DATA / "spring_disc" / "molla_durissima_discopieno_14.91945_0.2016_3.csv"
@@ -29,6 +30,6 @@ def test_a_law_whose_parameters_are_told_only_together_reaches_what_a_simple_one
 
 def test_without_held_scores_it_ends_at_the_plain_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Control: halved steps along the scores find none that is better."""
-    monkeypatch.setattr(candidates, "retracted", lambda parameters, law, z, new: new)
+    monkeypatch.setattr(Scores, "retracted", lambda self, law, z, new: new)
     monkeypatch.setattr(candidates, "STEPS", ((1.0, 0.0), (0.5, 0.0), (0.25, 0.0), (0.12, 0.0)))
     assert left_by("horizontal_pendulum") > 1.5 * left_by("linear")

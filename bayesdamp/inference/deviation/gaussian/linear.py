@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_ndtr
+from scipy.special import log_ndtr, logsumexp
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid
-from bayesdamp.inference.deviation.gaussian.orthant import log_probability
+from bayesdamp.numerics.orthant import log_probability
 from bayesdamp.priors import SHARED_SIGMAS
 
 PRECISE = 1e11
@@ -191,17 +191,12 @@ def with_priors(
     if places.size:
         part = factors[:, places]
         log_each = log_each + _folded(means[:, places], part @ np.swapaxes(part, 1, 2))
-    return Weighed(log_each, _log_sum(log_each), means, factors, combos, damping)
+    return Weighed(log_each, float(logsumexp(log_each)), means, factors, combos, damping)
 
 
 def _folded(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Log of the part of the doubled normals that is positive, (m,)."""
     return mean.shape[1] * np.log(2.0) + log_probability(mean, covariance)
-
-
-def _log_sum(logs: np.ndarray) -> float:
-    top = float(logs.max())
-    return top + float(np.log(np.sum(np.exp(logs - top))))
 
 
 @dataclass(frozen=True)

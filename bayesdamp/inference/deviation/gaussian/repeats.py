@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import erf
 
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood, Normals, Weighed, with_priors
-from bayesdamp.inference.deviation.gaussian.orthant import draw
+from bayesdamp.numerics.orthant import draw
 from bayesdamp.priors import Prior, SharedHalfNormal
 
 SPREAD = 0.1

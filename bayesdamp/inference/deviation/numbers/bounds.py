@@ -144,7 +144,7 @@ def columns_of(weighing: Weighing, result: Result, approximate: bool) -> tuple[n
     motion = solver.solve(fit.parameters.values(z), fit.active, np.expm1(g), h, ALL)
     if motion is None:
         return None
-    scores = motion.tangents[:, fit.parameters.free] * fit.parameters.slopes(z)
+    scores = motion.tangents[:, fit.parameters.free] * fit.parameters.rates(z)
     rest = motion.tangents[:, len(solver.names) :].copy()
     rest[:, :n] *= np.exp(g)
     columns = np.column_stack([scores, rest])
@@ -189,7 +189,7 @@ def _sources(
     columns = parameters.free[places]
     own = _Own(
         viscous=2 * weighing.data.frequency * float(np.sum(width * v * v)),
-        works=works[columns], places=np.array(places, int), scales=parameters.slopes(z)[places],
+        works=works[columns], places=np.array(places, int), scales=parameters.rates(z)[places],
     )  # fmt: skip
     return forces, (width * v) @ forces, (width * np.abs(v)) @ np.abs(forces), own
 

@@ -190,7 +190,7 @@ def _noise_sd(weighing: Weighing, result: Result, per_unit: np.ndarray) -> float
     """The ratio's standard deviation from noise alone, under exact laws."""
     factor = result.exact_weighed.factors[0]
     parameters, m = result.fit.parameters, per_unit.size
-    slopes = parameters.slopes(result.fit.z)
+    slopes = parameters.rates(result.fit.z)
     gradient = np.zeros(parameters.free.size)
     for i, place in enumerate(parameters.free):
         if place < m:

@@ -9,8 +9,8 @@ import numpy as np
 
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
-from bayesdamp.inference.deviation.gaussian.orthant import draw
 from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.numerics.orthant import draw
 from bayesdamp.odds import odds
 
 DRAWS = 4000

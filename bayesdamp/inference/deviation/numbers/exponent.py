@@ -122,7 +122,7 @@ def _problem(
     if not (approximate or weighing.noise_known):
         variance = data.least_variance + weighing.inflation * top.squares / max(data.y.size - top.z.size, 1)
     own = weigh(exact(top), grid_of(0, exact=True), variance, samples)
-    slope = float(parameters.slopes(top.z)[place])
+    slope = float(parameters.rates(top.z)[place])
     sd = float(np.linalg.norm(own.factors[0][place])) * abs(slope)
 
     def at(p: float, near: _At | None) -> _At | None:

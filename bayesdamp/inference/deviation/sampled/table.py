@@ -46,7 +46,7 @@ def posterior_of(weighing: Weighing, result: Result, found: Sampled) -> Posterio
     parameters = result.fit.parameters
     z = found.draws[:, : parameters.free.size]
     values = parameters.values(z)[:, parameters.free]
-    noise = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * np.abs(parameters.slopes(result.fit.z))
+    noise = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
     noise = noise * np.sqrt(weighing.variance / result.exact_variance)
     rows = {name: summary(values[:, i], float(noise[i])) for i, name in enumerate(parameters.free_names)}
     return Posterior(

@@ -11,7 +11,6 @@ from scipy.special import logsumexp
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.coordinates.reflected_t import fitted
 from bayesdamp.inference.coordinates.shear import Shear, shear_of
-from bayesdamp.inference.evidence._densities import reflected_log_posterior
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
@@ -95,7 +94,7 @@ def _spans(
         proposal = fitted(shaping.reshape(-1, reflected.size), reflected)
         there = proposal.draw(rng, PROPOSALS)
         y = np.concatenate([bridged.reshape(-1, reflected.size), there])
-        ratio = reflected_log_posterior(target, mode, shear.scores(y)) - proposal.log_density(y)
+        ratio = mode.likelihood.folded(shear.scores(y)) - proposal.log_density(y)
         evaluations += len(y)
         cut = len(y) - PROPOSALS
         spans.append(span(ratio[:cut].reshape(bridged.shape[:2]), ratio[cut:]))

@@ -12,7 +12,6 @@ from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT, fit
 from bayesdamp.inference.coordinates.shear import Shear, shear_of
 from bayesdamp.inference.coordinates.truncated_normal import about
 from bayesdamp.inference.curves.weighted import effective
-from bayesdamp.inference.evidence._densities import reflected_log_posterior
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
@@ -103,7 +102,7 @@ class Importance(EvidenceMethod):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Straightened draws, (n, d), and their log weights, (n,)."""
         y = proposal.draw(rng, n)
-        return y, reflected_log_posterior(target, mode, shear.scores(y)) - proposal.log_density(y)
+        return y, mode.likelihood.folded(shear.scores(y)) - proposal.log_density(y)
 
     @staticmethod
     def _straightened(

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
 from bayesdamp.inference.deviation.gaussian.linear import condensed, weigh
-from bayesdamp.inference.deviation.gaussian.orthant import draw
+from bayesdamp.numerics.orthant import draw
 from bayesdamp.priors import SCORE_RATIO
 
 N, KNOTS, SD = 30, 4, 0.3

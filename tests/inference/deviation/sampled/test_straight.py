@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.numbers.draws import scores_of
-from bayesdamp.inference.deviation.parameters import Straight, retracted, straight_at
+from bayesdamp.inference.deviation.parameters import Straight, straight_at
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sampled import candidates, reference
 from bayesdamp.inference.deviation.sampled.motions import APART, LOOSER, Motions, motions_near
@@ -147,6 +147,6 @@ def test_a_step_along_gravity_keeps_what_the_record_tells() -> None:
         assert natural is not None
         return np.array([natural[n] for n in ("stiffness", "spring_angle", "theta0")])
 
-    along = told(retracted(parameters, "horizontal_pendulum", z, new))
+    along = told(parameters.retracted("horizontal_pendulum", z, new))
     np.testing.assert_allclose(along, told(z), rtol=1e-6)
     assert np.max(np.abs(told(new) / told(z) - 1)) > 1e-3

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import log_ndtr, ndtr, ndtri
+from scipy.special import log_ndtr, ndtr, ndtri, ndtri_exp
 
 POINTS = 24
+FAINTEST = 1e-280
+"""Probability above zero below which quantiles are found from its logarithm (conventional)."""
 NESTED, LATTICE = 3, 256
 """Coordinates up to which rules are nested, and points for more."""
 PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53], float)
@@ -71,7 +73,11 @@ def _least_likely_first(mean: np.ndarray, covariance: np.ndarray) -> tuple[np.nd
 def truncated(mean: np.ndarray, sd: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """Quantiles at `shares`, (c, p), of normals (c,) that are cut off at zero."""
     above = ndtr(mean / sd)[:, None]
-    score = -ndtri(np.clip((1 - shares) * above, 1e-300, 1.0))
+    if above.min(initial=1.0) > FAINTEST:
+        score = -ndtri(np.maximum((1 - shares) * above, 1e-300))
+    else:
+        with np.errstate(divide="ignore"):
+            score = -ndtri_exp(np.log1p(-shares) + log_ndtr(mean / sd)[:, None])
     return np.maximum(mean[:, None] + sd[:, None] * score, 0.0)
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import ks_2samp, multivariate_normal, norm
 
-from bayesdamp.inference.deviation.gaussian.orthant import draw, log_probability, truncated
+from bayesdamp.numerics.orthant import draw, log_probability, truncated
 
 FALSE_ALARM = 1e-4
 """Of each comparison of draws."""
@@ -121,3 +121,34 @@ def test_draws_at_the_border() -> None:
     assert found[:, 1].mean() == pytest.approx(lower.mean(), rel=0.06)
     assert found[:, 0].mean() == pytest.approx(9 - 0.98 * (lower.mean() + 4), rel=0.01)
     assert found[:, 0].std() == pytest.approx(np.hypot(0.98 * lower.std(), np.sqrt(1 - 0.98**2)), rel=0.06)
+
+
+@pytest.mark.parametrize("mean", [-200.0, -30.0, -3.0, 0.0, 2.0])
+def test_one_wall_is_the_normal_distribution_function(mean: float) -> None:
+    assert log_probability(np.array([[mean]]), np.array([[[4.0]]]))[0] == pytest.approx(
+        norm.logcdf(mean / 2), rel=1e-12
+    )
+
+
+def test_two_and_three_walls_against_an_independent_rule() -> None:
+    covariance = np.array([[1.0, -0.6, 0.2], [-0.6, 2.0, 0.5], [0.2, 0.5, 1.5]])
+    mean = np.array([0.3, -0.8, 1.1])
+    two = np.log(multivariate_normal(-mean[:2], covariance[:2, :2]).cdf([0.0, 0.0]))  # type: ignore
+    assert log_probability(mean[None, :2], covariance[None, :2, :2])[0] == pytest.approx(two, abs=1e-3)
+    # P(z ≥ 0) of three by conditioning on the third, with the exact two-dimensional rule inside
+    grid, weights = np.polynomial.legendre.leggauss(200)
+    z = 5.0 * (grid + 1.0)
+    gain = covariance[:2, 2] / covariance[2, 2]
+    rest = covariance[:2, :2] - np.outer(gain, covariance[:2, 2])
+    inner = [multivariate_normal(-(mean[:2] + gain * (x - mean[2])), rest).cdf([0.0, 0.0]) for x in z]  # type: ignore
+    three = np.log(np.sum(5.0 * weights * norm.pdf(z, mean[2], 1.5**0.5) * inner))
+    assert log_probability(mean[None], covariance[None])[0] == pytest.approx(three, abs=1e-3)
+    assert (
+        abs(log_probability(mean[None], np.diag(np.diag(covariance))[None])[0] - three) > 0.01
+    )  # the correlation counts
+
+
+def test_far_out_in_the_tail_of_two_walls() -> None:
+    mean = np.array([[-60.0, -80.0]])
+    found = log_probability(mean, np.eye(2)[None])[0]
+    assert found == pytest.approx(float(np.sum(norm.logcdf(mean))), rel=1e-9)
