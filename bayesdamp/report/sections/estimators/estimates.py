@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from markupsafe import Markup
@@ -170,20 +170,14 @@ def _error(found: Sequence[Row]) -> str:
 
 
 def _others(rows: Sequence[Row]) -> Table:
-    lines = [
-        Line(
-            [
-                words.method(r["estimator"]),
-                words.stage(r["stage"]),
-                words.symbol(r["parameter"]).text,
-                fmt.with_error(r["value"], r["stderr"]),
-                words.unit(r["unit"]),
-            ]
-        )
-        for r in rows
-    ]
-    headers = ["estimator", "stage", "parameter", "value", "unit"]
-    return Table(headers, lines, frozenset({0, 1, 2, 4}))
+    columns: dict[str, Callable[[Row], str]] = {
+        "estimator": lambda r: words.method(r["estimator"]),
+        "stage": lambda r: words.stage(r["stage"]),
+        "parameter": lambda r: words.symbol(r["parameter"]).text,
+        "value": lambda r: fmt.with_error(r["value"], r["stderr"]),
+        "unit": lambda r: words.unit(r["unit"]),
+    }
+    return Table.of(rows, columns, (0, 1, 2, 4))
 
 
 def _traces(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
