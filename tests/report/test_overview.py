@@ -13,7 +13,7 @@ from rich.console import Console
 
 from bayesdamp.report import render
 from bayesdamp.report.results.answers import answers
-from bayesdamp.report.results.beside import beside
+from bayesdamp.report.results.estimates import coefficient_estimates
 from bayesdamp.report.results.overview import common_amplitude, ratio_of, short_names
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections.estimators.against import inside
@@ -115,7 +115,7 @@ def test_names_are_shown_without_what_all_begin_with() -> None:
 
 
 def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Path) -> None:
-    found = {one.signal: one for one in beside(Run(whole_run)) if one.parameter == "zeta"}
+    found = {one.signal: one for one in coefficient_estimates(Run(whole_run)) if one.parameter == "zeta"}
     one = found["sim"]
     assert one.source == "sim"
     assert one.truth == 0.05
