@@ -17,8 +17,8 @@ import bayesdamp as bd
 from bayesdamp.report.drawing import in_style
 from bayesdamp.report.figures.estimators.against import against
 from bayesdamp.report.figures.estimators.sweep import sweep
-from bayesdamp.report.results.beside import beside
 from bayesdamp.report.results.comparing import CATEGORIES
+from bayesdamp.report.results.estimates import coefficient_estimates
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import series
 from bayesdamp.report.style import FAINT, INK, QUIET, colour, dash
@@ -141,7 +141,7 @@ def in_noise(root: Path) -> Figure:
 
 def beside_posterior(root: Path) -> Figure:
     """The eleven against the posterior, from the report of studies/paper.toml."""
-    return against(beside(Run(root / "reports" / "paper")), 3)
+    return against(coefficient_estimates(Run(root / "reports" / "paper")), 3)
 
 
 def write(root: Path) -> None:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from bayesdamp import types
-from bayesdamp.formatting import with_interval
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.interface.parts import axes as drawing
@@ -28,9 +27,9 @@ from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.specimen import specimen
+from bayesdamp.verdict.tables import ratios_table
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
-from bayesdamp.verdict.words import quality_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -185,16 +184,9 @@ class Comparison(Result):
         return Path(path)
 
     def _table(self) -> Table:
-        rows = tuple(
-            (
-                f"{r.amplitude:.3g} {r.unit}",
-                with_interval(r.value, r.low, r.high, " %", 100),
-                quality_of(r),
-            )
-            for r in self.verdict.damping_ratio
+        return replace(
+            ratios_table(self.verdict.damping_ratio, self.verdict.sentence), notes=self.verdict.remarks
         )
-        columns = ("amplitude", "equivalent damping ratio (95 %)", "Q")
-        return Table(columns, rows, caption=self.verdict.sentence, notes=self.verdict.remarks)
 
     def _packed(self) -> Packed:
         meta: dict[str, Any] = {

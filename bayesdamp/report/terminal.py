@@ -4,28 +4,26 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
-from bayesdamp import formatting as fmt
-from bayesdamp.report import words
-from bayesdamp.report.results.alike import common_amplitude, ratio_of, short_names
-from bayesdamp.report.results.answers import Answer, answers, specimens
+from bayesdamp.report.results.answers import answers, specimens
 from bayesdamp.report.results.checks import Checks, sampled_words
+from bayesdamp.report.results.overview import overview_table
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import OK
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.agreement import agreement
-from bayesdamp.verdict.parts import Grade, Motion
+from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.tables import modes_table, ratios_table
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
-from bayesdamp.verdict.words import energy_of, quality_of
+from bayesdamp.verdict.words import energy_of
 
 
 class Lasting(Console):
@@ -76,11 +74,11 @@ def answered(verdict: Verdict, console: Console) -> None:
     """Print a verdict: its sentence, the damping ratio against amplitude, the remarks."""
     console.print(Text.assemble((f"{verdict.record}: ", "bold"), verdict.sentence), soft_wrap=True)
     if verdict.damping_ratio:
-        console.print(_ratios(verdict))
+        console.print(ratios_table(verdict.damping_ratio).rich())
         for said in energy_of(verdict):
             console.print(Text(said), soft_wrap=True)
     if verdict.modes:
-        console.print(_modes(verdict))
+        console.print(modes_table(verdict.modes, verdict.motion).rich())
     for remark in verdict.remarks:
         console.print(Text(f"- {remark}"), soft_wrap=True)
 
@@ -95,7 +93,9 @@ def conclude(folder: Path, console: Console) -> None:
         answered(together, console)
     if len(found) > 1:
         console.print()
-        console.print(_overview(found))
+        console.print(
+            overview_table(found, brief=True).rich(box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0))
+        )
     for signal in run.signals:
         if signal not in said:
             console.print()
@@ -128,46 +128,3 @@ def _why(run: Run, signal: str) -> str:
     cell = run.cell("answer", signal, run.repeats(signal)[0])
     outcome = cell.outcome if cell is not None else str(run.about(signal).get("outcome", OK))
     return f"no verdict{'' if outcome == OK else ': ' + outcome.rstrip('.')}."
-
-
-def _modes(verdict: Verdict) -> Table:
-    ends = "least to largest" if verdict.motion is Motion.EXCITED else "first to last"
-    table = Table("frequency", "damping ratio (95 %)", f"amplitude, {ends}")
-    for m in verdict.modes:
-        ratio = fmt.with_interval(m.damping_ratio, m.low, m.high, " %", 100)
-        table.add_row(f"{m.frequency:.5g} Hz", ratio, f"{m.first:.3g} to {m.last:.3g} {m.unit}")
-    return table
-
-
-def _overview(found: Sequence[Answer]) -> Table:
-    """A line a record, their damping ratios at one amplitude where all pass one."""
-    shared, names = common_amplitude(found), short_names([a.signal for a in found])
-    ratios = [ratio_of(a, shared) for a in found]
-    unit = next((ratio.unit for ratio in ratios if ratio), "")
-    at = (
-        f"damping ratio at {shared:.2g} {unit} (95 %)"
-        if shared is not None
-        else "damping ratio (95 %), amplitude"
-    )
-    table = Table(box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0))
-    for title, least in (("record", 6), ("damping", 12), ("probability", 11), ("frequency", 9), (at, 24)):
-        table.add_column(title, min_width=least, overflow="fold")
-    for a, ratio in zip(found, ratios, strict=True):
-        v = a.verdict
-        size = fmt.with_interval(ratio.value, ratio.low, ratio.high, " %", 100) if ratio else fmt.NONE
-        table.add_row(
-            names[a.signal],
-            words.model(v.damping) if v.damping else f"no free decay: {v.motion}",
-            fmt.probability(v.probability) if v.damping else fmt.NONE,
-            f"{v.frequency.value:.4g} {v.frequency.unit}" if v.frequency else fmt.NONE,
-            f"{size}, {ratio.amplitude:.2g} {ratio.unit}" if ratio and shared is None else size,
-        )
-    return table
-
-
-def _ratios(verdict: Verdict) -> Table:
-    table = Table("amplitude", "equivalent damping ratio (95 %)", "Q")
-    for r in verdict.damping_ratio:
-        ratio = fmt.with_interval(r.value, r.low, r.high, " %", 100)
-        table.add_row(f"{r.amplitude:.3g} {r.unit}", ratio, quality_of(r))
-    return table

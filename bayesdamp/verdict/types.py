@@ -10,9 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from bayesdamp.calls import Told
-from bayesdamp.formatting import with_interval
 from bayesdamp.store.files import write_json
-from bayesdamp.table import Table
 from bayesdamp.types import VERDICT_SCHEMA, InputError
 from bayesdamp.verdict.parts import (
     Averages,
@@ -29,6 +27,7 @@ from bayesdamp.verdict.parts import (
     Share,
     Window,
 )
+from bayesdamp.verdict.tables import ratios_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -133,11 +132,7 @@ class Verdict(Told):
         return found
 
     def _repr_html_(self) -> str:
-        columns = {
-            "amplitude": lambda r: f"{r.amplitude:.3g} {r.unit}",
-            "equivalent damping ratio (95 %)": lambda r: with_interval(r.value, r.low, r.high, " %", 100),
-        }
-        return Table.of(self.damping_ratio, columns, caption=self.sentence).__html__()
+        return ratios_table(self.damping_ratio, self.sentence).__html__()
 
     def to_dict(self) -> dict[str, object]:
         """As plain values, without provenance, with the version of the fields; what is not known is None."""

@@ -197,15 +197,6 @@ def _first(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def quality_of(r: DampingRatio) -> str:
-    """Q at an amplitude with its interval, which has no end where the record does not exclude that nothing is lost."""
-    if not r.value > 0:
-        return "–"
-    if not r.low > 0:
-        return f"{0.5 / r.value:.3g} (above {0.5 / r.high:.3g})"
-    return with_interval(0.5 / r.value, 0.5 / r.high, 0.5 / r.low)
-
-
 def given(i: Interval) -> bool:
     """Whether a number has no width, for it was given and not found."""
     return i.high - i.low <= 2e-12 * abs(i.value)

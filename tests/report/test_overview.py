@@ -12,9 +12,9 @@ import pytest
 from rich.console import Console
 
 from bayesdamp.report import render
-from bayesdamp.report.results.alike import common_amplitude, ratio_of, short_names
 from bayesdamp.report.results.answers import answers
-from bayesdamp.report.results.beside import beside
+from bayesdamp.report.results.estimates import coefficient_estimates
+from bayesdamp.report.results.overview import common_amplitude, ratio_of, short_names
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections.estimators.against import inside
 from bayesdamp.report.terminal import conclude
@@ -105,7 +105,7 @@ def test_a_first_record_without_a_damping_ratio_has_its_line(folder: Path) -> No
     out = io.StringIO()
     conclude(folder, Console(file=out, width=120))
     assert re.search(r"^ *1 +no free decay", out.getvalue(), re.MULTILINE), out.getvalue()
-    assert "7 deg" in out.getvalue().replace("\n", " "), "in the unit of those that have one"
+    assert "7.02 deg" in out.getvalue().replace("\n", " "), "in the unit of those that have one"
 
 
 def test_names_are_shown_without_what_all_begin_with() -> None:
@@ -115,7 +115,7 @@ def test_names_are_shown_without_what_all_begin_with() -> None:
 
 
 def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Path) -> None:
-    found = {one.signal: one for one in beside(Run(whole_run)) if one.parameter == "zeta"}
+    found = {one.signal: one for one in coefficient_estimates(Run(whole_run)) if one.parameter == "zeta"}
     one = found["sim"]
     assert one.source == "sim"
     assert one.truth == 0.05

@@ -22,9 +22,10 @@ from bayesdamp.verdict.parts import (
     Rival,
     Share,
 )
+from bayesdamp.verdict.tables import quality_of
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
-from bayesdamp.verdict.words import energy_of, loses_like, quality_of, sentence
+from bayesdamp.verdict.words import energy_of, loses_like, sentence
 
 
 def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> None:

@@ -9,8 +9,6 @@ from markupsafe import Markup
 from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.run import Run
 
-ANCHOR = "answer-"
-"""With a signal's name, where its answer stands."""
 _OPEN = 4
 _MOST = 4
 """Models of a signal that are drawn: what is less likely than so many others is in the tables."""

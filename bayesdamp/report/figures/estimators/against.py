@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import off_axis, panels
-from bayesdamp.report.results.beside import Beside
+from bayesdamp.report.results.estimates import CoefficientEstimates
 from bayesdamp.report.style import FAINT, INK, QUIET, colour
 
 REACH = 3.0
@@ -24,7 +24,7 @@ ROW, ROW_PUBLISHED = 0.31, 0.40
 """Inches a method takes, with two and with three marks."""
 
 
-def against(found: Sequence[Beside], abreast: int) -> Figure:
+def against(found: Sequence[CoefficientEstimates], abreast: int) -> Figure:
     """A panel a coefficient, `abreast` in a row, a line a method. What is off the axis is an arrow with its value."""
     methods = list(dict.fromkeys(m for one in found for m in one.methods))
     published = any(one.published for one in found)
@@ -39,7 +39,7 @@ def against(found: Sequence[Beside], abreast: int) -> Figure:
     return figure
 
 
-def _panel(ax: Axes, one: Beside, methods: Sequence[str]) -> None:
+def _panel(ax: Axes, one: CoefficientEstimates, methods: Sequence[str]) -> None:
     shade = colour(one.model)
     low, high = _window(one)
     if one.posterior is not None:
@@ -71,7 +71,7 @@ def _panel(ax: Axes, one: Beside, methods: Sequence[str]) -> None:
     ax.spines["left"].set_visible(False)
 
 
-def _window(one: Beside) -> tuple[float, float]:
+def _window(one: CoefficientEstimates) -> tuple[float, float]:
     values = [*one.own.values(), *one.refined.values()]
     middle = one.truth if np.isfinite(one.truth) else float(np.median(values))
     if one.posterior is None:
@@ -85,7 +85,7 @@ def _window(one: Beside) -> tuple[float, float]:
     return middle - reach, middle + reach
 
 
-def _handles(found: Sequence[Beside], published: bool) -> list[Line2D | Patch]:
+def _handles(found: Sequence[CoefficientEstimates], published: bool) -> list[Line2D | Patch]:
     shade = colour(found[0].model) if len({one.model for one in found}) == 1 else QUIET
     kinds: list[Line2D | Patch] = [
         Line2D([], [], ls="", marker="o", ms=4.5, mfc="white", mec=shade, label="own estimate"),

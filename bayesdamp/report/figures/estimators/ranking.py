@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import panels
 from bayesdamp.report.results.comparing import CATEGORIES, Comparison, category
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, legend_above
+from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, legend_above
 
 FLOOR = 1e-8
 """Errors below this share of a per cent are drawn at it: rounding."""
@@ -83,21 +83,6 @@ def categories(found: Comparison) -> Figure:
         axes[0].plot([], [], ls="", marker="o", ms=4.5, mfc=face, mec=edge, label=words.stage(stage))
     axes[0].plot([], [], color=INK, lw=1.2, label="median")
     legend_above(figure)
-    return figure
-
-
-def responses(records: dict[str, tuple[np.ndarray, np.ndarray]], models: dict[str, str], axis: str) -> Figure:
-    """records: signal to times (s) and values, shape (n,); models: the damping each was made with."""
-    figure, axes, firsts = panels(len(records), 2.1)
-    for ax, (signal, (t, y)) in zip(axes, records.items()):
-        every = max(1, len(t) // 1500)
-        ax.plot(t[::every], y[::every], color=colour(models.get(signal, "")), lw=0.8)
-        ax.axhline(0, color=FAINT, lw=0.6, zorder=0.5)
-        ax.set_title(signal)
-        ax.set_xlabel("time / s")
-        ax.margins(x=0)
-    for ax in firsts:
-        ax.set_ylabel(axis)
     return figure
 
 

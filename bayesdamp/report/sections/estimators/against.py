@@ -11,7 +11,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.report.figures._panels import ABREAST
 from bayesdamp.report.figures.estimators.against import against
 from bayesdamp.report.html import fill
-from bayesdamp.report.results.beside import Beside, beside
+from bayesdamp.report.results.estimates import CoefficientEstimates, coefficient_estimates
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
 
@@ -25,15 +25,15 @@ class AgainstSection(Section):
 
     def applies(self, run: Run) -> bool:
         """Where there is a posterior, and no published tables, which bring the picture with them."""
-        return not run.study.get("published") and any(one.posterior for one in beside(run))
+        return not run.study.get("published") and any(one.posterior for one in coefficient_estimates(run))
 
     def render(self, run: Run) -> str:
         """A sentence and the picture."""
-        found = beside(run)
+        found = coefficient_estimates(run)
         return fill("stack.html", parts=[Markup("<p>{}</p>").format(inside(found)), picture(run, found)])
 
 
-def inside(found: Sequence[Beside]) -> str:
+def inside(found: Sequence[CoefficientEstimates]) -> str:
     """How many of the estimates lie in the interval, in a sentence."""
     said = []
     for name, values in (
@@ -46,7 +46,7 @@ def inside(found: Sequence[Beside]) -> str:
     return f"{fmt.listing(said)} lie in the posterior's 95 % interval." if said else ""
 
 
-def _values(found: Sequence[Beside], stage: str) -> list[tuple[float, float, float]]:
+def _values(found: Sequence[CoefficientEstimates], stage: str) -> list[tuple[float, float, float]]:
     return [
         (value, *one.posterior)
         for one in found
@@ -55,10 +55,10 @@ def _values(found: Sequence[Beside], stage: str) -> list[tuple[float, float, flo
     ]
 
 
-def picture(run: Run, found: Sequence[Beside]) -> Markup:
-    """The picture with its caption."""
+def picture(run: Run, found: Sequence[CoefficientEstimates], name: str = "against", lead: str = "") -> Markup:
+    """Draw the estimates against the posterior. lead: the beginning of the caption."""
     said = [
-        "What each method found by itself (open) and after the trajectory fit that starts there (filled)."
+        f"{lead}What each method found by itself (open) and after the trajectory fit that starts there (filled)."
     ]
     if any(one.posterior for one in found):
         said.append(
@@ -75,11 +75,11 @@ def picture(run: Run, found: Sequence[Beside]) -> Markup:
         said.append("Arrows: off the axis.")
     abreast = min(ABREAST, _in_a_row(found))
     return run.drawings.add(
-        "against", " ".join(said), lambda: against(found, abreast), narrow=lambda: against(found, 1)
+        name, " ".join(said), lambda: against(found, abreast), narrow=lambda: against(found, 1)
     )
 
 
-def _in_a_row(found: Sequence[Beside]) -> int:
+def _in_a_row(found: Sequence[CoefficientEstimates]) -> int:
     """So many that signals with published figures fill rows of their own."""
     printed = sum(bool(one.published) for one in found)
     return printed if 0 < printed < len(found) else len(found)

@@ -12,8 +12,8 @@ from bayesdamp.report import words
 from bayesdamp.report.figures._panels import ABREAST
 from bayesdamp.report.figures.estimators.convergence import convergence
 from bayesdamp.report.figures.estimators.heatmap import heatmap
-from bayesdamp.report.figures.estimators.ranking import categories, ranking, responses
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.figures.estimators.ranking import categories, ranking
+from bayesdamp.report.html import fill
 from bayesdamp.report.results.comparing import STAGES, Comparison, compared, true_models
 from bayesdamp.report.results.reading import damping_parameters, truth
 from bayesdamp.report.results.run import Run
@@ -63,7 +63,6 @@ class ComparisonSection(Section):
             course = _convergence(run, truths, singles)
             if course is not None:
                 parts.append(course)
-        parts.append(_responses(run, found, known))
         return fill("stack.html", parts=parts)
 
 
@@ -111,20 +110,6 @@ def _convergence(run: Run, truths: dict[str, float], models: dict[str, str]) -> 
     said += f" Of the first {len(first)} signals." if many else ""
     names = {s: own[models[s]] for s in truths}
     return run.drawings.add("convergence", said, lambda: convergence(courses, truths, names, models))
-
-
-def _responses(run: Run, found: Comparison, models: dict[str, str]) -> Markup:
-    records = {}
-    for signal in found.signals[:ABREAST]:
-        cell = run.cell("signal", signal, run.repeats(signal)[0])
-        if cell is not None and "t" in cell.arrays:
-            records[signal] = (cell.arrays["t"], cell.arrays["y"])
-    if not records:
-        return Markup("")
-    drawing = run.drawings.add(
-        "responses", "The records.", lambda: responses(records, models, "record / (rad or m, SI)")
-    )
-    return folded("The records themselves", drawing)
 
 
 PLUGIN = ComparisonSection()

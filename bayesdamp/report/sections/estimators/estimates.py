@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.estimators.estimates import Point, estimates
 from bayesdamp.report.figures.estimators.traces import traces
 from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.answers import only_answered
-from bayesdamp.report.results.beside import covered
+from bayesdamp.report.results.comparing import compared
+from bayesdamp.report.results.estimates import covered, estimates_of
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
-from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.report.sections.estimators.against import picture
 from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 
@@ -51,7 +51,7 @@ def _one(run: Run, signal: str) -> Markup:
         if not rows:
             continue
         shown = len(repeats) == 1 and covered(run, signal, model)  # in the section that compares them
-        content: list[object] = [_figure(run, signal, model, rows)] if drawn(run, place) and not shown else []
+        content: list[object] = [_figure(run, signal, model)] if drawn(run, place) and not shown else []
         content.append(_table(run, signal, model, rows, repeats))
         others = [r for r in rows if r["repeat"] == repeats[0] and math.isfinite(r["value"])]
         others = [r for r in others if r["parameter"] not in coefficients(run, model)]
@@ -70,42 +70,12 @@ def _one(run: Run, signal: str) -> Markup:
     return fill("stack.html", parts=parts)
 
 
-def _figure(run: Run, signal: str, model: str, rows: Sequence[Row]) -> Markup:
-    names = coefficients(run, model)
-    points = {
-        name: [
-            Point(
-                r["estimator"],
-                r["stage"],
-                r["value"],
-                r["stderr"] if len(run.repeats(signal)) == 1 else math.nan,
-            )
-            for r in rows
-            if r["parameter"] == name and math.isfinite(r["value"])
-        ]
-        for name in names
-    }
-    points = {name: found for name, found in points.items() if found}
-    if not points:
-        return Markup("")
-    units = {r["parameter"]: r["unit"] for r in rows}
-    repeat = run.repeats(signal)[0]
-    draws: dict[str, np.ndarray] = {}
-    for cell in run.cells("posterior", signal, repeat, model):
-        if "draws" in cell.arrays and not draws:
-            named = enumerate(PosteriorContent.of(cell).names)
-            draws = {n: cell.arrays["draws"][..., i] for i, n in named if n in names}
-    if not draws and all(len(found) == 1 for found in points.values()):
-        return Markup("")  # a single number needs no axis
-    true = {name: truth(run, signal, name) for name in names}
-    what = (
-        "Estimates of all repeats" if len(run.repeats(signal)) > 1 else "Estimates with their standard errors"
-    )
-    over = " over the posterior" if draws else ""
-    caption = f"{signal}, {words.model(model)}: {what}{over}. A triangle points to an estimate off the axis."
-    return run.drawings.add(
-        f"estimates-{signal}-{model}", caption, lambda: estimates(model, points, draws, units, true)
-    )
+def _figure(run: Run, signal: str, model: str) -> Markup:
+    every = (estimates_of(run, compared(run), signal, model, name) for name in coefficients(run, model))
+    found = [one for one in every if len(one.methods) > 1 or (one.methods and one.posterior)]
+    repeats = len(run.repeats(signal))
+    lead = f"{signal}, {words.model(model)}{f', repeat 1 of {repeats}' if repeats > 1 else ''}. "
+    return picture(run, found, f"estimates-{signal}-{model}", lead) if found else Markup("")
 
 
 def _table(run: Run, signal: str, model: str, rows: Sequence[Row], repeats: Sequence[int]) -> Table:
@@ -170,20 +140,14 @@ def _error(found: Sequence[Row]) -> str:
 
 
 def _others(rows: Sequence[Row]) -> Table:
-    lines = [
-        Line(
-            [
-                words.method(r["estimator"]),
-                words.stage(r["stage"]),
-                words.symbol(r["parameter"]).text,
-                fmt.with_error(r["value"], r["stderr"]),
-                words.unit(r["unit"]),
-            ]
-        )
-        for r in rows
-    ]
-    headers = ["estimator", "stage", "parameter", "value", "unit"]
-    return Table(headers, lines, frozenset({0, 1, 2, 4}))
+    columns: dict[str, Callable[[Row], str]] = {
+        "estimator": lambda r: words.method(r["estimator"]),
+        "stage": lambda r: words.stage(r["stage"]),
+        "parameter": lambda r: words.symbol(r["parameter"]).text,
+        "value": lambda r: fmt.with_error(r["value"], r["stderr"]),
+        "unit": lambda r: words.unit(r["unit"]),
+    }
+    return Table.of(rows, columns, (0, 1, 2, 4))
 
 
 def _traces(run: Run, signal: str, repeat: int, model: str) -> Markup | None:

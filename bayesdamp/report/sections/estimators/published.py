@@ -9,8 +9,8 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.html import fill
-from bayesdamp.report.results.beside import beside, posterior_of
 from bayesdamp.report.results.comparing import STAGES, Comparison, compared, true_models
+from bayesdamp.report.results.estimates import coefficient_estimates, posterior_of
 from bayesdamp.report.results.reading import damping_parameters, truth
 from bayesdamp.report.results.run import Row, Run
 from bayesdamp.report.sections._section import Section
@@ -37,7 +37,7 @@ class PublishedSection(Section):
         found = compared(run)
         posteriors = {s: _posterior(run, s) for s in found.signals}
         parts = [Markup("<p>{}</p>").format(lead(found)), errors(run, found, posteriors), times(found)]
-        side_by_side = beside(run)
+        side_by_side = coefficient_estimates(run)
         if side_by_side:
             parts.append(picture(run, side_by_side))
             parts += [Markup("<p>{}</p>").format(said) for said in (inside(side_by_side),) if said]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from markupsafe import Markup
@@ -20,7 +20,7 @@ from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.posteriors import PosteriorContent
-from bayesdamp.table import Line, Table
+from bayesdamp.table import Table
 from bayesdamp.types import OK
 
 RATIO = "curve/equivalent_ratio"
@@ -133,11 +133,21 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
     sentences = {(r["sampler"], r["outcome"]) for r in rows if r["outcome"] != OK}
     parts: list[Table | Markup] = []
     if good:
-        simulated = any(math.isfinite(truth(run, signal, r["parameter"])) for r in good)
-        headers = ["parameter", "unit", "sampler", "mean ± sd", "95 % interval"]
-        headers += ["truth"] if simulated else []
-        headers += ["R̂", "ESS bulk", "ESS tail", "divergences"]
-        lines = [_line(run, signal, row, simulated) for row in _by_parameter(good)]
+        columns: dict[str, Callable[[Row], str]] = {
+            "parameter": lambda r: words.symbol(r["parameter"]).text,
+            "unit": lambda r: words.unit(r["unit"]),
+            "sampler": lambda r: words.method(r["sampler"]),
+            "mean ± sd": lambda r: fmt.with_error(r["mean"], r["sd"]),
+            "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
+        }
+        if any(math.isfinite(truth(run, signal, r["parameter"])) for r in good):
+            columns["truth"] = lambda r: _finite(truth(run, signal, r["parameter"]), fmt.given)
+        columns |= {
+            "R̂": lambda r: _finite(r["rhat"], "{:.3f}".format),
+            "ESS bulk": lambda r: _finite(r["ess_bulk"], "{:.0f}".format),
+            "ESS tail": lambda r: _finite(r["ess_tail"], "{:.0f}".format),
+            "divergences": lambda r: fmt.NONE if r["divergences"] is None else str(r["divergences"]),
+        }
         caption = (
             "To be trusted: R̂ ≤ 1.01 and effective sample sizes (ESS) of 400 and more. Equivalent damping ratio, "
             "decrement and capacity are those at the reference amplitude; the decrement is the fall of ln A in a "
@@ -145,14 +155,7 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
         )
         if any(math.isnan(r["rhat"]) for r in good):
             caption += " Without R̂: independent draws of an approximation, their ESS by importance weights."
-        parts.append(
-            Table(
-                headers,
-                lines,
-                frozenset({0, 1, 2}),
-                caption,
-            )
-        )
+        parts.append(Table.of(_by_parameter(good), columns, (0, 1, 2), caption, _kind))
     sentences |= _left_out(run, signal, repeat, model)
     parts += [
         Markup('<p class="quiet">{}: {}</p>').format(words.method(sampler), outcome)
@@ -179,52 +182,35 @@ def _by_parameter(rows: Sequence[Row]) -> list[Row]:
     return sorted(rows, key=lambda r: order.index(r["parameter"]))
 
 
-def _line(run: Run, signal: str, row: Row, simulated: bool) -> Line:
-    true = truth(run, signal, row["parameter"])
-    cells = [
-        words.symbol(row["parameter"]).text,
-        words.unit(row["unit"]),
-        words.method(row["sampler"]),
-        fmt.with_error(row["mean"], row["sd"]),
-        fmt.interval(row["q2.5"], row["q97.5"]),
-    ]
-    if simulated:
-        cells.append(fmt.given(true) if math.isfinite(true) else fmt.NONE)
-    divergences = row["divergences"]
-    cells += [
-        f"{row['rhat']:.3f}" if math.isfinite(row["rhat"]) else fmt.NONE,
-        f"{row['ess_bulk']:.0f}" if math.isfinite(row["ess_bulk"]) else fmt.NONE,
-        f"{row['ess_tail']:.0f}" if math.isfinite(row["ess_tail"]) else fmt.NONE,
-        fmt.NONE if divergences is None else str(divergences),
-    ]
-    poor = row["rhat"] > 1.01 or row["ess_bulk"] < 400 or row["ess_tail"] < 400 or bool(divergences)
-    return Line(cells, "alert" if poor else "")
+def _finite(value: float, shown: Callable[[float], str]) -> str:
+    return shown(value) if math.isfinite(value) else fmt.NONE
+
+
+def _kind(r: Row) -> str:
+    """Mark what is not to be trusted by its diagnostics."""
+    poor = r["rhat"] > 1.01 or r["ess_bulk"] < 400 or r["ess_tail"] < 400 or bool(r["divergences"])
+    return "alert" if poor else ""
 
 
 def _repeats(run: Run, signal: str, model: str) -> Table:
+    def inside(r: Row) -> str:
+        true = truth(run, signal, r["parameter"])
+        if not (math.isfinite(true) and math.isfinite(r["q2.5"])):
+            return fmt.NONE
+        return "inside" if r["q2.5"] <= true <= r["q97.5"] else "outside"
+
+    columns: dict[str, Callable[[Row], str]] = {
+        "repeat": lambda r: str(r["repeat"] + 1),
+        "parameter": lambda r: words.symbol(r["parameter"]).text,
+        "sampler": lambda r: words.method(r["sampler"]),
+        "mean ± sd": lambda r: fmt.with_error(r["mean"], r["sd"]),
+        "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
+        "truth": inside,
+        "outcome": lambda r: r["outcome"],
+    }
     wanted = coefficients(run, model)
     rows = [r for r in rows_of(run.posteriors, signal=signal, model=model) if r["parameter"] in wanted]
-    lines = []
-    for r in rows:
-        true = truth(run, signal, r["parameter"])
-        inside = fmt.NONE
-        if math.isfinite(true) and math.isfinite(r["q2.5"]):
-            inside = "inside" if r["q2.5"] <= true <= r["q97.5"] else "outside"
-        lines.append(
-            Line(
-                [
-                    str(r["repeat"] + 1),
-                    words.symbol(r["parameter"]).text,
-                    words.method(r["sampler"]),
-                    fmt.with_error(r["mean"], r["sd"]),
-                    fmt.interval(r["q2.5"], r["q97.5"]),
-                    inside,
-                    r["outcome"],
-                ]
-            )
-        )
-    headers = ["repeat", "parameter", "sampler", "mean ± sd", "95 % interval", "truth", "outcome"]
-    return Table(headers, lines, frozenset({1, 2, 5, 6}))
+    return Table.of(rows, columns, (1, 2, 5, 6))
 
 
 PLUGIN = Posteriors()

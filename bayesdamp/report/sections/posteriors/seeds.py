@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from markupsafe import Markup
@@ -17,8 +17,8 @@ from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.candidates import Climb, ModeContent
 from bayesdamp.store.contents.posteriors import PosteriorContent
-from bayesdamp.table import Line, Table
-from bayesdamp.types import OK, Seed
+from bayesdamp.table import Table
+from bayesdamp.types import OK, ChainStart, Seed
 
 Row = Mapping[str, Any]
 SHOWN = 4
@@ -119,33 +119,24 @@ def _names(climbs: Sequence[Climb]) -> str:
 
 
 def _table(mode: ModeContent) -> Table:
-    top, lines = mode.log_posterior, []
-    for c in mode.climbs:
-        number = c.mode
-        where = "no maximum" if number is None else "the mode" if number == 0 else f"maximum {number + 1}"
-        below = top - c.end
-        lines.append(
-            Line(
-                [
-                    fmt.listing(_name(n) for n in (c.seed, *c.same)),
-                    _nats(top, c.start),
-                    fmt.number(c.distance, 3),
-                    str(c.evaluations),
-                    where,
-                    fmt.fixed(max(below, 0.0), 2) if below < 1e4 else fmt.number(below, 2),
-                ],
-                "alert" if number is None else "quiet" if number else "",
-            )
-        )
-    headers = [
-        "starting point",
-        "start: nats below",
-        "sds from the mode",
-        "likelihoods",
-        "ended in",
-        "end: nats below",
-    ]
-    return Table(headers, lines, frozenset({0, 4}))
+    top = mode.log_posterior
+
+    def end(c: Climb) -> str:
+        return fmt.fixed(max(top - c.end, 0.0), 2) if top - c.end < 1e4 else fmt.number(top - c.end, 2)
+
+    columns: dict[str, Callable[[Climb], str]] = {
+        "starting point": lambda c: fmt.listing(_name(n) for n in (c.seed, *c.same)),
+        "start: nats below": lambda c: _nats(top, c.start),
+        "sds from the mode": lambda c: fmt.number(c.distance, 3),
+        "likelihoods": lambda c: str(c.evaluations),
+        "ended in": lambda c: (
+            {None: "no maximum", 0: "the mode"}.get(c.mode) or f"maximum {(c.mode or 0) + 1}"
+        ),
+        "end: nats below": end,
+    }
+    return Table.of(
+        mode.climbs, columns, (0, 4), kind=lambda c: "alert" if c.mode is None else "quiet" if c.mode else ""
+    )
 
 
 def _nats(top: float, value: float | None) -> str:
@@ -153,34 +144,27 @@ def _nats(top: float, value: float | None) -> str:
 
 
 def _chains(run: Run, signal: str, repeat: int, model: str) -> list[Table]:
-    tables = []
-    for cell in run.cells("posterior", signal, repeat, model):
-        starts = PosteriorContent.of(cell).starts
-        if not starts:
-            continue
-        sampler = words.method(cell.place.method)
-        lines = [
-            Line(
-                [
-                    str(i + 1),
-                    _name(s.seed),
-                    fmt.number(s.seed_distance, 3),
-                    fmt.number(s.distance, 2),
-                    fmt.fixed(s.shift, 2),
-                ],
-                "alert" if s.shift > ALIKE else "",
-            )
-            for i, s in enumerate(starts)
-        ]
-        headers = [
-            "chain",
-            "starting point",
-            "sds from the mode",
-            "start moved to",
-            "mean off that of all / sd",
-        ]
-        tables.append(Table(headers, lines, frozenset({0, 1}), f"Chains of {sampler}"))
-    return tables
+    columns: dict[str, Callable[[tuple[int, ChainStart]], str]] = {
+        "chain": lambda s: str(s[0]),
+        "starting point": lambda s: _name(s[1].seed),
+        "sds from the mode": lambda s: fmt.number(s[1].seed_distance, 3),
+        "start moved to": lambda s: fmt.number(s[1].distance, 2),
+        "mean off that of all / sd": lambda s: fmt.fixed(s[1].shift, 2),
+    }
+    found = {
+        c.place.method: PosteriorContent.of(c).starts for c in run.cells("posterior", signal, repeat, model)
+    }
+    return [
+        Table.of(
+            enumerate(starts, 1),
+            columns,
+            (0, 1),
+            f"Chains of {words.method(sampler)}",
+            lambda s: "alert" if s[1].shift > ALIKE else "",
+        )
+        for sampler, starts in found.items()
+        if starts
+    ]
 
 
 PLUGIN = Seeds()

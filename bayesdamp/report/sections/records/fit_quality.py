@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
@@ -9,11 +11,12 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.records.windows import windows
 from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.answers import only_answered
-from bayesdamp.report.results.reading import coefficients, mode_of, models_by_rank, other_forms
-from bayesdamp.report.results.run import Run, rows_of
+from bayesdamp.report.results.reading import OtherForm, coefficients, mode_of, models_by_rank, other_forms
+from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
-from bayesdamp.table import Line, Table
+from bayesdamp.store.contents.candidates import Part
+from bayesdamp.table import Table
 
 _EXACT = (
     "All of it is of fits under laws that hold exactly, which chains and evidence here do not need: what an exact law "
@@ -67,46 +70,33 @@ def _one(run: Run, signal: str) -> Markup:
 
 
 def _table(run: Run, signal: str, repeats: list[int]) -> Table:
-    lines = []
+    columns: dict[str, Callable[[Row], str]] = {
+        "model": lambda r: words.model(r["model"]),
+        "rms residual": lambda r: fmt.rms(*run.rms(r)),
+        "autocorrelation": lambda r: fmt.fixed(r["residual_autocorrelation"], 2),
+        "stability over sub-records": lambda r: fmt.number(r["window_spread"], 2),
+        "predictive p": lambda r: fmt.number(r["predictive_p"], 2),
+        "verdict": lambda r: r["verdict"] or fmt.NONE,
+    }
+    rows = []
     for repeat in repeats:
         ranked = models_by_rank(run, signal, repeat)
-        rows = rows_of(run.fits, signal=signal, repeat=repeat)
-        for r in sorted(rows, key=lambda r: ranked.index(r["model"])):
-            lead = [str(repeat + 1)] if len(repeats) > 1 else []
-            lines.append(
-                Line(
-                    [
-                        *lead,
-                        words.model(r["model"]),
-                        fmt.rms(*run.rms(r)),
-                        fmt.fixed(r["residual_autocorrelation"], 2),
-                        fmt.number(r["window_spread"], 2),
-                        fmt.number(r["predictive_p"], 2),
-                        r["verdict"] or fmt.NONE,
-                    ]
-                )
-            )
-    headers = [
-        "model",
-        "rms residual",
-        "autocorrelation",
-        "stability over sub-records",
-        "predictive p",
-        "verdict",
-    ]
+        own = rows_of(run.fits, signal=signal, repeat=repeat)
+        rows += sorted(own, key=lambda r: ranked.index(r["model"]))
     if len(repeats) > 1:
-        return Table(["repeat", *headers], lines, frozenset({1, 6}))
-    return Table(headers, lines, frozenset({0, 5}))
+        return Table.of(rows, {"repeat": lambda r: str(r["repeat"] + 1), **columns}, (1, 6))
+    return Table.of(rows, columns, (0, 5))
 
 
 def _other_forms(run: Run, signal: str, repeat: int, model: str) -> Table | None:
-    """Of each form of damping that no candidate has: with it beside its own damping, how likely is the candidate?"""
-    lines = [
-        Line([form.words, fmt.fixed(form.log_bayes, 2), fmt.probability(form.probability)])
-        for form in other_forms(run, signal, repeat, model)
-    ]
-    headers = ["what there might be beside it", "ln Bayes factor", "probability, against none"]
-    return Table(headers, lines, frozenset({0})) if lines else None
+    """Of each form of damping that no candidate has: with it in addition, how likely is the candidate?"""
+    forms = other_forms(run, signal, repeat, model)
+    columns: dict[str, Callable[[OtherForm], str]] = {
+        "what there might be beside it": lambda form: form.words,
+        "ln Bayes factor": lambda form: fmt.fixed(form.log_bayes, 2),
+        "probability, against none": lambda form: fmt.probability(form.probability),
+    }
+    return Table.of(forms, columns) if forms else None
 
 
 def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
@@ -123,19 +113,13 @@ def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
     drawing = run.drawings.add(
         f"windows-{signal}-{model}", caption, lambda: windows(model, names, found, units)
     )
-    headers = ["window", "from / s", "to / s", *(words.symbol(n).text for n in names)]
-    lines = [
-        Line(
-            [
-                w.label,
-                fmt.number(w.start, 4),
-                fmt.number(w.stop, 4),
-                *(fmt.with_error(w.values.get(n), w.sd.get(n)) for n in names),
-            ]
-        )
-        for w in found
-    ]
-    return fill("stack.html", parts=[drawing, folded("These numbers", Table(headers, lines))])
+    columns: dict[str, Callable[[Part], str]] = {
+        "window": lambda w: w.label,
+        "from / s": lambda w: fmt.number(w.start, 4),
+        "to / s": lambda w: fmt.number(w.stop, 4),
+        **{words.symbol(n).text: lambda w, n=n: fmt.with_error(w.values.get(n), w.sd.get(n)) for n in names},
+    }
+    return fill("stack.html", parts=[drawing, folded("These numbers", Table.of(found, columns))])
 
 
 PLUGIN = FitQuality()

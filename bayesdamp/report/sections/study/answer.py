@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from markupsafe import Markup
 
-from bayesdamp.formatting import with_interval
+from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures.records import answer as figures
@@ -13,15 +15,18 @@ from bayesdamp.report.figures.records.motions import motions
 from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.answers import Answer, answer_of
 from bayesdamp.report.results.checks import Check, Checks, sampled
+from bayesdamp.report.results.overview import ANCHOR
 from bayesdamp.report.results.reading import models_by_rank, ranking
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import ANCHOR, by_signal
+from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
-from bayesdamp.table import Line, Table
+from bayesdamp.store.contents.answers import WeighedCandidate
+from bayesdamp.table import Table
 from bayesdamp.types import OK
-from bayesdamp.verdict.parts import Grade, Motion
+from bayesdamp.verdict.parts import Coefficient, Grade, Motion
+from bayesdamp.verdict.tables import modes_table, quality_of, ratios_table
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like, quality_of
+from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like
 
 CAPTION = (
     "Equivalent damping ratio: level means viscous, rising to small amplitudes friction, to large ones drag; "
@@ -88,7 +93,7 @@ def _block(run: Run, signal: str) -> Markup:
     v = answer.verdict
     unit = v.damping_ratio[0].unit if v.damping_ratio else "rad"
     if v.grade is Grade.NO_FREE_DECAY:
-        parts = [_motions(run, signal, v), _modes(v)]
+        parts = [_motions(run, signal, v), modes_table(v.modes, v.motion)]
         return fill(
             "answer.html", sentence=v.sentence, numbers=(), energy=(), remarks=v.remarks, parts=parts, **shown
         )
@@ -103,7 +108,7 @@ def _block(run: Run, signal: str) -> Markup:
     parts = [
         picture,
         _exponent(run, signal, answer),
-        _ratios(v),
+        ratios_table(v.damping_ratio, "Damping ratio against amplitude", parts=True),
         _coefficients(v) if v.coefficients else "",
         folded("All damping models that were compared", candidates),
     ]
@@ -178,15 +183,15 @@ def _numbers(v) -> list[tuple[str, str]]:
     found = []
     if v.frequency is None and v.frequency_at is not None:
         at = v.frequency_at
-        seen = with_interval(at.value, at.low, at.high, " Hz")
+        seen = fmt.with_interval(at.value, at.low, at.high, " Hz")
         found.append((f"frequency at {at.amplitude:.2g} {at.unit}", seen))
     if v.frequency is not None:
         f = v.frequency
-        interval = with_interval(f.value, f.low, f.high, f" {f.unit}")
+        interval = fmt.with_interval(f.value, f.low, f.high, f" {f.unit}")
         shown = f"{f.value:.5g} {f.unit} (specified)" if given(f) else interval
         name, at = "natural frequency", v.frequency_at
         if at is not None and extrapolated(f, at):
-            seen = with_interval(at.value, at.low, at.high, " Hz")
+            seen = fmt.with_interval(at.value, at.low, at.high, " Hz")
             found.append((f"frequency at {at.amplitude:.2g} {at.unit}", seen))
             name = "natural frequency, extrapolated to small oscillations"
         found.append((name, shown))
@@ -195,84 +200,39 @@ def _numbers(v) -> list[tuple[str, str]]:
         found.append(
             (
                 f"equivalent damping ratio at {r.amplitude:.2g} {r.unit}",
-                with_interval(r.value, r.low, r.high, " %", 100),
+                fmt.with_interval(r.value, r.low, r.high, " %", 100),
             )
         )
         found.append((f"Q at {r.amplitude:.2g} {r.unit}", quality_of(r)))
     return found
 
 
-def _modes(v) -> Table:
-    lines = [
-        Line([
-            f"{m.frequency:.5g} Hz",
-            with_interval(m.damping_ratio, m.low, m.high, " %", 100),
-            f"{m.first:.3g} {m.unit}",
-            f"{m.last:.3g} {m.unit}",
-        ])
-        for m in v.modes
-    ]  # fmt: skip
-    ends = ("least", "largest") if v.motion is Motion.EXCITED else ("first", "last")
-    head = ["frequency", "damping ratio (95 %)", *(f"{end} amplitude" for end in ends)]
-    return Table(head, lines, frozenset(), "The oscillations that are in it")
-
-
-def _ratios(v) -> Table:
-    lines = [
-        Line([
-            f"{r.amplitude:.3g} {r.unit}",
-            with_interval(r.value, r.low, r.high, " %", 100),
-            f"{100 * r.sd_noise:.2g} %",
-            f"{100 * r.sd_law:.2g} %",
-        ])
-        for r in v.damping_ratio
-    ]  # fmt: skip
-    head = ["amplitude", "equivalent damping ratio (95 %)", "sd from noise", "sd from the law"]
-    return Table(head, lines, frozenset({0}), "Damping ratio against amplitude")
-
-
-def _coefficients(v) -> Table:
-    lines = [
-        Line(
-            [
-                words.symbol(c.name).text,
-                with_interval(c.value, c.low, c.high),
-                f"{c.sd_noise:.2g}",
-                f"{c.sd_law:.2g}",
-                words.unit(c.unit),
-            ]
-        )
-        for c in v.coefficients
-    ]
-    head = ["parameter", "value (95 %)", "sd from noise", "sd from the law", "unit"]
-    return Table(
-        head,
-        lines,
-        frozenset({0, 4}),
-        f"Coefficients under {words.model(v.damping)} damping, {words.law(v.restoring)}",
-    )
+def _coefficients(v: Verdict) -> Table:
+    columns: dict[str, Callable[[Coefficient], str]] = {
+        "parameter": lambda c: words.symbol(c.name).text,
+        "value (95 %)": lambda c: fmt.with_interval(c.value, c.low, c.high),
+        "sd from noise": lambda c: f"{c.sd_noise:.2g}",
+        "sd from the law": lambda c: f"{c.sd_law:.2g}",
+        "unit": lambda c: words.unit(c.unit),
+    }
+    caption = f"Coefficients under {words.model(v.damping)} damping, {words.law(v.restoring)}"
+    return Table.of(v.coefficients, columns, (0, 4), caption)
 
 
 def _candidates(answer: Answer, unit: str, scale: float) -> Table:
     """The sums under each restoring law. scale: of `unit`, the recorded quantity's, in what is computed in."""
     rows = [r for r in answer.candidates if r.outcome == OK]
-    logs = [(r.exact if r.log_evidence is None else r.log_evidence, r) for r in rows]
-    top, top_exact = max((log for log, _ in logs), default=0.0), max((r.exact for r in rows), default=0.0)
-    lines = [
-        Line([
-            words.model(r.damping), words.law(r.restoring),
-            f"{log - top:.1f}", f"{r.exact - top_exact:.1f}", "" if r.rms is None else f"{scale * r.rms:.3g}",
-        ])
-        for log, r in sorted(logs, key=lambda pair: -pair[0])
-    ]  # fmt: skip
-    head = [
-        "damping",
-        "restoring law",
-        "log Bayes factor",
-        "the same under exact laws",
-        f"rms that the fit leaves, {unit}",
-    ]
-    return Table(head, lines, frozenset({0, 1}), "Log Bayes factors to the best, in nats")
+    log = {id(r): r.exact if r.log_evidence is None else r.log_evidence for r in rows}
+    top, top_exact = max(log.values(), default=0.0), max((r.exact for r in rows), default=0.0)
+    columns: dict[str, Callable[[WeighedCandidate], str]] = {
+        "damping": lambda r: words.model(r.damping),
+        "restoring law": lambda r: words.law(r.restoring),
+        "log Bayes factor": lambda r: f"{log[id(r)] - top:.1f}",
+        "the same under exact laws": lambda r: f"{r.exact - top_exact:.1f}",
+        f"rms that the fit leaves, {unit}": lambda r: "" if r.rms is None else f"{scale * r.rms:.3g}",
+    }
+    ranked = sorted(rows, key=lambda r: -log[id(r)])
+    return Table.of(ranked, columns, (0, 1), "Log Bayes factors to the best, in nats")
 
 
 PLUGIN = AnswerSection()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from markupsafe import Markup
@@ -11,12 +12,10 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.html import fill
-from bayesdamp.report.results.alike import common_amplitude, curve_of, ratio_of, short_names
 from bayesdamp.report.results.answers import Answer, answers, specimens
+from bayesdamp.report.results.overview import ANCHOR, curve_of, overview_table, short_names
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import ANCHOR
 from bayesdamp.report.sections._section import Section
-from bayesdamp.table import Line, Table
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import energy_of
 
@@ -26,6 +25,9 @@ MOST = 60
 """Records that are drawn; the table has all."""
 BOX = (200.0, 64.0)
 """Width and height of a small picture, in its own units."""
+
+
+SORTS = "A line a record; a click on a header sorts. Damping ratio: equivalent viscous."
 
 
 class Overview(Section):
@@ -44,7 +46,9 @@ class Overview(Section):
         found = answers(run)
         together = specimens(run)
         cards = [_together(v, v.record if len(together) > 1 else "") for v in together]
-        return fill("stack.html", parts=[*cards, _pictures(found), _table(found)])
+        return fill(
+            "stack.html", parts=[*cards, _pictures(found), replace(overview_table(found), caption=SORTS)]
+        )
 
 
 def _together(v: Verdict, name: str) -> Markup:
@@ -100,38 +104,6 @@ def _panel(answer: Answer, name: str, left: float, right: float, top: float) -> 
 
 def _points(x: np.ndarray, y: np.ndarray) -> str:
     return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y))
-
-
-def _table(found: Sequence[Answer]) -> Table:
-    names = short_names([a.signal for a in found])
-    shared = common_amplitude(found)
-    lines = [_line(a, names[a.signal], shared) for a in found]
-    headers = [
-        "record", "damping", "probability", "frequency / Hz", "amplitude", "damping ratio / %", "law holds within / %",
-        "unexplained / %",
-    ]  # fmt: skip
-    said = (
-        "A line a record; a click on a header sorts. Damping ratio: equivalent viscous, at the amplitude beside it, "
-        + ("which all records pass." if shared is not None else "in the middle of the record.")
-    )
-    return Table(headers, lines, frozenset({0, 1}), said)
-
-
-def _line(answer: Answer, name: str, shared: float | None) -> Line:
-    v, ratio = answer.verdict, ratio_of(answer, shared)
-    return Line(
-        [
-            Markup('<a href="#{}">{}</a>').format(ANCHOR + answer.signal, name),
-            words.model(v.damping),
-            fmt.probability(v.probability),
-            fmt.number(v.frequency.value, 4) if v.frequency else fmt.NONE,
-            f"{ratio.amplitude:.3g} {ratio.unit}" if ratio else fmt.NONE,
-            fmt.with_interval(100 * ratio.value, 100 * ratio.low, 100 * ratio.high) if ratio else fmt.NONE,
-            fmt.number(100 * v.deviation.value, 2) if v.deviation else fmt.NONE,
-            fmt.number(v.unexplained_pct, 2),
-        ],
-        "" if v.decided else "quiet",
-    )
 
 
 PLUGIN = Overview()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -102,7 +102,7 @@ def _records(result: Mapping[str, Any]) -> Table:
         "time each",
         "not counted",
     ]
-    return Table(headers, lines, frozenset({0, 5}))
+    return Table(headers, lines, (0, 5))
 
 
 def _doubted(said: Mapping[str, int]) -> int:
@@ -157,29 +157,23 @@ def _share(row: Mapping[str, str]) -> str:
 
 
 def _tests(rows: Sequence[dict[str, str]]) -> Table:
-    lines = []
-    tested = sorted((r for r in rows if r["p"]), key=lambda r: float(r["p"]))
-    for r in tested[:FEWEST]:
-        texts = [r[k] for k in ("value", "low", "high", "p", "p_holm")]
-        numbers = [fmt.number(float(text), 3) if text else fmt.NONE for text in texts]
-        head = [words.model(r["model"]), words.method(r["method"]), words.symbol(r["parameter"]).text]
-        check = f"{r['check']} {100 * float(r['level']):g} %" if r["level"] else r["check"]
-        kind = "alert" if r["verdict"] == "wrong" else ""
-        lines.append(Line([*head, check, r["records"], *numbers, r["verdict"]], kind))
-    headers = [
-        "model",
-        "method",
-        "parameter",
-        "check",
-        "records",
-        "value",
-        "low",
-        "high",
-        "p",
-        "p (Holm)",
-        "verdict",
-    ]
-    return Table(headers, lines, frozenset({0, 1, 2, 3, 10}))
+    def number(name: str) -> Callable[[dict[str, str]], str]:
+        return lambda r: fmt.number(float(r[name]), 3) if r[name] else fmt.NONE
+
+    columns: dict[str, Callable[[dict[str, str]], str]] = {
+        "model": lambda r: words.model(r["model"]),
+        "method": lambda r: words.method(r["method"]),
+        "parameter": lambda r: words.symbol(r["parameter"]).text,
+        "check": lambda r: f"{r['check']} {100 * float(r['level']):g} %" if r["level"] else r["check"],
+        "records": lambda r: r["records"],
+        **{name: number(name) for name in ("value", "low", "high", "p")},
+        "p (Holm)": number("p_holm"),
+        "verdict": lambda r: r["verdict"],
+    }
+    least = sorted((r for r in rows if r["p"]), key=lambda r: float(r["p"]))[:FEWEST]
+    return Table.of(
+        least, columns, (0, 1, 2, 3, 10), kind=lambda r: "alert" if r["verdict"] == "wrong" else ""
+    )
 
 
 PLUGIN = Calibrated()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from bayesdamp.report.figures.validation.reliability import confusion, reliabili
 from bayesdamp.report.html import fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
-from bayesdamp.table import Line, Table
+from bayesdamp.table import Table
 
 SERIES = {
     "recovery": "All models, over noise and length",
@@ -87,52 +87,41 @@ def _series(run: Run, name: str, found: Mapping[str, Any], alarm: float) -> list
 
 
 def _bins(found: Mapping[str, Any]) -> Table:
-    lines = [
-        Line(
-            [
-                f"{b['from']:g} to {b['to']:g}",
-                str(b["records"]),
-                *(fmt.fixed(b[k], 3) for k in ("probability", "share", "low", "high")),
-                *(fmt.number(b[k], 2) for k in ("p", "p_holm")),
-            ],
-            "" if b["low"] <= b["share"] <= b["high"] else "alert",
-        )
-        for b in found["bins"]
-    ]
-    headers = ["probability of the best", "records", "mean", "share right", "low", "high", "p", "p (Holm)"]
-    return Table(headers, lines)
+    columns: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        "probability of the best": lambda b: f"{b['from']:g} to {b['to']:g}",
+        "records": lambda b: str(b["records"]),
+        "mean": lambda b: fmt.fixed(b["probability"], 3),
+        "share right": lambda b: fmt.fixed(b["share"], 3),
+        "low": lambda b: fmt.fixed(b["low"], 3),
+        "high": lambda b: fmt.fixed(b["high"], 3),
+        "p": lambda b: fmt.number(b["p"], 2),
+        "p (Holm)": lambda b: fmt.number(b["p_holm"], 2),
+    }
+    return Table.of(
+        found["bins"], columns, kind=lambda b: "" if b["low"] <= b["share"] <= b["high"] else "alert"
+    )
 
 
 def _models(found: Mapping[str, Any]) -> Table:
-    lines = [
-        Line(
-            [
-                words.model(m["model"]),
-                str(m["true"]),
-                fmt.fixed(m["expected"], 1),
-                *(fmt.number(m[k], 2) for k in ("p", "p_holm")),
-            ]
-        )
-        for m in found["by_model"]
-    ]
-    return Table(["model", "records of it", "sum of its probabilities", "p", "p (Holm)"], lines)
+    columns: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        "model": lambda m: words.model(m["model"]),
+        "records of it": lambda m: str(m["true"]),
+        "sum of its probabilities": lambda m: fmt.fixed(m["expected"], 1),
+        "p": lambda m: fmt.number(m["p"], 2),
+        "p (Holm)": lambda m: fmt.number(m["p_holm"], 2),
+    }
+    return Table.of(found["by_model"], columns)
 
 
 def _design(found: Mapping[str, Any]) -> list[Table]:
-    if len(found["by_design"]) < 2:
-        return []
-    lines = [
-        Line(
-            [
-                f"{100 * d['noise']:g} %",
-                fmt.given(d["cycles"]),
-                str(d["records"]),
-                *(fmt.fixed(d[k], 3) for k in ("share", "probability")),
-            ]
-        )
-        for d in found["by_design"]
-    ]
-    return [Table(["noise", "cycles", "records", "share right", "mean probability of the best"], lines)]
+    columns: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        "noise": lambda d: f"{100 * d['noise']:g} %",
+        "cycles": lambda d: fmt.given(d["cycles"]),
+        "records": lambda d: str(d["records"]),
+        "share right": lambda d: fmt.fixed(d["share"], 3),
+        "mean probability of the best": lambda d: fmt.fixed(d["probability"], 3),
+    }
+    return [Table.of(found["by_design"], columns)] if len(found["by_design"]) > 1 else []
 
 
 PLUGIN = Recovered()

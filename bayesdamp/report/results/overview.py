@@ -1,15 +1,21 @@
-"""Several records side by side: their names without what all begin with, their damping ratios at one amplitude."""
+"""Several records in one table: short names, and damping ratios at one amplitude."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 
 import numpy as np
+from markupsafe import Markup
 
+from bayesdamp import formatting as fmt
+from bayesdamp.report import words
 from bayesdamp.report.results.answers import Answer
+from bayesdamp.table import Table
 
+ANCHOR = "answer-"
+"""With a signal's name, where its answer stands on the page."""
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -66,3 +72,48 @@ def ratio_of(answer: Answer, amplitude: float | None) -> Ratio | None:
     order = np.argsort(curve[0])
     at = [float(np.interp(np.log(amplitude), np.log(curve[0][order]), c[order])) for c in curve[1:]]
     return Ratio(at[0], at[1], at[2], amplitude, own[0].unit)
+
+
+def overview_table(found: Sequence[Answer], brief: bool = False) -> Table:
+    """Return a line a record, with the damping ratios at one amplitude where all records pass one.
+
+    brief: for the terminal, without links and without how well the law holds.
+    """
+    names, shared = short_names([a.signal for a in found]), common_amplitude(found)
+    ratios = {a.signal: ratio_of(a, shared) for a in found}
+    unit = next((ratio.unit for ratio in ratios.values() if ratio), "")
+
+    def name(a: Answer) -> str:
+        return (
+            names[a.signal]
+            if brief
+            else Markup('<a href="#{}">{}</a>').format(ANCHOR + a.signal, names[a.signal])
+        )
+
+    def size(a: Answer) -> str:
+        ratio = ratios[a.signal]
+        text = fmt.with_interval(ratio.value, ratio.low, ratio.high, " %", 100) if ratio else fmt.NONE
+        return f"{text}, {ratio.amplitude:.2g} {ratio.unit}" if ratio and shared is None else text
+
+    at = (
+        f"damping ratio at {shared:.3g} {unit} (95 %)"
+        if shared is not None
+        else "damping ratio (95 %), amplitude"
+    )
+    columns: dict[str, Callable[[Answer], str]] = {
+        "record": name,
+        "damping": lambda a: (
+            words.model(a.verdict.damping) if a.verdict.damping else f"no free decay: {a.verdict.motion}"
+        ),
+        "probability": lambda a: fmt.probability(a.verdict.probability),
+        "frequency / Hz": lambda a: (
+            fmt.number(a.verdict.frequency.value, 4) if a.verdict.frequency else fmt.NONE
+        ),
+        at: size,
+    }
+    if not brief:
+        columns["law holds within / %"] = lambda a: (
+            fmt.number(100 * a.verdict.deviation.value, 2) if a.verdict.deviation else fmt.NONE
+        )
+        columns["unexplained / %"] = lambda a: fmt.number(a.verdict.unexplained_pct, 2)
+    return Table.of(found, columns, (0, 1), kind=lambda a: "" if a.verdict.decided else "quiet")

@@ -1,4 +1,4 @@
-"""What each estimator found of a coefficient, beside what the posterior and a publication say of it."""
+"""Each estimator's values of a damping coefficient, with the posterior and what was published."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST = 8
 
 
 @dataclass(frozen=True)
-class Beside:
+class CoefficientEstimates:
     """One coefficient of one signal.
 
     own, refined: method to the estimate at each stage, first repeat; published: method to the printed error in per
@@ -47,7 +47,7 @@ class Beside:
         return list(dict.fromkeys([*self.own, *self.refined]))
 
 
-def beside(run: Run) -> list[Beside]:
+def coefficient_estimates(run: Run) -> list[CoefficientEstimates]:
     """The coefficients of each signal under the damping that made it, else under the most probable one, in the order
     of the signals; empty where that are more than one picture takes.
 
@@ -61,7 +61,7 @@ def beside(run: Run) -> list[Beside]:
         ranked = models_by_rank(run, signal, run.repeats(signal)[0])
         model = known.get(signal) or (ranked[0] if ranked else "")
         for parameter in coefficients(run, model) if model else ():
-            one = _of(run, found, signal, model, parameter)
+            one = estimates_of(run, found, signal, model, parameter)
             if len(one.methods) > 1:
                 made.append(one)
     return made if len(made) <= MOST else []
@@ -69,7 +69,7 @@ def beside(run: Run) -> list[Beside]:
 
 def covered(run: Run, signal: str, model: str) -> bool:
     """Whether the picture shows a signal's estimates under a model."""
-    return any((one.signal, one.model) == (signal, model) for one in beside(run))
+    return any((one.signal, one.model) == (signal, model) for one in coefficient_estimates(run))
 
 
 def posterior_of(run: Run, signal: str, model: str, parameter: str) -> Row | None:
@@ -101,7 +101,10 @@ def _alike(run: Run, found: Comparison, known: dict[str, str]) -> list[str]:
     return names
 
 
-def _of(run: Run, found: Comparison, signal: str, model: str, parameter: str) -> Beside:
+def estimates_of(
+    run: Run, found: Comparison, signal: str, model: str, parameter: str
+) -> CoefficientEstimates:
+    """Return the estimates of one coefficient. found: the comparison with what was published."""
     rows = rows_of(
         run.estimates, signal=signal, model=model, parameter=parameter, repeat=run.repeats(signal)[0]
     )
@@ -113,7 +116,7 @@ def _of(run: Run, found: Comparison, signal: str, model: str, parameter: str) ->
     own, refined = ({m: values[s][m] for m in dict.fromkeys(order) if m in values[s]} for s in STAGES)
     row = posterior_of(run, signal, model, parameter)
     errors = {m: printed(text) for (m, s), text in found.published.items() if s == signal}
-    return Beside(
+    return CoefficientEstimates(
         signal,
         model,
         parameter,

@@ -1,0 +1,43 @@
+"""The tables of a verdict: damping ratios against amplitude, and the oscillations of what is not a free decay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from bayesdamp import formatting as fmt
+from bayesdamp.table import Table
+from bayesdamp.verdict.parts import DampingRatio, Mode, Motion
+
+
+def quality_of(r: DampingRatio) -> str:
+    """Q at an amplitude with its interval, which has no end where the record does not exclude that nothing is lost."""
+    if not r.value > 0:
+        return fmt.NONE
+    if not r.low > 0:
+        return f"{0.5 / r.value:.3g} (above {0.5 / r.high:.3g})"
+    return fmt.with_interval(0.5 / r.value, 0.5 / r.high, 0.5 / r.low)
+
+
+def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool = False) -> Table:
+    """Return the damping ratios against amplitude. parts: whether with the parts of their standard deviations."""
+    columns: dict[str, Callable[[DampingRatio], str]] = {
+        "amplitude": lambda r: f"{r.amplitude:.3g} {r.unit}",
+        "equivalent damping ratio (95 %)": lambda r: fmt.with_interval(r.value, r.low, r.high, " %", 100),
+        "Q": quality_of,
+    }
+    if parts:
+        columns["sd from noise"] = lambda r: f"{100 * r.sd_noise:.2g} %"
+        columns["sd from the law"] = lambda r: f"{100 * r.sd_law:.2g} %"
+    return Table.of(ratios, columns, caption=caption)
+
+
+def modes_table(modes: Iterable[Mode], motion: Motion | None) -> Table:
+    """Return the oscillations of a record that is not the free decay of one oscillator."""
+    first, last = ("least", "largest") if motion is Motion.EXCITED else ("first", "last")
+    columns: dict[str, Callable[[Mode], str]] = {
+        "frequency": lambda m: f"{m.frequency:.5g} Hz",
+        "damping ratio (95 %)": lambda m: fmt.with_interval(m.damping_ratio, m.low, m.high, " %", 100),
+        f"{first} amplitude": lambda m: f"{m.first:.3g} {m.unit}",
+        f"{last} amplitude": lambda m: f"{m.last:.3g} {m.unit}",
+    }
+    return Table.of(modes, columns, left=(), caption="The oscillations that are in it")
