@@ -15,7 +15,6 @@ from bayesdamp import store
 from bayesdamp.calibrate.probabilities import RECORD_COLUMNS
 from bayesdamp.calibrate.tables import COLUMNS as CHECKS
 from bayesdamp.calibrate.tables import RANK_COLUMNS
-from bayesdamp.envelope.report.tables import COLUMNS as ENVELOPES
 from bayesdamp.estimators import ESTIMATORS, names_for_all
 from bayesdamp.estimators.terms import table as taken
 from bayesdamp.physics.damping import PAPER_TERMS, others
@@ -37,7 +36,6 @@ WRITTEN: Mapping[str, Sequence[str]] = {
     **store.TABLES,
     "verdicts.csv": store.VERDICTS,
     "damping_curves.csv": ("record", "unit", *store.DAMPING_CURVES),
-    "verdicts.csv of envelopes": ENVELOPES,
     **store.SPECIMEN_TABLES,
     "calibration.csv": CHECKS,
     "ranks.csv": RANK_COLUMNS,

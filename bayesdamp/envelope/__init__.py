@@ -5,22 +5,15 @@ which may hold approximately. It fits no oscillation; several ring-downs of one 
 """
 
 from bayesdamp.envelope.analysis import analyse
-from bayesdamp.envelope.pooled import Pooled, pooled
+from bayesdamp.envelope.answer.answer import Answer
 from bayesdamp.envelope.records.reading import is_envelope, read_envelope
 from bayesdamp.envelope.records.record import EnvelopeRecord, made_record
-from bayesdamp.envelope.results import AtAmplitude, Coefficient, EnvelopeResult, Estimated, Range
 
 __all__ = [
-    "AtAmplitude",
-    "Coefficient",
+    "Answer",
     "EnvelopeRecord",
-    "EnvelopeResult",
-    "Estimated",
-    "Pooled",
-    "Range",
     "analyse",
     "is_envelope",
     "made_record",
-    "pooled",
     "read_envelope",
 ]

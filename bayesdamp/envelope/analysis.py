@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.envelope.answer.answer import answer
+from bayesdamp.envelope.answer.answer import Answer, answer
 from bayesdamp.envelope.answer.decay import Decay
 from bayesdamp.envelope.model.candidates import Blocks
 from bayesdamp.envelope.model.floor import ABOVE_FLOOR
@@ -18,9 +18,9 @@ from bayesdamp.envelope.model.sums import Sum, sums_on
 from bayesdamp.envelope.records.one_law import LEAST_DROP, NEPER, blocks
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.window import Window, find_window
-from bayesdamp.envelope.results import EnvelopeResult
-from bayesdamp.envelope.words import no_decay
 from bayesdamp.types import Refusal
+from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.types import Verdict
 
 MOST = 100
 """Means of readings that are weighed: enough for what a decay of 40 dB and its noise are made of."""
@@ -36,8 +36,8 @@ def analyse(
     window: Window | None = None,
     seed: int = 0,
     sums: Sequence[tuple[str, ...]] = SUMS,
-) -> EnvelopeResult:
-    """The damping of an envelope with its uncertainty; a refusal is a result of grade "no_free_decay".
+) -> Answer:
+    """The damping of an envelope with its uncertainty; a refusal is a verdict of grade "no_free_decay".
 
     window: the free decay, else it is found. seed: of the draws that intervals are read from. sums: of registered
     damping terms, each by their names, three at most. Raises InputError where the scale of a term is not known.
@@ -45,7 +45,11 @@ def analyse(
     try:
         decay, asked = _decay(record, window, sums)
     except Refusal as refusal:
-        return EnvelopeResult(record.name, "no_free_decay", no_decay(record.name, str(refusal)))
+        said = f"No free decay: {refusal}."
+        nan = float("nan")
+        return Answer(
+            Verdict(record.name, Grade.NO_FREE_DECAY, False, "", nan, quantity="envelope", sentence=said)
+        )
     return answer(decay, asked, seed)
 
 

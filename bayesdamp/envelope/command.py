@@ -10,18 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from bayesdamp.envelope.analysis import analyse
+from bayesdamp.envelope.answer.answer import Answer
 from bayesdamp.envelope.answer.posterior import DRIFT, SENSOR
 from bayesdamp.envelope.asked import asked
-from bayesdamp.envelope.folder import FIGURES, TABLE, VERDICTS, make_page, write_about
+from bayesdamp.envelope.folder import FIGURES, make_page, write_about
 from bayesdamp.envelope.kept import Task, keep, kept
 from bayesdamp.envelope.model.deviation import EXACT, MEAN
 from bayesdamp.envelope.model.floor import ABOVE_FLOOR
-from bayesdamp.envelope.pooled import pooled
 from bayesdamp.envelope.records.reading import Column, is_envelope, read_envelope
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.window import Window, bounded
-from bayesdamp.envelope.report.tables import verdict_json, verdicts_csv
-from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.machine.processes import processes
 from bayesdamp.machine.threads import cores
 from bayesdamp.odds import FURTHER_TERM
@@ -31,6 +29,7 @@ from bayesdamp.records.opening.opening import read_each
 from bayesdamp.store.cells import Store
 from bayesdamp.store.files import write_bytes
 from bayesdamp.types import InputError, Refusal
+from bayesdamp.verdict import files
 
 BATCH = 2
 """Records that a process is given at a time: handing over costs a millisecond, a record some 0.4 s."""
@@ -122,21 +121,25 @@ def compare_envelopes(
             Task(record, window, out / FIGURES / f"{key}.png", seed, laws)
             for record, window, key in zip(records, windows, keys, strict=True)
         ]
-        found: list[EnvelopeResult] = []
-        for result in _answers(store, tasks, workers or cores()):
-            found.append(result)
-            say(result.sentence)
-        common = pooled(out.name, found) if repeats else None
-        if common is not None:
-            say(common.sentence)
-        write_bytes(out / TABLE, verdicts_csv(found))
-        write_bytes(out / VERDICTS, verdict_json(found, common))
+        found: list[Answer] = []
+        for one in _answers(store, tasks, workers or cores()):
+            found.append(one)
+            say(f"{one.verdict.record}: {one.verdict.sentence}")
+        verdicts = [one.verdict for one in found]
+        if repeats:
+            from bayesdamp.envelope.specimen import specimen  # imports slowly
+
+            common = specimen(out.name, found)
+            if common is not None:
+                verdicts.append(common)
+                say("\n- ".join([common.sentence, *common.remarks]))
+        files.write(out, verdicts)
         write_about(out, paths, options, keys, (*laws.settings(), *SETTINGS))
         say(str(make_page(out)))
     return failed
 
 
-def _answers(store: Store, tasks: Sequence[Task], workers: int) -> Iterator[EnvelopeResult]:
+def _answers(store: Store, tasks: Sequence[Task], workers: int) -> Iterator[Answer]:
     """The results in their order, as they come; those that the folder has are not computed again."""
     there = [kept(store, task) for task in tasks]
     open_ = [task for task, result in zip(tasks, there, strict=True) if result is None]
@@ -145,7 +148,7 @@ def _answers(store: Store, tasks: Sequence[Task], workers: int) -> Iterator[Enve
         yield next(computed) if result is None else result
 
 
-def _computed(store: Store, tasks: Sequence[Task], workers: int) -> Iterator[EnvelopeResult]:
+def _computed(store: Store, tasks: Sequence[Task], workers: int) -> Iterator[Answer]:
     answer = partial(_answer, store.folder)
     if workers == 1 or len(tasks) <= ALONE:
         yield from (result for task in tasks for result in answer([task]))
@@ -161,17 +164,17 @@ def _computed(store: Store, tasks: Sequence[Task], workers: int) -> Iterator[Env
                 yield from answer(batch)
 
 
-def _answer(folder: Path, tasks: Sequence[Task]) -> list[EnvelopeResult]:
+def _answer(folder: Path, tasks: Sequence[Task]) -> list[Answer]:
     """The results, their pictures and they themselves written."""
     from bayesdamp.envelope.report.picture import picture  # imports slowly; most records are no envelopes
 
     found = []
     for task in tasks:
         use(task.asked.plugins)
-        result = analyse(task.record, task.window, task.seed, task.asked.sums)
-        write_bytes(task.picture, picture(task.record, result))
-        keep(Store(folder), task, result)
-        found.append(result)
+        answer = analyse(task.record, task.window, task.seed, task.asked.sums)
+        write_bytes(task.picture, picture(task.record, answer))
+        keep(Store(folder), task, answer)
+        found.append(answer)
     return found
 
 

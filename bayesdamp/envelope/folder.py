@@ -9,21 +9,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bayesdamp.envelope.pooled import Pooled
 from bayesdamp.envelope.report.page import EMBEDDED, page
-from bayesdamp.envelope.report.stored import read_verdicts
 from bayesdamp.store.files import write_bytes, write_json
 from bayesdamp.types import InputError
+from bayesdamp.verdict.files import JSON, read
 
 KIND = "envelopes"
-RUN, VERDICTS, TABLE = "run.json", "verdict.json", "verdicts.csv"
-PAGE, FIGURES = "report.html", "figures"
+RUN, PAGE, FIGURES = "run.json", "report.html", "figures"
 
 
 def asks_another(folder: Path, records: Sequence[Path], options: Mapping[str, Any]) -> bool:
     """Whether a folder has the answer to another question than that of these records read with these options."""
     if not (folder / RUN).exists():
-        return (folder / VERDICTS).exists() or (folder / PAGE).exists()  # as earlier versions left it
+        return (folder / JSON).exists() or (folder / PAGE).exists()  # as earlier versions left it
     about = _about(folder)
     return about is None or about.get("asked") != _asked(folder, records, options)
 
@@ -53,31 +51,24 @@ def make_page(folder: Path) -> Path:
     """Write report.html from the folder's verdicts and pictures; nothing is computed. Raises InputError."""
     about = _about(folder) or {}
     try:
-        found, pooled = read_verdicts((folder / VERDICTS).read_text(encoding="utf-8"))
+        found = read(folder / JSON)
         pictures = [str(one) for one in about["pictures"]]
-        if len(pictures) != len(found):
+        if len(pictures) not in (len(found), len(found) - 1):  # with a specimen's behind those of the records
             raise ValueError
     except OSError as error:
-        raise InputError(f"{folder / VERDICTS}: {(error.strerror or str(error)).lower()}") from None
-    except (KeyError, TypeError, ValueError):
+        raise InputError(f"{folder / JSON}: {(error.strerror or str(error)).lower()}") from None
+    except (AttributeError, KeyError, TypeError, ValueError):
         raise InputError(
-            f"{folder}: its {VERDICTS} and {RUN} are not as compare wrote them; compare the records again"
+            f"{folder}: its {JSON} and {RUN} are not as compare wrote them; compare the records again"
         ) from None
     title = str(about.get("name") or folder.resolve().name)
     settings = [str(one) for one in about.get("settings", ())]
-    write_bytes(folder / PAGE, _page(folder, title, found, pictures, pooled, settings))
-    return folder / PAGE
-
-
-def _page(
-    folder: Path, title: str, found: Sequence[Any], pictures: Sequence[str], pooled: Pooled | None,
-    settings: Sequence[str],
-) -> bytes:  # fmt: skip
     files = {key: f"{FIGURES}/{key}.png" for key in pictures}
     held = {}
     if len(found) <= EMBEDDED:
         held = {key: (folder / at).read_bytes() for key, at in files.items() if (folder / at).is_file()}
-    return page(title, found, held, files, pooled, settings)
+    write_bytes(folder / PAGE, page(title, found, held, files, settings))
+    return folder / PAGE
 
 
 def _about(folder: Path) -> dict[str, Any] | None:

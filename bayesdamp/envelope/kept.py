@@ -4,31 +4,33 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from bayesdamp.envelope.answer.answer import Answer
 from bayesdamp.envelope.asked import Asked
 from bayesdamp.envelope.likelihood import RateLikelihood
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.window import Window
-from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.sources import code_digest
 from bayesdamp.store.cells import CellResult, Store
 from bayesdamp.store.contents.content import Content, OtherVersionError
+from bayesdamp.verdict.types import Verdict
 
 CODE = ("bayesdamp.envelope.analysis", "bayesdamp.envelope.report.picture")
 
 
 @dataclass(frozen=True)
 class EnvelopeContent(Content):
-    """What is kept of one record: its result without the curve, which only its picture needs.
+    """What is kept of one record: its answer without the curve, which only its picture needs.
 
-    likelihoods: numbers of each of the result's, whose arrays the cell has beside.
+    verdict: as `Verdict.to_dict` gives it. likelihoods: numbers of each, whose arrays the cell has beside.
     """
 
-    result: EnvelopeResult
+    verdict: Mapping[str, Any]
     likelihoods: Mapping[str, Mapping[str, float | str | None]] = field(default_factory=dict)
 
 
@@ -59,7 +61,7 @@ class Task:
         return found.hexdigest()
 
 
-def kept(store: Store, task: Task) -> EnvelopeResult | None:
+def kept(store: Store, task: Task) -> Answer | None:
     """The answer that is there already, with its picture; None where there is none of this very question."""
     cell = store.find(task.name)
     if cell is None or cell.key != task.key() or not task.picture.is_file():
@@ -75,14 +77,12 @@ def kept(store: Store, task: Task) -> EnvelopeResult | None:
         )
         for name, numbers in content.likelihoods.items()
     }
-    return replace(content.result, likelihoods=own)
+    return Answer(Verdict.from_dict(content.verdict), likelihoods=own)
 
 
-def keep(store: Store, task: Task, result: EnvelopeResult) -> None:
+def keep(store: Store, task: Task, answer: Answer) -> None:
     """Write an answer in one step, after its picture."""
-    own = result.likelihoods
-    content = EnvelopeContent(
-        replace(result, curve=None, likelihoods={}), {name: one.numbers() for name, one in own.items()}
-    )
+    own = answer.likelihoods
+    content = EnvelopeContent(answer.verdict.to_dict(), {name: one.numbers() for name, one in own.items()})
     arrays = {f"{name}/{key}": array for name, one in own.items() for key, array in one.arrays().items()}
     store.write(CellResult(task.name, task.key(), content.meta(), arrays))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from scipy.special import logsumexp
@@ -47,8 +46,6 @@ class RateLikelihood:
     duration
         Of the decay in s.
     """
-
-    __pydantic_config__: ClassVar = {"arbitrary_types_allowed": True}
 
     log: np.ndarray
     slope: np.ndarray

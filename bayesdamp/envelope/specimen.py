@@ -1,22 +1,28 @@
-"""Several envelopes of one specimen: their likelihoods in the coordinates that they share."""
+"""One verdict on a specimen from the answers on its envelopes: a common Q (or rate), and how far they scatter."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bayesdamp.envelope.answer.answer import Answer
 from bayesdamp.envelope.model.deviation import weights
-from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
 from bayesdamp.odds import odds
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal
 from bayesdamp.types import InputError
+from bayesdamp.verdict import thresholds
+from bayesdamp.verdict.decide import rivals_of
+from bayesdamp.verdict.parts import Estimate, Grade, Interval
+from bayesdamp.verdict.specimen import energy_of_records, largest, of_spread, remarks_on_records, worst_grade
+from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.words import by_ten, sentence, with_interval
 
 
-def shared_likelihoods(found: Sequence[EnvelopeResult]) -> dict[str, tuple[DampingLikelihood, ...]]:
+def shared_likelihoods(answers: Sequence[Answer]) -> dict[str, tuple[DampingLikelihood, ...]]:
     """Return the likelihoods of all records with a decay, by damping sum, in the coordinates that they share.
 
     The amplitude is the mean of the records' reference amplitudes, in its logarithm. Where a record has no frequency,
@@ -28,7 +34,7 @@ def shared_likelihoods(found: Sequence[EnvelopeResult]) -> dict[str, tuple[Dampi
     InputError
         Where the records have different units.
     """
-    records = [one for one in found if one.likelihoods]
+    records = [one for one in answers if one.likelihoods]
     if not records:
         return {}
     every = [next(iter(one.likelihoods.values())) for one in records]
@@ -63,7 +69,7 @@ class JointDamping:
     spread: tuple[float, float, float]
 
 
-def joint_damping(found: Sequence[EnvelopeResult], seed: int = 0) -> JointDamping | None:
+def joint_damping(answers: Sequence[Answer], seed: int = 0) -> JointDamping | None:
     """Weigh every sum with one set of coefficients for all records, times a factor for each.
 
     The deviation's size and length are common to the records. None where fewer than two records have a decay.
@@ -73,7 +79,7 @@ def joint_damping(found: Sequence[EnvelopeResult], seed: int = 0) -> JointDampin
     InputError
         Where the records have different units.
     """
-    every = shared_likelihoods(found)
+    every = shared_likelihoods(answers)
     if not every or len(next(iter(every.values()))) < 2:
         return None
     logs, repeats = {}, {}
@@ -96,3 +102,66 @@ def joint_damping(found: Sequence[EnvelopeResult], seed: int = 0) -> JointDampin
     at = np.cumsum(weight[order]) / weight.sum()
     value, low, high = (float(np.interp(q, at, spreads[order])) for q in (0.5, 0.025, 0.975))
     return JointDamping(ordered, (value, low, high))
+
+
+def specimen(name: str, answers: Sequence[Answer]) -> Verdict | None:
+    """The verdict on a specimen; None where fewer than two records have a decay.
+
+    Q, or the rate, is that of random effects in logarithms (R. DerSimonian and N. Laird, Control. Clin. Trials 7, 177
+    (1986)). Raises InputError where the records have different units.
+    """
+    own = [one.verdict for one in answers if one.verdict.rate is not None]
+    quality = all(v.quality_factor is not None for v in own)
+    known = [one for v in own if (one := v.quality_factor if quality else v.rate) is not None]
+    if len(known) < 2:
+        return None
+    x = np.log([one.value for one in known])
+    variance = np.array([(one.sd_noise**2 + one.sd_law**2) / one.value**2 for one in known])
+    w = 1.0 / variance
+    mean = (w @ x) / w.sum()
+    scatter, alone = float(w @ (x - mean) ** 2), float(w.sum() ** -0.5)
+    between = max(0.0, (scatter - (x.size - 1)) / (w.sum() - (w @ w) / w.sum()))
+    w = 1.0 / (variance + between)
+    mean, sd = float((w @ x) / w.sum()), float(w.sum() ** -0.5)
+    joint = joint_damping(answers)
+    spread = joint.spread if joint else (between**0.5,) * 3
+    wide = float(np.hypot(sd, max(spread[0], between**0.5)))
+    value, low, high, next_low, next_high = (
+        float(np.exp(mean + 1.96 * width)) for width in (0.0, -sd, sd, -wide, wide)
+    )
+    unit = known[0].unit
+    common = Estimate(value, value * alone, value * (sd**2 - alone**2) ** 0.5, low, high, unit)
+    probabilities = (
+        {n: min(p, thresholds.CAP) for n, p in joint.probabilities.items()} if joint else {"": 1.0}
+    )
+    damping, probability = next(iter(probabilities.items()))
+    grade = worst_grade(own)
+    verdict = Verdict(
+        record=name,
+        grade=grade,
+        decided=probability >= thresholds.DECIDED and grade is not Grade.DEVIATES,
+        damping=damping,
+        probability=probability,
+        rivals=rivals_of(probabilities, {}),
+        spread=Interval(*spread),
+        energy=energy_of_records(own, probabilities),
+        deviation=largest([v.deviation for v in own]),
+        unexplained_pct=max(v.unexplained_pct for v in own),
+        noise_pct=float(np.median([v.noise_pct for v in own])),
+        records=x.size,
+        quantity="envelope",
+        rate=None if quality else common,
+        quality_factor=common if quality else None,
+        next_value=Interval(value, next_low, next_high, unit),
+        standardised=scatter / (x.size - 1),
+    )
+    what = "Q" if quality else "decay rate"
+    more = by_ten(with_interval(value, next_low, next_high, f" {unit}" if unit else ""))
+    said = (
+        *of_spread(verdict),
+        f"One more record would have {what} = {more}.",
+        f"The standardised variance of the records' own values is {verdict.standardised:.1f}.",
+        *(remarks_on_records(own, damping) if joint else ()),
+    )
+    verdict = replace(verdict, remarks=said)
+    return replace(verdict, sentence=sentence(verdict))

@@ -172,7 +172,8 @@ def answer(
     except Refusal as refusal:
         text = str(refusal)
         said = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
-        return Answer(Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), sentence=said))
+        none = Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), quantity=signal.quantity)
+        return Answer(replace(none, sentence=said))
     if made is not None:
         made[WEIGHED] = weighing
     asked = in_base(amplitudes, weighing, unit or UNITS[signal.unit])
@@ -187,6 +188,7 @@ def answer(
         found,
         record=signal.name,
         unit=signal.unit,
+        quantity=signal.quantity,
         measured=measured,
         approximate=approximate,
         window=window,

@@ -54,6 +54,7 @@ def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
         frequency=Interval(f, f - 0.5 * spread, f + 0.5 * spread, "Hz"),
         motion=Motion(found.seen),
         modes=modes,
+        quantity=signal.quantity,
         window=Window(first, first + duration, duration * f, ""),
         remarks=() if np.isnan(found.modes.rates).any() else (VISCOUS,),
     )

@@ -45,25 +45,6 @@ _COMMON = {
     "record": ("", "name of the record"),
     **_SUMMARY,
 }
-_VERDICT = {
-    "grade": (
-        "",
-        "how a law describes the record: `exact`, `approximate`, `deviates`, `no_free_decay`, `not_weighed`",
-    ),
-    "decided": ("", "whether one damping is named without reservation"),
-    "damping": ("", "the likeliest damping sum"),
-    "probability": ("", "its probability among those that were weighed"),
-    "unexplained_pct": ("% of the amplitude", "root mean square of what neither law nor noise explains"),
-    "noise_pct": ("% of the amplitude", "root mean square of the noise"),
-    "start": ("s of the file's times", "where the free decay begins"),
-    "stop": ("s of the file's times", "where it ends"),
-    "sentence": ("", "the answer in words"),
-    "exponent": ("", "power of the velocity that the damping force goes with, were it a single power"),
-    "deviation": (
-        "",
-        "energy-weighted mean of the relative deviation of the force from the law, over the record",
-    ),
-}
 _TABLES: dict[str, dict[str, tuple[str, str]]] = {
     "estimates.csv": {
         "estimator": ("", "method, or the study's own name for a variant"),
@@ -126,11 +107,30 @@ _TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "verdict": ("", "what the residuals say of the fit"),
     },
     "verdicts.csv": {
-        **_VERDICT,
+        "grade": (
+            "",
+            "how a law describes the record: `exact`, `approximate`, `deviates`, `no_free_decay`, `not_weighed`",
+        ),
+        "decided": ("", "whether one damping is named without reservation"),
+        "damping": ("", "the likeliest damping sum"),
+        "probability": ("", "its probability among those that were weighed"),
+        "unexplained_pct": ("% of the amplitude", "root mean square of what neither law nor noise explains"),
+        "noise_pct": ("% of the amplitude", "root mean square of the noise"),
+        "start": ("s of the file's times", "where the free decay begins"),
+        "stop": ("s of the file's times", "where it ends"),
+        "sentence": ("", "the answer in words"),
+        "exponent": ("", "power of the velocity that the damping force goes with, were it a single power"),
+        "deviation": (
+            "",
+            "energy-weighted mean of the relative deviation of the force from the law, over the record",
+        ),
         "rivals": ("", "other sums with their probabilities, as `sum:probability`"),
         "restoring": ("", "the likeliest restoring law"),
         "restoring_probability": ("", "its probability"),
-        "frequency": ("Hz", "natural frequency of small oscillations, by the restoring law"),
+        "frequency": (
+            "Hz",
+            "natural frequency of small oscillations, by the restoring law; of an envelope, the given one",
+        ),
         "frequency_at": ("Hz", "frequency at the last amplitude that a ratio is given at"),
         "midline_drift_pct": (
             "% of the first amplitude",
@@ -146,6 +146,22 @@ _TABLES: dict[str, dict[str, tuple[str, str]]] = {
             "of several records: lower end of the 95 % interval of what one more would have",
         ),
         "ratio_#_next_high": ("", "upper end of it"),
+        "quantity": (
+            "",
+            "what the record holds of the motion: `angle` (or displacement), `velocity`, `acceleration`, `envelope`",
+        ),
+        "rate": ("1/s", "of an envelope: decay rate of the amplitude, mean over the first half of the fall"),
+        "quality_factor": ("", "of an envelope: Q, where the frequency is known"),
+        "#_sd_noise": ("of #", "standard deviation from noise"),
+        "#_sd_law": ("of #", "standard deviation from what the law does not hold"),
+        "viscous": ("", "probability that the term is there"),
+        "coulomb": ("", "probability that the term is there"),
+        "quadratic": ("", "probability that the term is there"),
+        "power_law": (
+            "nat",
+            "of an envelope: log Bayes factor of one power of the amplitude against the sums",
+        ),
+        "probability_exact": ("", "of an envelope: probability that the law holds exactly"),
         "spread": ("", "of several records: relative standard deviation of the damping between them"),
         "spread_low": ("", "lower end of its 95 % interval"),
         "spread_high": ("", "upper end of its 95 % interval"),
@@ -160,19 +176,6 @@ _TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "amplitude": (_ROW, "amplitude of the oscillation"),
         "ratio": ("", "equivalent viscous damping ratio there, without a law of damping"),
         "lost": ("square of the row's `unit` per s²", "energy lost in a cycle, per unit of inertia"),
-    },
-    "verdicts.csv of envelopes": {
-        **_VERDICT,
-        "frequency": ("Hz", "of the oscillation, where it is known"),
-        "rate": ("1/s", "decay rate of the amplitude, mean over the first half of the fall"),
-        "quality_factor": ("", "Q, where the frequency is known"),
-        "#_sd_noise": ("of #", "standard deviation from noise"),
-        "#_sd_law": ("of #", "standard deviation from what the law does not hold"),
-        "exponent": ("", "power of the amplitude that its loss goes with: 1 viscous, 0 Coulomb, 2 quadratic"),
-        "probability_exact": ("", "probability that the law holds exactly"),
-        "viscous": ("", "probability that the term is there"),
-        "coulomb": ("", "probability that the term is there"),
-        "quadratic": ("", "probability that the term is there"),
     },
     "specimens.csv": {
         "specimen": ("", "name of the specimen"),

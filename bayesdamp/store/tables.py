@@ -46,7 +46,7 @@ SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Tables of a study that names specimens."""
 VERDICTS: tuple[str, ...] = (
-    "record", "grade", "decided", "damping", "probability", "rivals", "restoring", "restoring_probability",
+    "record", "quantity", "grade", "decided", "damping", "probability", "rivals", "restoring", "restoring_probability",
     "frequency", "frequency_low", "frequency_high", "frequency_at",
     "frequency_at_low", "frequency_at_high", "exponent", "exponent_low", "exponent_high",
     *(
@@ -59,11 +59,13 @@ VERDICTS: tuple[str, ...] = (
         )
         for end in ends
     ),
-    "energy", "other_forms", "deviation", "deviation_low", "deviation_high", "unnamed", "unnamed_low", "unnamed_high",
+    *(f"{name}{end}" for name in ("rate", "quality_factor") for end in ("", "_sd_noise", "_sd_law", "_low", "_high")),
+    "energy", "viscous", "coulomb", "quadratic", "other_forms", "power_law", "probability_exact",
+    "deviation", "deviation_low", "deviation_high", "unnamed", "unnamed_low", "unnamed_high",
     "spread", "spread_low", "spread_high", "unexplained_pct", "noise_pct", "midline_drift_pct",
     "start", "stop", "cycles", "remarks", "sentence",
 )  # fmt: skip
-"""Columns of verdicts.csv."""
+"""Columns of verdicts.csv; it has one more for each other term that was weighed, behind `quadratic`."""
 
 DAMPING_CURVES: tuple[str, ...] = (
     "amplitude",

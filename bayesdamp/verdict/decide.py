@@ -34,6 +34,7 @@ def decide(
     *,
     record: str,
     unit: str = "rad",
+    quantity: str = "angle",
     measured: bool = True,
     approximate: bool = True,
     window: Window | None = None,
@@ -43,10 +44,10 @@ def decide(
 ) -> Verdict:
     """The verdict on one record.
 
-    unit: of the displacement; measured: whether probabilities are capped; approximate: whether laws may hold
-    approximately. A damping is decided where its probability is large and the exact laws' evidence puts it first too.
-    law_free: what is measured without a law, at the amplitudes of the findings' ratios. Where the damping ratio
-    contradicts it, it is the answer and no law is; where the frequency alone does, it is the frequency.
+    unit: of the displacement; quantity: see `Verdict`; measured: whether probabilities are capped; approximate: whether
+    laws may hold approximately. A damping is decided where its probability is large and the exact laws' evidence puts
+    it first too. law_free: what is measured without a law, at the amplitudes of the findings' ratios. Where the damping
+    ratio contradicts it, it is the answer and no law is; where the frequency alone does, it is the frequency.
     """
     cap = thresholds.CAP if measured and approximate else 1.0
     damping = {name: min(p, cap) for name, p in found.damping.items()}
@@ -101,6 +102,7 @@ def decide(
         coefficients=_coefficients(found, unit),
         window=window,
         averages=averages,
+        quantity=quantity,
         over_law=_over_law(found, unit),
     )
     if contradicted:  # what its law says of energy, power and coefficients would contradict the answer

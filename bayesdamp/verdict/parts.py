@@ -49,11 +49,24 @@ class OverLaw:
 
 
 @dataclass(frozen=True)
-class DampingRatio:
-    """Equivalent viscous damping ratio at an amplitude, with its total 95 % interval.
+class Estimate:
+    """A number with its total 95 % interval, in a unit.
 
     sd_noise and sd_law are the parts of its standard deviation from noise and from what the law does not hold.
     """
+
+    value: float
+    sd_noise: float
+    sd_law: float
+    low: float
+    high: float
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class AtAmplitude:
+    """A number at an amplitude of the record, with its total 95 % interval; the parts of its standard deviation as of
+    `Estimate`."""
 
     amplitude: float
     unit: str
@@ -62,6 +75,11 @@ class DampingRatio:
     sd_law: float
     low: float
     high: float
+
+
+@dataclass(frozen=True)
+class DampingRatio(AtAmplitude):
+    """Equivalent viscous damping ratio at an amplitude."""
 
 
 @dataclass(frozen=True)
@@ -115,12 +133,17 @@ class Bound:
 
 @dataclass(frozen=True)
 class Window:
-    """The piece of the record that was used, in s of the file's own times, and why."""
+    """The piece of the record that was used, in s of the file's own times, and why.
+
+    cycles: NaN where the frequency is not known. floor_db: of an envelope, the mean level of the noise floor behind it
+    in dB of the recorded power, NaN where none is seen.
+    """
 
     start: float
     stop: float
     cycles: float
     why: str
+    floor_db: float = float("nan")
 
 
 @dataclass(frozen=True)

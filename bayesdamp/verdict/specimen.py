@@ -72,8 +72,7 @@ def verdict_on(
     damping, restoring, others = _probabilities(weighed)
     first, probability = next(iter(damping.items()))
     own = [r.verdict for r in records]
-    worst = max(own, key=lambda v: list(Grade).index(v.grade))
-    grade = worst.grade
+    grade = worst_grade(own)
     decided = probability >= thresholds.DECIDED and grade is not Grade.DEVIATES
     ratios, following = _ratios(records, weighed, sensor if _approximate(records) else 0.0, seed)
     verdict = Verdict(
@@ -91,17 +90,23 @@ def verdict_on(
         damping_ratio=ratios,
         next_record=following,
         spread=_spread(weighed) if len(records) > 1 else None,
-        energy=_energy(own, damping),
-        deviation=_largest([v.deviation for v in own]),
-        unnamed=_largest([v.unnamed for v in own]),
+        energy=energy_of_records(own, damping),
+        deviation=largest([v.deviation for v in own]),
+        unnamed=largest([v.unnamed for v in own]),
         unexplained_pct=max(v.unexplained_pct for v in own),
         noise_pct=float(np.median([v.noise_pct for v in own])),
-        remarks=_remarks(records, max(damping | others, key=lambda n: (damping | others)[n])),
+        remarks=remarks_on_records(own, max(damping | others, key=lambda n: (damping | others)[n])),
         records=len(records),
+        quantity=own[0].quantity,
     )
     said = _of_runs(verdict)
     verdict = replace(verdict, remarks=(*said, *verdict.remarks))
     return replace(verdict, sentence=sentence(verdict))
+
+
+def worst_grade(own: Sequence[Verdict]) -> Grade:
+    """Of several records."""
+    return max((v.grade for v in own), key=list(Grade).index)
 
 
 def _approximate(records: Sequence[Answered]) -> bool:
@@ -178,17 +183,24 @@ def _over_at(curve: Curve, amplitude: float) -> tuple[float, float]:
     return float(np.interp(at, x, curve["over"][order])), float(np.interp(at, x, curve["over_sd"][order]))
 
 
-def _of_runs(v: Verdict) -> tuple[str, ...]:
-    """How much records differ, and what one more would give."""
+def of_spread(v: Verdict) -> tuple[str, ...]:
+    """How much records differ."""
     if v.spread is None:
         return ()
     value, low, high = (rounded(100 * x) for x in (v.spread.value, v.spread.low, v.spread.high))
-    said = f"The damping differs between records by {value} % (standard deviation; 95 %: {low} to {high} %)."
+    return (
+        f"The damping differs between records by {value} % (standard deviation; 95 %: {low} to {high} %).",
+    )
+
+
+def _of_runs(v: Verdict) -> tuple[str, ...]:
+    """How much records differ, and what one more would give."""
+    said = of_spread(v)
     if not v.next_record:
-        return (said,)
+        return said
     r = v.next_record[len(v.next_record) // 2]
     ratio = with_interval(r.value, r.low, r.high, " %", 100)
-    return said, f"At the middle amplitude one more record would have a damping ratio of {ratio}."
+    return *said, f"At the middle amplitude one more record would have a damping ratio of {ratio}."
 
 
 def _pooled_interval(given: Sequence[Interval | None]) -> Interval | None:
@@ -201,12 +213,14 @@ def _pooled_interval(given: Sequence[Interval | None]) -> Interval | None:
     return Interval(p.mean, p.low, p.high, known[0].unit)
 
 
-def _largest(given: Sequence[Interval | None]) -> Interval | None:
+def largest(given: Sequence[Interval | None]) -> Interval | None:
+    """The interval with the largest value."""
     known = [i for i in given if i is not None]
     return max(known, key=lambda i: i.value) if known else None
 
 
-def _energy(own: Sequence[Verdict], damping: Mapping[str, float]) -> tuple[Share, ...]:
+def energy_of_records(own: Sequence[Verdict], damping: Mapping[str, float]) -> tuple[Share, ...]:
+    """Shares of the energy over several records, whose dampings have these probabilities."""
     terms = {s.term for v in own for s in v.energy}
     found = []
     for term in terms:
@@ -217,15 +231,12 @@ def _energy(own: Sequence[Verdict], damping: Mapping[str, float]) -> tuple[Share
     return tuple(sorted(found, key=lambda s: -s.share))
 
 
-def _remarks(records: Sequence[Answered], likeliest: str) -> tuple[str, ...]:
+def remarks_on_records(own: Sequence[Verdict], likeliest: str) -> tuple[str, ...]:
     """What records are by themselves where that is not what is likeliest for all."""
     said = []
     alone: dict[str, list[str]] = {}
-    for r in records:
-        v = r.verdict
-        first, _ = max(
-            [(v.damping, v.probability), *((o.damping, o.probability) for o in v.rivals)], key=lambda x: x[1]
-        )
+    for v in own:
+        first = max(v.probabilities, key=v.probabilities.__getitem__)
         alone.setdefault(first, []).append(v.record)
     if set(alone) != {likeliest}:
         parts = [f"{named(d)} {len(names)}" for d, names in sorted(alone.items(), key=lambda i: -len(i[1]))]

@@ -1,5 +1,7 @@
 """Every threshold of a verdict. Chosen on simulated records with the seeds 1 to 9; reported on others."""
 
+from math import log
+
 DECIDED = 0.95
 """Probability from which one damping is named without reservation (conventional)."""
 CAP = 0.99
@@ -22,6 +24,10 @@ SAME_AMPLITUDE = 0.05
 """Difference of log amplitudes up to which two damping ratios are compared."""
 CONTRADICTS_FREQUENCY = 0.002
 """The same of the frequency."""
+LIKELY_EXACT = 0.5
+"""Probability that the law of an envelope's decay holds exactly from which the record is said to follow it."""
+POWER_LAW = log(20.0)
+"""Log Bayes factor from which one power of the amplitude describes an envelope better than every sum."""
 UNEXPLAINED = 0.05
 """Share of the amplitude, left unexplained, from which the law is not the answer."""
 UNDESCRIBED = 0.5
@@ -47,5 +53,9 @@ EXPONENT_NAMED = 0.3
 """Half width of an exponent's interval up to which the law that it holds is named."""
 HARDLY_FALLS = 0.7
 """Share of the first amplitude that is left at the end from which dampings are said to be told apart poorly."""
+FEW_READINGS = 20
+"""Readings of an envelope below which its noise is said to be hardly known, and no power law is told from a sum."""
+SHALLOW = 10.0
+"""dB of fall of an envelope below which dampings are said to be hardly told apart."""
 AVERAGED = 0.1
 """Posterior standard deviations by which averaging may move a parameter without a reservation."""

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, is_dataclass
+from enum import StrEnum
+from functools import cache
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from types import NoneType
+from typing import TYPE_CHECKING, Any, Self, get_args, get_type_hints
 
 from bayesdamp.calls import Told
 from bayesdamp.store.files import write_json
 from bayesdamp.types import VERDICT_SCHEMA, InputError
 from bayesdamp.verdict.parts import (
+    AtAmplitude,
     Averages,
     Bound,
     Coefficient,
     DampingRatio,
+    Estimate,
     FrequencyAt,
     Grade,
     Interval,
@@ -50,6 +55,14 @@ class Verdict(Told):
     midline_drift_pct: by how much the midline moves over the record, in % of the first amplitude, 0 where that is not
     seen. Of several records next_record is the damping ratio that one more would have, and spread the relative standard
     deviation of the damping between them.
+
+    quantity: what the record holds of the motion: angle (or displacement), velocity, acceleration, or envelope. Of an
+    envelope alone: rate, of decay, the law's, mean over the first half of the fall in dB, and quality_factor of it
+    where the frequency is known; decay_rate and quality_factor_at, as they were at the amplitudes of damping_ratio,
+    largest first; deviation is the root mean square over the decay; probability_exact: that the law holds exactly;
+    power_law: log Bayes factor of one power of the amplitude against the sums. Of several envelopes next_value is the
+    quality_factor, else the rate, that one more would have, and standardised the mean square of the standardised
+    differences of their own values, 1 where their intervals are honest.
     """
 
     record: str
@@ -82,6 +95,15 @@ class Verdict(Told):
     over_law: OverLaw | None = None
     window: Window | None = None
     averages: Averages | None = None
+    quantity: str = "angle"
+    rate: Estimate | None = None
+    quality_factor: Estimate | None = None
+    decay_rate: tuple[AtAmplitude, ...] = ()
+    quality_factor_at: tuple[AtAmplitude, ...] = ()
+    probability_exact: float = float("nan")
+    power_law: float = float("nan")
+    next_value: Interval | None = None
+    standardised: float = float("nan")
     remarks: tuple[str, ...] = ()
     records: int = 1
     sentence: str = ""
@@ -90,6 +112,11 @@ class Verdict(Told):
     def __repr__(self) -> str:
         return self.sentence
 
+    @property
+    def probabilities(self) -> dict[str, float]:
+        """Of every damping that was weighed, the one that is named first."""
+        return {self.damping: self.probability, **{r.damping: r.probability for r in self.rivals}}
+
     def summary(self) -> pd.DataFrame:
         """One row, with the columns of verdicts.csv."""
         import pandas as pd
@@ -97,9 +124,11 @@ class Verdict(Told):
         return pd.DataFrame([self.row()])
 
     def row(self) -> dict[str, object]:
-        """A line of verdicts.csv: three amplitudes, the first three rivals, the terms' shares in columns each."""
+        """A line of verdicts.csv: a column each for three amplitudes, and for the probability of each term."""
         found: dict[str, object] = {
+            **{s.term: s.probability for s in self.energy},
             "record": self.record,
+            "quantity": self.quantity,
             "grade": str(self.grade),
             "decided": self.decided,
             "damping": self.damping,
@@ -110,6 +139,8 @@ class Verdict(Told):
             "unexplained_pct": self.unexplained_pct,
             "noise_pct": self.noise_pct,
             "midline_drift_pct": self.midline_drift_pct,
+            "probability_exact": self.probability_exact,
+            "power_law": self.power_law,
             "energy": " ".join(f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in self.energy),
             "other_forms": " ".join(
                 f"{b.form.replace(' ', '_')}:{b.share_below:.4g}" for b in self.other_forms
@@ -117,10 +148,13 @@ class Verdict(Told):
             "remarks": " ".join(self.remarks),
             "sentence": self.sentence,
         }
-        for name in ("frequency", "frequency_at", "exponent", "deviation", "unnamed", "spread"):
+        values = ("frequency", "frequency_at", "exponent", "deviation", "unnamed", "spread")
+        for name in (*values, "rate", "quality_factor"):
             one = getattr(self, name)
             if one is not None:
                 found |= {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
+            if isinstance(one, Estimate):
+                found |= {f"{name}_sd_noise": one.sd_noise, f"{name}_sd_law": one.sd_law}
         for i, ratio in enumerate(self.damping_ratio[:3], start=1):
             found |= {f"amplitude_{i}": ratio.amplitude, f"unit_{i}": ratio.unit}
             found |= {f"ratio_{i}": ratio.value, f"ratio_{i}_low": ratio.low, f"ratio_{i}_high": ratio.high}
@@ -145,28 +179,8 @@ class Verdict(Told):
     @classmethod
     def from_dict(cls, given: Mapping[str, Any]) -> Self:
         """The inverse of `to_dict`."""
-        nan = float("nan")
-
-        def one(kind: Any, value: Mapping[str, Any] | None) -> Any:
-            if value is None:
-                return None
-            return kind(**{k: nan if v is None else v for k, v in value.items()})
-
-        made = {k: v for k, v in given.items() if k != "schema"}
-        for name, kind in _SINGLE.items():
-            made[name] = one(kind, given.get(name))
-        for name, kind in _LISTS.items():
-            made[name] = tuple(one(kind, v) for v in given.get(name, ()))
-        numbers = (
-            "probability",
-            "restoring_probability",
-            "unexplained_pct",
-            "noise_pct",
-            "midline_drift_pct",
-        )
-        made |= {n: nan if given.get(n) is None else given[n] for n in numbers}
-        made["motion"] = Motion(given["motion"]) if given.get("motion") else None
-        return cls(**{**made, "grade": Grade(given["grade"]), "remarks": tuple(given.get("remarks", ()))})
+        hints = _hints(cls)
+        return cls(**{name: _read(hints[name], value) for name, value in given.items() if name != "schema"})
 
     def to_json(self) -> str:
         """As `verdict.json` has it, but with amplitudes in this verdict's own unit."""
@@ -205,27 +219,20 @@ class Verdict(Told):
         return chosen[0]
 
 
-_SINGLE = {
-    "frequency": Interval,
-    "frequency_at": FrequencyAt,
-    "exponent": Interval,
-    "deviation": Interval,
-    "restoring_deviation": Interval,
-    "unnamed": Interval,
-    "spread": Interval,
-    "window": Window,
-    "averages": Averages,
-    "over_law": OverLaw,
-}
-_LISTS = {
-    "rivals": Rival,
-    "damping_ratio": DampingRatio,
-    "next_record": DampingRatio,
-    "energy": Share,
-    "other_forms": Bound,
-    "coefficients": Coefficient,
-    "modes": Mode,
-}
+_hints = cache(get_type_hints)
+
+
+def _read(kind: Any, value: Any) -> Any:
+    """A field of this type out of what JSON holds of it; a number that is not known is NaN."""
+    each = get_args(kind)
+    if isinstance(value, list | tuple):
+        return tuple(_read(each[0], one) for one in value)
+    if value is None:
+        return None if NoneType in each else float("nan")
+    one = each[0] if each else kind
+    if is_dataclass(one):
+        return one(**{name: _read(_hints(one)[name], part) for name, part in value.items()})
+    return one(value) if issubclass(one, StrEnum) else value
 
 
 def _plain(value: object) -> object:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING
@@ -23,6 +24,7 @@ LEAST_BOUND = 0.1
 """Percent below which an upper limit is not given: none is 0."""
 UNEVEN = 1.25
 """Ratio of an interval's sides up to which it is written with ±."""
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def named(damping: str) -> str:
@@ -47,13 +49,9 @@ def _answer(v: Verdict) -> str:
             "No damped oscillation that was weighed describes the record: the nearest, with "
             f"{named(v.damping)} damping, leaves {_left(0.01 * v.unexplained_pct)}."
         )
-    ratios = [r for r in v.damping_ratio if isfinite(r.value)]
-    size = "the size of the damping is not determined"
-    if ratios:
-        size = f"equivalent damping ratio {_ratio(ratios[0])}"
-        if len(ratios) > 1:
-            size += f", {_ratio(ratios[-1])}"
-    frequency = _frequency(v)
+    size, frequency = _size(v), _frequency(v)
+    if not v.damping:
+        return f"{_first(size)}{frequency}."
     if v.contradicted:
         return (
             f"{_first(size)}{frequency}, measured without a law of damping: the law that fits best, "
@@ -61,12 +59,13 @@ def _answer(v: Verdict) -> str:
         )
     if v.grade is Grade.DEVIATES:
         measured = ", measured without a law of damping" if v.law_free else ""
-        return f"{_first(size)}{frequency}{measured}; the nearest law of damping is {named(v.damping)}, {_misses(v)}."
+        nearest = f"the nearest law of damping is {named(v.damping)}, {_misses(v)}"
+        return f"{_first(size)}{frequency}{measured}; {nearest}{_as_one_power(v)}."
     if v.decided:
         budget = _budget(v)
         return (
             f"{_first(named(v.damping))} damping (probability {probability(v.probability)}): "
-            f"{size}{frequency}{budget}{_hold(v)}."
+            f"{size}{frequency}{budget}{_as_one_power(v)}{_hold(v)}."
         )
     each = [(v.damping, v.probability), *((r.damping, r.probability) for r in v.rivals)]
     likely = sorted((one for one in each[1:] if one[1] >= thresholds.NAMED), key=lambda one: -one[1])
@@ -79,7 +78,31 @@ def _answer(v: Verdict) -> str:
         if sure
         else ""
     )
-    return f"{_first(size)}{frequency}; damping {' or '.join(between)}{part}{_hold(v)}."
+    return f"{_first(size)}{frequency}; damping {' or '.join(between)}{part}{_as_one_power(v)}{_hold(v)}."
+
+
+def _size(v: Verdict) -> str:
+    """How large the damping is: Q or the rate of an envelope, else ratios at amplitudes."""
+    if v.quality_factor is not None:
+        return f"Q = {by_ten(with_interval(v.quality_factor.value, v.quality_factor.low, v.quality_factor.high))}"
+    if v.rate is not None:
+        return f"decay rate {by_ten(with_interval(v.rate.value, v.rate.low, v.rate.high, ' ' + v.rate.unit))}"
+    ratios = [r for r in v.damping_ratio if isfinite(r.value)]
+    if not ratios:
+        return "the size of the damping is not determined"
+    last = f", {_ratio(ratios[-1])}" if len(ratios) > 1 else ""
+    return f"equivalent damping ratio {_ratio(ratios[0])}{last}"
+
+
+def by_ten(text: str) -> str:
+    """Text whose numbers have their power of ten in words: `3.57 × 10⁷` in place of `3.57e+07`."""
+    return re.sub(r"e([+-]\d+)\b", lambda found: f" × 10{str(int(found[1])).translate(_RAISED)}", text)
+
+
+def _as_one_power(v: Verdict) -> str:
+    """Of an envelope, as which power of the velocity it loses."""
+    envelope = v.quantity == "envelope" and v.exponent is not None
+    return f"; it {loses_like(v.exponent, v.damping)}" if envelope else ""  # type: ignore[arg-type]
 
 
 def _misses(v: Verdict) -> str:
@@ -117,6 +140,8 @@ def frequency_off(v: Verdict, by_law: FrequencyAt) -> str:
 def _frequency(v: Verdict) -> str:
     """The natural frequency; where it lies beyond the record, that at an amplitude of the record before it."""
     at = v.frequency_at
+    if v.quantity == "envelope":
+        return ""  # it is given, and Q has it
     if at is None:
         return "" if v.frequency is None else f", natural frequency {plus_minus(v.frequency)}"
     seen = plus_minus(Interval(at.value, at.low, at.high, "Hz"))

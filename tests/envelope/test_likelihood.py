@@ -91,11 +91,11 @@ def test_more_records_of_one_damping_say_more():
     joint = joint_damping(found)
     assert joint is not None
     assert next(iter(joint.probabilities)) == truth
-    assert joint.probabilities[truth] > max(one.probabilities[truth] for one in found)
+    assert joint.probabilities[truth] > max(one.verdict.probabilities[truth] for one in found)
     assert joint.spread[1] < 0.05 < joint.spread[2]
     assert joint_damping(found[:1]) is None
     further = "viscous+coulomb+quadratic"
-    apart = sum(np.log(one.probabilities[further] / one.probabilities[truth]) for one in found)
+    apart = sum(np.log(one[further] / one[truth]) for one in (two.verdict.probabilities for two in found))
     apart -= 3 * np.log(odds(further.split("+")) / odds(truth.split("+")))
     assert apart < np.log(0.01 * joint.probabilities[further] / joint.probabilities[truth])
 
@@ -109,7 +109,7 @@ def test_a_stored_answer_has_its_likelihoods(tmp_path: Path):
     keep(store, task, result)
     again = kept(store, task)
     assert again is not None
-    assert again.probabilities == result.probabilities
+    assert again.verdict.to_dict() == result.verdict.to_dict()
     here, there = shared_likelihoods([result]), shared_likelihoods([again])
     for name in here:
         for a, b in zip(here[name], there[name], strict=True):

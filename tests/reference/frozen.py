@@ -200,10 +200,10 @@ def envelope_row(name: str) -> dict[str, Any]:
     rng = np.random.default_rng([SEED, int(name.split("-")[1])])
     made = drawn_ringdown("harsh", rng)
     truth = simulate(made, rng)
-    result = analyse(made_record(name, truth.t, truth.level, "dBm", 1e6))
+    result = analyse(made_record(name, truth.t, truth.level, "dBm", 1e6)).verdict
     row: dict[str, Any] = {"grade": str(result.grade), "damping": result.damping}
     if result.rate is not None:
-        spans = [result.rate, *(at.rate for at in result.at)]
+        spans = [result.rate, *result.decay_rate]
         row["ratios"] = [[0.0, *map(_digits, (s.value, s.low, s.high))] for s in spans]
     return {"truth": {"damping": "+".join(made.rates)}, "quick": row}
 

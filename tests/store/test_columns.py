@@ -9,7 +9,6 @@ import pytest
 from bayesdamp import store
 from bayesdamp.calibrate import probabilities
 from bayesdamp.calibrate import tables as calibrated
-from bayesdamp.envelope.report import tables as envelopes
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.store.columns import SCHEMA, described, unused
 
@@ -18,7 +17,6 @@ WRITTEN: Mapping[str, Sequence[str]] = {
     **store.SPECIMEN_TABLES,
     "verdicts.csv": store.VERDICTS,
     "damping_curves.csv": ("record", "unit", *store.DAMPING_CURVES),
-    "verdicts.csv of envelopes": envelopes.COLUMNS,
     "calibration.csv": calibrated.COLUMNS,
     "ranks.csv": calibrated.RANK_COLUMNS,
     "recovery.csv": (*probabilities.RECORD_COLUMNS, *all_sums()),

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.envelope.kept import EnvelopeContent
-from bayesdamp.envelope.results import AtAmplitude, Coefficient, Cut, EnvelopeResult, Estimated, Range
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.answers import (
     AnswerContent,
@@ -108,33 +107,7 @@ RANKS = RanksContent(
     ("ok", "none"), (True, False), 8, "viscous", ("zeta",), {"nuts": ("ok", "")}, {"record": 1.0, "nuts": 2.0}
 )
 RECOVERY = RecoveryContent(("ok",), (True,), 4, ("viscous", "coulomb"), (("ok", "poor"),))
-RATE = Estimated(0.2, 0.1, 0.3, 0.02, 0.04)
-ENVELOPE = EnvelopeContent(
-    EnvelopeResult(
-        "r.txt",
-        "exact",
-        "It decays.",
-        True,
-        "viscous",
-        0.99,
-        {"viscous": 0.99, "coulomb": 0.01},
-        {"viscous": 0.99},
-        None,
-        RATE,
-        None,
-        (AtAmplitude(-30.0, "dBm", RATE, None, RATE),),
-        {"viscous": Range(1.0, 0.9, 1.0)},
-        Range(1.0, 0.9, 1.1),
-        -math.inf,
-        None,
-        math.nan,
-        0.1,
-        0.2,
-        (Coefficient("rate", "1/s", RATE),),
-        Cut(0.0, 9.0, 0, 90, ("found",), math.nan),
-        ("a remark",),
-    )
-)
+ENVELOPE = EnvelopeContent({"record": "r.txt"}, {"viscous": {"reference": 0.5, "unit": "dBm", "omega": None}})
 ALL = [
     RECORD, MODE, ANSWER, ESTIMATE, POSTERIOR, AVERAGE, EVIDENCE, WidthsContent(("zeta",)), HALF, NOISES, RATIOS,
     JOINT, OVER, LAW, RANKS, RECOVERY, ENVELOPE,

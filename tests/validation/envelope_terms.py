@@ -20,9 +20,9 @@ from scipy.optimize import minimize
 from bayesdamp.envelope import analyse
 from bayesdamp.envelope.model.candidates import Blocks, fit_rates
 from bayesdamp.envelope.model.sums import FIRST_ROUNDS, Sum, sums_on
-from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.envelope.terms.further import explore
 from bayesdamp.envelope.terms.loss import Scale
+from bayesdamp.verdict import Verdict
 from tests.envelope.oscillations import FLOOR, SHARP, START, Force, envelope, turning_points
 
 SUMS = (
@@ -88,7 +88,7 @@ class Count:
     outcomes: Counter[str] = field(default_factory=Counter)
     held: dict[str, list[bool]] = field(default_factory=dict)
 
-    def add(self, term: str, found: EnvelopeResult, inside: dict[str, bool]) -> None:
+    def add(self, term: str, found: Verdict, inside: dict[str, bool]) -> None:
         """Of one more record."""
         self.records += 1
         self.outcomes["named"] += found.damping == term
@@ -116,9 +116,9 @@ def main(term: str, records: int, seed: int = 1) -> None:
         record = envelope(force, [seed, k], noise=noise)
         sd = np.hypot(noise, FLOOR * START / np.sqrt(2) / amplitudes)
         nats, rival = lead(term, t, record.level * np.log(10) / 20, sd)
-        found = analyse(record, sums=SUMS)
+        found = analyse(record, sums=SUMS).verdict
         inside = {
-            c.name: c.estimate.low <= truths[c.name] <= c.estimate.high
+            c.name: c.low <= truths[c.name] <= c.high
             for c in (found.coefficients if found.damping == term else ())
             if c.name in truths
         }

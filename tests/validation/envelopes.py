@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.envelope import analyse, made_record
+from bayesdamp.envelope import Answer, analyse, made_record
 from bayesdamp.envelope.model.laws import rate
-from bayesdamp.envelope.results import EnvelopeResult
 from tests.envelope.ringdowns import NEPER, Ringdown, Simulated, simulate
 
 CASES = ("viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic")
@@ -63,15 +62,16 @@ class Held:
     inside: tuple[bool, ...]
 
 
-def held(made: Ringdown, truth: Simulated, result: EnvelopeResult) -> Held:
+def held(made: Ringdown, truth: Simulated, answer: Answer) -> Held:
+    assert answer.curve is not None
     known = np.isfinite(truth.x)
     x, t = truth.x[known], truth.t[known]
-    first, last = ((result.curve.fit[i] - made.top) / NEPER for i in (0, -1))
+    first, last = ((answer.curve.fit[i] - made.top) / NEPER for i in (0, -1))
     terms = tuple(made.rates)
     grid = np.linspace(first, 0.5 * (first + last), 400)
     slow = 1 / rate(grid, terms, np.array([made.rates[term] for term in terms]))
-    pairs = [(result.rate, (grid[0] - grid[-1]) / np.trapezoid(slow, -grid))]
-    for at in result.at:
+    pairs = [(answer.verdict.rate, (grid[0] - grid[-1]) / np.trapezoid(slow, -grid))]
+    for at in answer.verdict.decay_rate:
         middle = (at.amplitude - made.top) / NEPER
         span = 0.05 * (first - last)
         near = np.clip([middle + span, middle - span], x[-1], x[0])
@@ -79,7 +79,7 @@ def held(made: Ringdown, truth: Simulated, result: EnvelopeResult) -> Held:
         true = (
             (near[0] - near[1]) / float(np.diff(np.interp(-near, -x, t))[0]) if near[0] > near[1] else np.nan
         )
-        pairs.append((at.rate, true))
+        pairs.append((at, true))
     z = tuple(float((e.value - true) / np.hypot(e.sd_noise, e.sd_law)) for e, true in pairs)
     return Held(z, tuple(bool(e.low <= true <= e.high) for e, true in pairs))
 
@@ -90,19 +90,20 @@ def main(records: int, seed: int, kind: str = "harsh") -> None:
         rng = np.random.default_rng([seed, i])
         made = drawn(kind, rng)
         truth = simulate(made, rng)
-        result = analyse(made_record(str(i), truth.t, truth.level, "dBm", 1e6))
+        answer = analyse(made_record(str(i), truth.t, truth.level, "dBm", 1e6))
+        result = answer.verdict
         if result.rate is None:
             refused += 1
             print(i, result.sentence, flush=True)
             continue
-        one = held(made, truth, result)
+        one = held(made, truth, answer)
         found.append(one)
         print(
             i, "+".join(made.rates), f"{made.fall:.0f} dB",
             f"deviation {made.deviation:g} length {made.deviation_length:g}",
             f"drift {made.drift:g} slow {made.slow_share:.2f} wander {made.wander:g} constant {made.constant:g}",
             f"drop {made.drop:g} scatter {made.scatter:.3f} n {truth.t.size} ->", result.damping, result.grade,
-            np.round(one.z, 2), *one.inside, f"cut {result.cut.start - truth.release:.2f}", flush=True,
+            np.round(one.z, 2), *one.inside, f"cut {result.window.start - truth.release:.2f}", flush=True,
         )  # fmt: skip
     inside = np.array([h.inside for h in found])
     z = np.array([h.z for h in found])

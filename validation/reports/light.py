@@ -164,11 +164,10 @@ def row_of(decade: float, number: int) -> dict[str, object]:
         y = np.hypot(np.interp(times, t, amplitude) + error[0], error[1])
         record = made_record(f"{decade:g}-{number}", times, y, "V", made.frequency / (2 * math.pi))
         start = time.perf_counter()
-        found = analyse(record)
+        found = analyse(record).verdict
         logs = {name: math.log(p) if p > 0 else -math.inf for name, p in found.probabilities.items()}
-        at = found.at[len(found.at) // 2] if found.at else None
-        interval = None if at is None else at.damping_ratio
-        truth = math.nan if at is None else float(made.ratio_at(at.amplitude))
+        interval = found.damping_ratio[len(found.damping_ratio) // 2] if found.damping_ratio else None
+        truth = math.nan if interval is None else float(made.ratio_at(interval.amplitude))
         first, decided, why = found.damping, found.decided, found.sentence
     row = {**head, "seconds": time.perf_counter() - start}
     if not logs or interval is None:

@@ -2,30 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
 from bayesdamp.envelope.answer.coefficients import coefficients_of
 from bayesdamp.envelope.answer.decay import Decay
-from bayesdamp.envelope.answer.exponent import PowerLaw, by_power, power_law
-from bayesdamp.envelope.answer.posterior import DRIFT, SENSOR, Draws, draw
+from bayesdamp.envelope.answer.exponent import by_power, power_law
+from bayesdamp.envelope.answer.posterior import DRIFT, SENSOR, Draws, draw, estimate_of, interval_of
 from bayesdamp.envelope.answer.ranking import Ranking, ranked
+from bayesdamp.envelope.answer.remarks import remarks
 from bayesdamp.envelope.answer.untold import untold
 from bayesdamp.envelope.likelihood import RateLikelihood, likelihood_of
 from bayesdamp.envelope.model.candidates import Candidate
 from bayesdamp.envelope.model.sums import Sum, weighed
 from bayesdamp.envelope.records.one_law import NEPER
-from bayesdamp.envelope.results import AtAmplitude, Curve, Cut, EnvelopeResult, Estimated, Range, estimated
-from bayesdamp.envelope.words import FEW, remarks, sentence
+from bayesdamp.verdict import thresholds
+from bayesdamp.verdict.decide import rivals_of
+from bayesdamp.verdict.parts import AtAmplitude, DampingRatio, Grade, Interval, Share, Window
+from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.words import sentence
 
-APPROXIMATE = 0.25
-"""Deviation (95 % bound) up to which a sum is said to hold approximately."""
-POWER_LAW = np.log(20.0)
-"""Log Bayes factor from which a power law is said to describe a decay better than every sum."""
 ASKED = (0.15, 0.5, 0.85)
 """Where in the decay's fall in dB rates are quoted."""
+Kind = TypeVar("Kind", bound=AtAmplitude)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """For pictures: times in s on the record's clock, levels in dB of the recorded power of the readings' means, of the
+    fit of the best sum, and the sd of a reading's scatter in dB, shape (n,)."""
+
+    t: np.ndarray
+    level: np.ndarray
+    fit: np.ndarray
+    scatter: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The verdict on an envelope; its curve, None where nothing decays; and the likelihoods of the rates, by sum, for
+    an answer over several records: of those sums whose terms have no parameters beside coefficients."""
+
+    verdict: Verdict
+    curve: Curve | None = None
+    likelihoods: Mapping[str, RateLikelihood] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,29 +59,61 @@ class Drawn:
     plain: Draws
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """grade: see `EnvelopeResult`; decided: whether a sum is named outright; by_power: whether one power of the
-    amplitude describes the decay instead."""
-
-    grade: str
-    decided: bool
-    by_power: bool
-
-
-def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeResult:
+def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> Answer:
     """The damping of a decay by these sums. seed: of the draws."""
     ranking = ranked(sums, weighed(decay.blocks, sums, decay.noises, decay.inverse))
     power = power_law(decay, ranking)
     rng = np.random.default_rng([seed, decay.blocks.t.size])
     drawn = _drawn(decay, ranking.candidates, ranking.terms, rng)
-    deviation = _range(drawn.whole.deviation)
+    deviation = interval_of(drawn.whole.deviation)
     alike = untold(ranking)
-    verdict = _verdict(ranking, power, deviation, decay.blocks.t.size, bool(alike))
-    found = _found(decay, ranking, verdict, drawn, _rated(decay, ranking, verdict, drawn, rng))
-    found = replace(found, exponent=power.exponent, power_law=power.odds, deviation=deviation)
-    said = remarks(found, decay.record, decay.readings, decay.fall, alike)
-    return replace(found, sentence=sentence(found, alike), remarks=said)
+    inexact = Grade.APPROXIMATE if deviation.high <= thresholds.DEVIATES else Grade.DEVIATES
+    grade = Grade.EXACT if ranking.exact >= thresholds.LIKELY_EXACT else inexact
+    by_sum = ranking.decided and grade is not Grade.DEVIATES
+    one_power = (
+        power.odds > thresholds.POWER_LAW and decay.blocks.t.size >= thresholds.FEW_READINGS and not by_sum
+    )
+    rated = drawn
+    if (
+        one_power and "power" not in ranking.terms
+    ):  # rates by laws that the record does not follow are none of its own
+        rated = _drawn(decay, [*ranking.candidates, *by_power(decay)], (*ranking.terms, "power"), rng)
+    best, frequency, omega = ranking.best, decay.record.frequency, decay.omega
+    probabilities = {name: min(p, thresholds.CAP) for name, p in ranking.by_sum.items()}
+    first = probabilities.pop(best.name)
+    unexplained, noise = _misfit(decay, ranking.fitted)
+    whole, plain = rated.whole, rated.plain
+    verdict = Verdict(
+        record=decay.record.name,
+        grade=Grade.DEVIATES if one_power else grade,
+        decided=by_sum and not alike,
+        damping=best.name,
+        probability=first,
+        rivals=rivals_of({best.name: first, **probabilities}, {}),
+        frequency=Interval(frequency, frequency, frequency, "Hz") if frequency else None,
+        exponent=power.exponent,
+        damping_ratio=_at(decay, DampingRatio, whole.at / omega, plain.at / omega) if omega else (),
+        energy=_energy(ranking, drawn.whole),
+        deviation=deviation,
+        unexplained_pct=100 * unexplained,
+        noise_pct=100 * noise,
+        coefficients=coefficients_of(
+            decay.record, best, ranking.sums, ranking.candidates, drawn.whole, drawn.plain, decay.reference
+        ),
+        window=_window(decay),
+        quantity="envelope",
+        rate=estimate_of(whole.whole, plain.whole, "1/s"),
+        quality_factor=estimate_of(omega / 2 / whole.whole, omega / 2 / plain.whole) if omega else None,
+        decay_rate=_at(decay, AtAmplitude, whole.at, plain.at),
+        quality_factor_at=_at(decay, AtAmplitude, omega / 2 / whole.at, omega / 2 / plain.at)
+        if omega
+        else (),
+        probability_exact=ranking.exact,
+        power_law=power.odds,
+    )
+    verdict = replace(verdict, remarks=remarks(verdict, decay, ranking, alike))
+    verdict = replace(verdict, sentence=sentence(verdict))
+    return Answer(verdict, _curve(decay, ranking.fitted), _likelihoods(decay, ranking))
 
 
 def _drawn(
@@ -67,52 +122,6 @@ def _drawn(
     b, amplitudes = decay.blocks, _amplitudes(decay)
     whole = draw(b, candidates, terms, amplitudes, rng, _sensor(decay))
     return Drawn(whole, draw(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True))
-
-
-def _rated(decay: Decay, ranking: Ranking, verdict: Verdict, drawn: Drawn, rng: np.random.Generator) -> Drawn:
-    """What rates are read from: those by laws that the record does not follow are none of its own."""
-    if not verdict.by_power or "power" in ranking.terms:
-        return drawn
-    return _drawn(decay, [*ranking.candidates, *by_power(decay)], (*ranking.terms, "power"), rng)
-
-
-def _verdict(ranking: Ranking, power: PowerLaw, deviation: Range, blocks: int, alike: bool) -> Verdict:
-    """blocks: of the decay; alike: whether a sum that was weighed loses as the most probable one does."""
-    inexact = "approximate" if deviation.high <= APPROXIMATE else "deviates"
-    grade = "exact" if ranking.exact >= 0.5 else inexact
-    by_sum = ranking.decided and grade != "deviates"
-    instead = power.odds > POWER_LAW and blocks >= FEW and not by_sum
-    return Verdict("deviates" if instead else grade, by_sum and not instead and not alike, instead)
-
-
-def _found(decay: Decay, ranking: Ranking, verdict: Verdict, drawn: Drawn, rated: Drawn) -> EnvelopeResult:
-    """All but the exponent, the deviation and what is said."""
-    best = ranking.best
-    misfit, scatter = _misfit(decay, ranking.fitted)
-    return EnvelopeResult(
-        name=decay.record.name,
-        grade=verdict.grade,
-        sentence="",
-        decided=verdict.decided,
-        damping=best.name,
-        probability=ranking.by_sum[best.name],
-        probabilities=ranking.by_sum,
-        terms=ranking.by_term,
-        frequency=decay.record.frequency,
-        rate=estimated(rated.whole.whole, rated.plain.whole),
-        quality_factor=_quality(decay, rated.whole.whole, rated.plain.whole),
-        at=_at(decay, rated),
-        energy={term: _range(drawn.whole.energy[:, i]) for i, term in enumerate(ranking.terms)},
-        probability_exact=ranking.exact,
-        unexplained_pct=100 * misfit,
-        noise_pct=100 * scatter,
-        coefficients=coefficients_of(
-            decay.record, best, ranking.sums, ranking.candidates, drawn.whole, drawn.plain, decay.reference
-        ),
-        cut=_cut(decay),
-        curve=_curve(decay, ranking.fitted),
-        likelihoods=_likelihoods(decay, ranking),
-    )
 
 
 def _likelihoods(decay: Decay, ranking: Ranking) -> dict[str, RateLikelihood]:
@@ -124,9 +133,12 @@ def _likelihoods(decay: Decay, ranking: Ranking) -> dict[str, RateLikelihood]:
     }
 
 
-def _range(draws: np.ndarray) -> Range:
-    middle, low, high = (float(q) for q in np.quantile(draws, [0.5, 0.025, 0.975]))
-    return Range(middle, low, high)
+def _energy(ranking: Ranking, draws: Draws) -> tuple[Share, ...]:
+    found = []
+    for i, (term, probability) in enumerate(ranking.by_term.items()):
+        share = interval_of(draws.energy[:, i])
+        found.append(Share(term, share.value, share.low, share.high, probability))
+    return tuple(found)
 
 
 def _amplitudes(decay: Decay) -> np.ndarray:
@@ -140,23 +152,17 @@ def _sensor(decay: Decay) -> float:
     return float(np.hypot(SENSOR, DRIFT / (0.5 * decay.fall))) if decay.record.logarithmic else SENSOR
 
 
-def _quality(decay: Decay, whole: np.ndarray, plain: np.ndarray) -> Estimated | None:
-    """Q of rates in 1/s, None where the frequency is not known."""
-    return estimated(decay.omega / 2 / whole, decay.omega / 2 / plain) if decay.omega else None
-
-
-def _at(decay: Decay, rated: Drawn) -> tuple[AtAmplitude, ...]:
+def _at(decay: Decay, kind: type[Kind], whole: np.ndarray, plain: np.ndarray) -> tuple[Kind, ...]:
+    """Of draws at the amplitudes, (n, amplitudes)."""
     found = []
-    for i, x in enumerate(_amplitudes(decay)):
-        whole, plain = rated.whole.at[:, i], rated.plain.at[:, i]
+    for x, draws, also in zip(_amplitudes(decay), whole.T, plain.T, strict=True):
         amplitude, unit = decay.record.amplitude((x + decay.reference) * NEPER)
-        ratio = estimated(whole / decay.omega, plain / decay.omega) if decay.omega else None
-        quality = _quality(decay, whole, plain)
-        found.append(AtAmplitude(float(amplitude), unit, estimated(whole, plain), ratio, quality))
+        value, sd_noise, sd_law, low, high, _ = astuple(estimate_of(draws, also))
+        found.append(kind(float(amplitude), unit, value, sd_noise, sd_law, low, high))
     return tuple(found)
 
 
-def _cut(decay: Decay) -> Cut:
+def _window(decay: Decay) -> Window:
     record, window, first = decay.record, decay.window, decay.first
     why = list(window.why)
     if first > window.start:
@@ -164,9 +170,9 @@ def _cut(decay: Decay) -> Cut:
             f"starts at {record.t[first]:.4g} s, where the reading before it is no continuation of the decay"
         )
     floor = 10.0 * np.log10(window.floor.power) if window.floor is not None else float("nan")
-    return Cut(
-        float(record.t[first]), float(record.t[window.stop - 1]), first, window.stop, tuple(why), float(floor)
-    )
+    start, stop = float(record.t[first]), float(record.t[window.stop - 1])
+    cycles = (record.frequency or float("nan")) * (stop - start)
+    return Window(start, stop, cycles, "; ".join(filter(None, why)), float(floor))
 
 
 def _curve(decay: Decay, fitted: Candidate) -> Curve:
@@ -181,9 +187,11 @@ def _curve(decay: Decay, fitted: Candidate) -> Curve:
 
 
 def _misfit(decay: Decay, fitted: Candidate) -> tuple[float, float]:
-    """Root mean squares, relative to the amplitude and weighted by its square, of what the fit leaves and of noise."""
+    """Root mean squares, relative to the amplitude and weighted by its square, of what the fit leaves beyond the noise,
+    and of the noise."""
     weight = np.exp(2.0 * fitted.fit)
     weight = weight / weight.sum()
     off = decay.blocks.x - fitted.fit
     off = off - weight @ off
-    return float(np.sqrt(weight @ off**2)), float(np.sqrt(weight @ np.diag(decay.noises[0][1])))
+    left, noise = float(weight @ off**2), float(weight @ np.diag(decay.noises[0][1]))
+    return float(np.sqrt(max(left - noise, 0.0))), float(np.sqrt(noise))

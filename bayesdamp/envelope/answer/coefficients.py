@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import astuple
 
 import numpy as np
 
-from bayesdamp.envelope.answer.posterior import Draws
+from bayesdamp.envelope.answer.posterior import Draws, estimate_of
 from bayesdamp.envelope.model.candidates import Candidate
 from bayesdamp.envelope.model.laws import POWERS, coefficients
 from bayesdamp.envelope.model.sums import Sum
 from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.envelope.results import Coefficient, Estimated, estimated
+from bayesdamp.verdict.parts import Coefficient
 
 
 def coefficients_of(
@@ -34,7 +35,7 @@ def coefficients_of(
             have, also = (one.rates[term] for one in (draws, plain))
             name, values, of = coefficients([term], have[None], amplitude, omega)[0]
             same = coefficients([term], also[None], amplitude, omega)[0][1] if also.size else values
-            found.append(Coefficient(name, of.format(unit), estimated(values, same)))
+            found.append(_coefficient(name, of.format(unit), values, same))
         else:
             found += _registered(term, best, sums, candidates, (draws, plain), amplitude, omega, unit)
     return tuple(found)
@@ -71,25 +72,27 @@ def _registered(
         at_start = float(np.log(one.law.shapes(np.array([sum_.start]))[place, 0]))
         units[k] = at_start if omega is None else -log_rate
 
-    def estimate(value: Callable[[int], float], rates: bool = False) -> Estimated:
+    def coefficient(called: str, of: str, value: Callable[[int], float], rates: bool = False) -> Coefficient:
         every = []
         for one in draws:
             places = one.candidate[np.isin(one.candidate, list(own))]
             values = np.array([value(int(k)) for k in places])
             every.append(values * one.rates[name] if rates else values)
-        return estimated(every[0], every[1] if every[1].size else every[0])
+        return _coefficient(called, of, every[0], every[1] if every[1].size else every[0])
 
-    coefficient = estimate(lambda k: float(np.exp(units[k])), rates=True)
-    found = [
-        Coefficient(f"rate_{name}", "1/s", coefficient)
-        if omega is None
-        else Coefficient(term.parameter, term.unit.replace("rad", unit), coefficient)
-    ]
+    called, of = (
+        (f"rate_{name}", "1/s") if omega is None else (term.parameter, term.unit.replace("rad", unit))
+    )
+    found = [coefficient(called, of, lambda k: float(np.exp(units[k])), rates=True)]
     for i, one in enumerate(term.inferred):
         if omega is not None or "s" not in one.unit.replace("rad", ""):
-            values = estimate(lambda k, i=i, one=one: parameter(one, own[k][i], scale))
-            found.append(Coefficient(one.name, one.unit.replace("rad", unit), values))
+            of = one.unit.replace("rad", unit)
+            found.append(coefficient(one.name, of, lambda k, i=i, one=one: parameter(one, own[k][i], scale)))
     return found
+
+
+def _coefficient(name: str, unit: str, draws: np.ndarray, plain: np.ndarray) -> Coefficient:
+    return Coefficient(name, *astuple(estimate_of(draws, plain, unit)))
 
 
 def _root(unit: str) -> str:

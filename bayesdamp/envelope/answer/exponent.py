@@ -10,7 +10,7 @@ from bayesdamp.envelope.answer.decay import Decay
 from bayesdamp.envelope.answer.ranking import Ranking
 from bayesdamp.envelope.model.candidates import Candidate, weigh_power
 from bayesdamp.envelope.model.sums import sums_on, weighed
-from bayesdamp.envelope.results import Range
+from bayesdamp.verdict.parts import Interval
 
 LEAST, MOST = 0.0, 3.0
 GRID = 3001
@@ -23,7 +23,7 @@ NEGLIGIBLE = 1e-5
 class PowerLaw:
     """exponent: p of dA/dt = -cA^p; odds: log Bayes factor against the mixture of sums."""
 
-    exponent: Range
+    exponent: Interval
     odds: float
 
 
@@ -47,7 +47,7 @@ def by_power(decay: Decay) -> list[Candidate]:
 
 def mixture_range(
     log_weight: np.ndarray, mean: np.ndarray, variance: np.ndarray, least: float, most: float
-) -> Range:
+) -> Interval:
     """Median and 95 % interval of a mixture of normals cut off at both ends; each array (n,)."""
     weight = np.exp(log_weight - log_weight.max())
     grid = np.linspace(least, most, GRID)
@@ -57,7 +57,7 @@ def mixture_range(
             density += w / np.sqrt(v) * np.exp(-0.5 * (grid - m) ** 2 / v)
     total = np.cumsum(density)
     if not total[-1] > 0:  # narrower than the grid, or beyond an end of it
-        centre = float(np.clip(weight @ mean / weight.sum(), least, most))
-        return Range(centre, centre, centre)
+        centre, cell = float(np.clip(weight @ mean / weight.sum(), least, most)), (most - least) / (GRID - 1)
+        return Interval(centre, max(centre - 0.5 * cell, least), min(centre + 0.5 * cell, most))
     low, middle, high = (float(q) for q in np.interp([0.025, 0.5, 0.975], total / total[-1], grid))
-    return Range(middle, low, high)
+    return Interval(middle, low, high)

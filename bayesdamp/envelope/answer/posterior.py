@@ -10,6 +10,7 @@ import numpy as np
 from bayesdamp.envelope.model.candidates import Blocks, Candidate
 from bayesdamp.envelope.model.deviation import KNOTS, hats
 from bayesdamp.envelope.model.orthant import draw_orthant
+from bayesdamp.verdict.parts import Estimate, Interval
 
 DRAWS = 1600
 SENSOR = 0.002
@@ -35,6 +36,20 @@ class Draws:
     deviation: np.ndarray
     candidate: np.ndarray
     rates: Mapping[str, np.ndarray]
+
+
+def interval_of(draws: np.ndarray) -> Interval:
+    """Of draws (n,): median and central 95 %."""
+    middle, low, high = (float(q) for q in np.quantile(draws, [0.5, 0.025, 0.975]))
+    return Interval(middle, low, high)
+
+
+def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Estimate:
+    """Of draws (n,), and of those by the readings' noise alone."""
+    low, middle, high = (float(q) for q in np.nanquantile(draws, [0.025, 0.5, 0.975]))
+    sd, noise = float(np.nanstd(draws)), float(np.nanstd(plain))
+    noise = min(noise, sd)
+    return Estimate(middle, noise, float(np.sqrt(max(sd * sd - noise * noise, 0.0))), low, high, unit)
 
 
 def draw(

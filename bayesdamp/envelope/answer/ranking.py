@@ -10,8 +10,7 @@ import numpy as np
 from bayesdamp.envelope.model.candidates import Candidate
 from bayesdamp.envelope.model.laws import POWERS
 from bayesdamp.envelope.model.sums import Sum
-
-DECIDED = 0.95
+from bayesdamp.verdict import thresholds
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +38,11 @@ class Ranking:
         return self.sums[int(np.argmax(self.log_evidence))]
 
     @property
+    def best_exact(self) -> Sum:
+        """The most probable sum of those that hold exactly."""
+        return self.sums[int(np.argmax(self.log_exact))]
+
+    @property
     def fitted(self) -> Candidate:
         """Its most probable candidate."""
         own = (c for c in self.candidates if c.name == self.best.name)
@@ -47,8 +51,7 @@ class Ranking:
     @property
     def decided(self) -> bool:
         """Whether the most probable sum is probable enough, and exact laws put it first too."""
-        first = int(np.argmax(self.log_evidence))
-        return bool(self.probability[first] > DECIDED and np.argmax(self.log_exact) == first)
+        return self.by_sum[self.best.name] >= thresholds.DECIDED and self.best_exact is self.best
 
     @property
     def exact(self) -> float:

@@ -6,9 +6,9 @@ import base64
 import html
 from collections.abc import Mapping, Sequence
 
-from bayesdamp.envelope.pooled import Pooled
-from bayesdamp.envelope.results import EnvelopeResult
-from bayesdamp.envelope.words import damping_words, number, probability_words
+from bayesdamp.verdict.parts import AtAmplitude, Estimate, Interval
+from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.words import by_ten, named, probability, with_interval
 
 EMBEDDED = 24
 """Records up to which the page holds its pictures itself; beyond, it shows those in figures/."""
@@ -35,26 +35,27 @@ h2 { overflow-wrap: anywhere; } a { color: inherit; } .scroll { overflow-x: auto
 
 def page(
     title: str,
-    found: Sequence[EnvelopeResult],
+    found: Sequence[Verdict],
     pictures: Mapping[str, bytes],
     files: Mapping[str, str],
-    pooled: Pooled | None,
     settings: Sequence[str],
 ) -> bytes:
-    """HTML. pictures: record's key to PNG (used where there are few); files: key to the picture's path."""
+    """HTML. found: of the records, and of the specimen behind them; pictures: record's key to PNG (used where there are
+    few); files: key to the picture's path."""
+    own, common = found[: len(files)], found[len(files) :]
     parts = [
         "<!DOCTYPE html>", '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>{html.escape(title)} – bayesdamp</title><style>{STYLE}</style></head><body><main>",
         f"<h1>{html.escape(title)}</h1>",
     ]  # fmt: skip
-    if pooled is not None:
-        parts.append(f"<p>{html.escape(pooled.sentence)}</p>")
-    if len(found) > 1:
-        parts.append(_overview(list(files), found))
-    for key, one in zip(files, found, strict=True):
+    for one in common:
+        parts += [f"<p>{html.escape(one.sentence)}</p>", _listed(one.remarks)]
+    if len(own) > 1:
+        parts.append(_overview(list(files), own))
+    for key, one in zip(files, own, strict=True):
         parts += [
-            f'<h2 id="{html.escape(key)}">{html.escape(one.name)}</h2>',
+            f'<h2 id="{html.escape(key)}">{html.escape(one.record)}</h2>',
             f"<p>{html.escape(one.sentence)}</p>",
         ]
         if key in pictures and len(found) <= EMBEDDED:
@@ -62,75 +63,52 @@ def page(
         else:
             source = files[key]
         parts.append(
-            f'<img loading="lazy" src="{html.escape(source)}" alt="{html.escape(one.name)}: level over time">'
+            f'<img loading="lazy" src="{html.escape(source)}" alt="{html.escape(one.record)}: level over time">'
         )
         if one.rate is not None:
             parts.append(_table(one))
-        parts.append(_remarks(one))
-    parts += [
-        "<h2>What was assumed</h2><ul>",
-        *(f"<li>{html.escape(line)}</li>" for line in settings),
-        "</ul>",
-    ]
-    parts.append("</main></body></html>")
+        why = [f"The decay {one.window.why}."] if one.window else []
+        parts.append(_listed([*why, *one.remarks]))
+    parts += ["<h2>What was assumed</h2>", _listed(settings), "</main></body></html>"]
     return "\n".join(parts).encode()
 
 
-def _overview(keys: Sequence[str], found: Sequence[EnvelopeResult]) -> str:
+def _overview(keys: Sequence[str], found: Sequence[Verdict]) -> str:
     """A row a record, its name a link to it: Q, or the rate where the frequency is not known, damping and power."""
     quality = any(one.quality_factor is not None for one in found)
-    rows = [
-        _row(
-            "th",
-            ["record", "Q" if quality else "rate / (1/s)", "95 %", "damping", "probability", "power", "95 %"],
-        )
-    ]
+    size = "Q (95 %)" if quality else "rate / (1/s) (95 %)"
+    rows = [_row("th", ["record", size, "damping", "probability", "power (95 %)"])]
     for key, one in zip(keys, found, strict=True):
-        link = f'<td><a href="#{html.escape(key)}">{html.escape(one.name)}</a></td>'
-        size = one.quality_factor if quality else one.rate
-        cells = (
-            ["–", "–"] if size is None else [number(size.value), f"{number(size.low)} to {number(size.high)}"]
-        )
-        cells += (
-            [damping_words(one.damping), probability_words(one.probability)] if one.damping else ["–", "–"]
-        )
-        p = one.exponent
-        cells += ["–", "–"] if p is None else [f"{p.value:.2f}", f"{p.low:.2f} to {p.high:.2f}"]
+        link = f'<td><a href="#{html.escape(key)}">{html.escape(one.record)}</a></td>'
+        weighed = [named(one.damping), probability(one.probability)] if one.damping else ["–", "–"]
+        cells = [_number(one.quality_factor if quality else one.rate), *weighed, _number(one.exponent)]
         rows.append(f"<tr>{link}{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>")
     return f'<div class="scroll"><table>{"".join(rows)}</table></div>'
 
 
-def _table(one: EnvelopeResult) -> str:
-    quality = one.quality_factor is not None
-    heads = ["amplitude", "rate / (1/s)", "95 %", *(["Q", "95 %"] if quality else [])]
-    rows = []
-    for at in one.at:
-        cells = [
-            f"{number(at.amplitude)} {at.unit}",
-            number(at.rate.value),
-            f"{number(at.rate.low)} to {number(at.rate.high)}",
-        ]
-        if at.quality_factor is not None:
-            q = at.quality_factor
-            cells += [number(q.value), f"{number(q.low)} to {number(q.high)}"]
-        rows.append(cells)
-    shown = [_row("th", heads), *(_row("td", cells) for cells in rows)]
+def _table(one: Verdict) -> str:
+    """The decay at amplitudes of the record, and how probable each damping is."""
+    quality = one.quality_factor_at or (None,) * len(one.decay_rate)
+    heads = ["amplitude", "rate / (1/s) (95 %)", *(["Q (95 %)"] if one.quality_factor_at else [])]
+    rows = [_row("th", heads)]
+    for at, q in zip(one.decay_rate, quality, strict=True):
+        amplitude = f"{by_ten(f'{at.amplitude:.4g}')} {at.unit}"
+        rows.append(_row("td", [amplitude, _number(at), *([_number(q)] if q else [])]))
     dampings = ", ".join(
-        f"{damping_words(name)} {probability_words(p)}"
-        for name, p in sorted(one.probabilities.items(), key=lambda item: -item[1])
-        if p >= 0.005
+        f"{named(name)} {probability(p)}" for name, p in one.probabilities.items() if p >= 0.005
     )
-    terms = ", ".join(f"{damping_words(name)} {probability_words(p)}" for name, p in one.terms.items())
+    terms = ", ".join(f"{named(share.term)} {probability(share.probability)}" for share in one.energy)
     said = f"Probabilities: {dampings}. Of each term, in any sum: {terms}."
-    return (
-        f'<div class="scroll"><table>{"".join(shown)}</table></div><p class="quiet">{html.escape(said)}</p>'
-    )
+    return f'<div class="scroll"><table>{"".join(rows)}</table></div><p class="quiet">{html.escape(said)}</p>'
+
+
+def _number(one: Estimate | Interval | AtAmplitude | None) -> str:
+    return "–" if one is None else by_ten(with_interval(one.value, one.low, one.high))
 
 
 def _row(tag: str, cells: Sequence[str]) -> str:
     return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
 
-def _remarks(one: EnvelopeResult) -> str:
-    lines = [*(one.cut.why if one.cut else ()), *one.remarks]
+def _listed(lines: Sequence[str]) -> str:
     return "<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"

@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from bayesdamp.envelope.answer.answer import Answer
 from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.envelope.results import EnvelopeResult, Range
-from bayesdamp.envelope.words import damping_words
+from bayesdamp.verdict.parts import Interval
+from bayesdamp.verdict.words import named
 
 POINTS = 1200
 LAWS = (("Coulomb", "#D55E00"), ("viscous", "#0072B2"), ("quadratic", "#009E73"))
@@ -28,7 +29,7 @@ def thinned(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.repeat(t[edges], 2), np.column_stack([low, high]).ravel()
 
 
-def _exponent(ax: Axes, found: Range, cubic: bool) -> None:
+def _exponent(ax: Axes, found: Interval, cubic: bool) -> None:
     """The interval of the power of the velocity on an axis where the three laws are marked, the cubic one where it was
     weighed."""
     aligned = ("left", "center", "center", "right")
@@ -44,8 +45,9 @@ def _exponent(ax: Axes, found: Range, cubic: bool) -> None:
     ax.tick_params(labelsize=8)
 
 
-def picture(record: EnvelopeRecord, found: EnvelopeResult) -> bytes:
+def picture(record: EnvelopeRecord, answer: Answer) -> bytes:
     """A PNG."""
+    found = answer.verdict
     figure = Figure(figsize=(9.6, 4.2), dpi=90)
     canvas = FigureCanvasAgg(figure)
     left = figure.add_axes((0.075, 0.12, 0.53, 0.78))
@@ -53,21 +55,21 @@ def picture(record: EnvelopeRecord, found: EnvelopeResult) -> bytes:
     left.set_xlabel("time / s", color=INK)
     unit = record.unit if record.logarithmic else f"dB of 1 {record.unit}"
     left.set_ylabel(f"level / {unit}", color=INK)
-    named = f"{found.name}: {damping_words(found.damping)}" if found.damping else found.name
-    left.set_title(named, loc="left", fontsize=9)
-    if found.curve is not None and found.cut is not None:
-        curve, cut = found.curve, found.cut
+    title = f"{found.record}: {named(found.damping)}" if found.damping else found.record
+    left.set_title(title, loc="left", fontsize=9)
+    if answer.curve is not None and found.window is not None:
+        curve, cut = answer.curve, found.window
         left.plot(curve.t, curve.fit, color=FIT, lw=1.4)
         for at in (cut.start, cut.stop):
             left.axvline(at, color=BAND, lw=0.8)
-        if np.isfinite(cut.floor):
-            left.axhline(cut.floor, color=QUIET, lw=0.6, ls=":")
+        if np.isfinite(cut.floor_db):
+            left.axhline(cut.floor_db, color=QUIET, lw=0.6, ls=":")
         right = figure.add_axes(
             (0.68, 0.12, 0.305, 0.78) if found.exponent is None else (0.68, 0.42, 0.305, 0.48)
         )
         if found.exponent is not None:
             below = figure.add_axes((0.68, 0.12, 0.305, 0.12))
-            _exponent(below, found.exponent, "cubic" in found.terms)
+            _exponent(below, found.exponent, any(share.term == "cubic" for share in found.energy))
         right.fill_between(curve.t, -2 * curve.scatter, 2 * curve.scatter, color=BAND, alpha=0.15, lw=0)
         right.plot(curve.t, curve.level - curve.fit, color=INK, lw=0.8)
         right.axhline(0.0, color=FIT, lw=0.8)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.pipeline.records.answering import answered_of, arrays_of, stated_priors, verdict_of
 from bayesdamp.pipeline.records.records import cell_seed
-from bayesdamp.store import DAMPING_CURVES, VERDICTS, Store, write_json, write_table
+from bayesdamp.store import DAMPING_CURVES, Store, write_table
 from bayesdamp.units import UNITS, Unit
+from bayesdamp.verdict import files
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
@@ -35,9 +36,7 @@ def write_verdicts(study: Study, store: Store) -> None:
             units.append(own.pop() if len(own) == 1 else UNITS[unit_of(specs[0]).base])
     if not found:
         return
-    write_json(store.folder / "verdict.json", [v.to_dict() for v in found])
-    rows = [in_unit(v, unit).row() for v, unit in zip(found, units, strict=True)]
-    write_table(store.folder / "verdicts.csv", VERDICTS, rows)
+    files.write(store.folder, found, [in_unit(v, unit) for v, unit in zip(found, units, strict=True)])
     curves = [
         row for spec in study.signals for repeat in range(spec.repeats) for row in _curve(store, spec, repeat)
     ]

@@ -90,7 +90,8 @@ def test_an_answer_without_a_frequency_does_not_depend_on_the_unit_of_time():
     made = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=0.3, scatter_time=0.5, behind=15.0)
     truth = simulate(made, np.random.default_rng(3))
     here, there = (
-        analyse(made_record("x", truth.t * unit, truth.level, "dBm")).probabilities for unit in (1.0, 2.0**13)
+        analyse(made_record("x", truth.t * unit, truth.level, "dBm")).verdict.probabilities
+        for unit in (1.0, 2.0**13)
     )
     assert there == pytest.approx(here, abs=1e-6)
 

@@ -1,0 +1,38 @@
+"""verdict.json and verdicts.csv: what a run says of its records."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from bayesdamp.store.files import write_json
+from bayesdamp.store.tables import VERDICTS, write_table
+from bayesdamp.verdict.types import Verdict
+
+JSON, TABLE = "verdict.json", "verdicts.csv"
+
+
+def read(path: Path) -> list[Verdict]:
+    """What `write` wrote as JSON. Raises OSError, and AttributeError, KeyError, TypeError or ValueError for a file of
+    something else."""
+    return [Verdict.from_dict(one) for one in json.loads(path.read_text(encoding="utf-8"))]
+
+
+def write(folder: Path, verdicts: Sequence[Verdict], shown: Sequence[Verdict] | None = None) -> None:
+    """Write both files into a run's folder, an object and a line for each verdict.
+
+    Parameters
+    ----------
+    folder
+        The run's.
+    verdicts
+        In the order of the records, those of specimens behind them.
+    shown
+        The same in the units that their records came in, for the table; the same ones where it is not given.
+    """
+    write_json(folder / JSON, [v.to_dict() for v in verdicts])
+    rows = [v.row() for v in shown or verdicts]
+    more = dict.fromkeys(s.term for v in verdicts for s in v.energy if s.term not in VERDICTS)
+    behind = VERDICTS.index("quadratic") + 1
+    write_table(folder / TABLE, (*VERDICTS[:behind], *more, *VERDICTS[behind:]), rows)

@@ -1,0 +1,97 @@
+"""verdict.json and verdicts.csv have one shape, whatever the record holds of the motion."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import fields, is_dataclass
+from enum import StrEnum
+from pathlib import Path
+from types import NoneType
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
+import pytest
+
+from bayesdamp.envelope import analyse, made_record
+from bayesdamp.store import VERDICTS
+from bayesdamp.verdict import Verdict
+from bayesdamp.verdict.files import read, write
+from tests.verdict.test_decide import decided, findings
+
+
+def faults(kind: Any, value: Any, at: str = "verdict") -> list[str]:
+    """What of a JSON value is not as a type has it; a number that is not known is null."""
+    each = get_args(kind)
+    if value is None:
+        return [] if kind is float or NoneType in each else [f"{at}: null"]
+    if isinstance(value, list):
+        return [text for i, one in enumerate(value) for text in faults(each[0], one, f"{at}[{i}]")]
+    one = each[0] if each else kind
+    if is_dataclass(one):
+        hints = {f.name: get_type_hints(one)[f.name] for f in fields(one) if f.name != "provenance"}
+        given = {k: v for k, v in value.items() if k != "schema"}
+        found = [f"{at}.{name}: {what}" for name, what in _apart(hints, given).items()]
+        return found + [
+            text for name in hints.keys() & given for text in faults(hints[name], given[name], f"{at}.{name}")
+        ]
+    expected = {float: (int, float)}.get(one, str if issubclass(one, StrEnum) else one)
+    right = isinstance(value, expected) and isinstance(value, bool) == (one is bool)
+    return [] if right else [f"{at}: {value!r} is no {one.__name__}"]
+
+
+def _apart(hints: dict[str, Any], given: dict[str, Any]) -> dict[str, str]:
+    return dict.fromkeys(hints.keys() - given, "missing") | dict.fromkeys(given.keys() - hints, "unknown")
+
+
+@pytest.fixture(scope="module")
+def envelope() -> Verdict:
+    t = 12.0 * np.arange(10.0)
+    y = 3.0 * 0.5 ** (t / 12.0) * np.exp(0.02 * np.random.default_rng(2).standard_normal(t.size))
+    return analyse(made_record("swing.csv", t, y, "mm", 2.0)).verdict
+
+
+def test_an_envelope_and_a_motion_have_one_schema(envelope: Verdict, tmp_path: Path) -> None:
+    motion = decided(findings())
+    write(tmp_path, [motion, envelope])
+    for one in json.loads((tmp_path / "verdict.json").read_text()):
+        assert one.pop("schema") == 1
+        assert faults(Verdict, one) == []
+    assert [v.to_dict() for v in read(tmp_path / "verdict.json")] == [motion.to_dict(), envelope.to_dict()]
+    rows = list(csv.DictReader((tmp_path / "verdicts.csv").read_text().splitlines()))
+    assert [row["quantity"] for row in rows] == ["angle", "envelope"]
+    assert tuple(rows[0]) == VERDICTS
+    for row, v in zip(rows, (motion, envelope), strict=True):
+        assert float(row["ratio_1"]) == v.damping_ratio[0].value
+        assert [float(row[s.term]) for s in v.energy] == [s.probability for s in v.energy]
+    assert float(rows[1]["quality_factor"]) == envelope.quality_factor.value
+    assert (rows[0]["quality_factor"], rows[1]["restoring"]) == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"terms": {"viscous": 0.9}}, "verdict.terms: unknown"),
+        ({"probability": "0.9"}, "verdict.probability: '0.9' is no float"),
+        ({"decided": 1}, "verdict.decided: 1 is no bool"),
+        ({"damping": None}, "verdict.damping: null"),
+        ({"rate": {"value": 0.1}}, "verdict.rate.low: missing"),
+        ({"decay_rate": [{"amplitude": "x"}]}, "verdict.decay_rate[0].amplitude: 'x' is no float"),
+    ],
+)
+def test_another_shape_is_seen(envelope: Verdict, change: dict[str, Any], said: str) -> None:
+    """The negative control; the first is what an envelope's object once had."""
+    assert said in faults(Verdict, {**envelope.to_dict(), **change})
+
+
+def test_other_terms_have_columns_too(envelope: Verdict, tmp_path: Path) -> None:
+    """Control: without one there is none."""
+    t = 12.0 * np.arange(10.0)
+    other = analyse(
+        made_record("swing.csv", t, 3.0 * 0.5 ** (t / 12.0), "mm"), sums=(("viscous",), ("cubic",))
+    ).verdict
+    for verdicts, there in (([envelope, other], True), ([envelope], False)):
+        write(tmp_path, verdicts)
+        columns = (tmp_path / "verdicts.csv").read_text().splitlines()[0].split(",")
+        assert ("cubic" in columns) is there
+        assert columns.index("quadratic") + 1 == columns.index("cubic" if there else "other_forms")
