@@ -20,7 +20,6 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.density import Density
 from bayesdamp.interface.fitting.case import Case, checked, searched
-from bayesdamp.interface.fitting.specification import GAUSSIAN
 from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.definitions import units_of
@@ -320,7 +319,7 @@ class Fit(Result):
         return cls(
             signal=signal,
             model=model,
-            noise=GAUSSIAN,
+            noise=law.weighing.noise.name,
             values={n: q.value for n, q in found.items()},
             sd=sd,
             units=units_of(law.names, model.restoring, signal),

@@ -11,9 +11,10 @@ from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.single import Found, Single, again
 from bayesdamp.inference.deviation.weighing import Friction
 from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.inference.noise._residuals import FittedNoise
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import prior_of
-from bayesdamp.store.contents.answers import FoundFriction, LawContent
+from bayesdamp.store.contents.answers import FoundFriction, LawContent, WeighedNoise
 from bayesdamp.store.contents.records import Scales
 from bayesdamp.types import Signal
 
@@ -29,9 +30,11 @@ def packed(found: Found) -> tuple[LawContent, dict[str, np.ndarray]]:
         priors={n: p.model_dump() for n, p in found.priors.items()},
         known=dict(found.known),
         frictions=tuple(map(packed_friction, found.frictions)),
+        noise=WeighedNoise(found.noise.name, found.noise.log_evidence, found.noise.values),
         **{k: getattr(found, k) for k in NUMBERS},
     )
-    return content, {"z": found.z, "u": found.u}
+    arrays = {"z": found.z, "u": found.u}
+    return content, arrays if found.working is None else {**arrays, "working": found.working}
 
 
 def packed_friction(friction: Friction) -> FoundFriction:
@@ -49,6 +52,8 @@ def unpacked(content: LawContent, arrays: Mapping[str, np.ndarray]) -> Found:
         known=content.known,
         z=arrays["z"],
         u=arrays["u"],
+        noise=FittedNoise(content.noise.noise, content.noise.values, content.noise.log_evidence),
+        working=arrays.get("working"),
         frictions=tuple(
             Friction(f.epsilon, f.weight, np.array(f.coefficients), np.array(f.further))
             for f in content.frictions

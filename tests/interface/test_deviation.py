@@ -276,7 +276,6 @@ def test_drawn_and_predicted_within_the_record() -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"noise": "student_t"}, 'must be "gaussian" or "auto"'),
         ({"sensor": -1.0}, "must be a number from 0"),
         ({"priors": {"noise_sd": bd.HalfNormal(1.0)}}, "has no meaning under deviation"),
     ],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,9 +22,11 @@ from bayesdamp.inference.deviation.numbers.deviations import size_of
 from bayesdamp.inference.deviation.numbers.draws import Drawn, scores_of
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
 from bayesdamp.inference.deviation.parameters import Parameters
+from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise
 from bayesdamp.inference.deviation.weighing import Friction, Result, Weighing, weigh_all
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.inference.noise._residuals import FittedNoise
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel.averaged import AveragedSolver
@@ -45,7 +47,8 @@ class Found:
     terms: of the solver, those of the candidate among them. z: scores of the best motion under exact laws, (d,); u:
     scores, log g and h of the best under approximate ones, (K,). variance, inflation: of the noise that counts, κ in
     it; exact_variance: of what exact laws leave; epsilon: the width of friction's turning over, rad/s or m/s; averaged:
-    whether the record was taken as amplitudes and phases.
+    whether the record was taken as amplitudes and phases. noise: of the samples; working: the values that least squares
+    are made to where it is not Gaussian, (n,).
     """
 
     terms: tuple[str, ...]
@@ -60,6 +63,8 @@ class Found:
     epsilon: float
     frictions: tuple[Friction, ...] = ()
     averaged: bool = False
+    noise: FittedNoise = field(default_factory=FittedNoise)
+    working: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -113,6 +118,8 @@ class Single:
         own = (*self.oscillator.parameters, "noise_sd")
         found = {n: v for n, v in self.found.known.items() if n in own}
         found |= {"epsilon": weighing.epsilon} if self.oscillator.switches else {}
+        if self.found.working is not None:
+            return {**found, **self.found.noise.values}
         variance = weighing.variance / weighing.inflation * weighing.data.thinned
         return {**found, "noise_sd": float(np.sqrt(variance))}
 
@@ -253,6 +260,7 @@ def single(
     known: Mapping[str, float],
     priors: Mapping[str, Prior],
     reference: Reference,
+    noises: Sequence[str] = AUTOMATIC,
 ) -> Single:
     """Fit and weigh one candidate. The noise, and friction's width, are those under the sum of all terms, as where
     candidates are compared: so evidence of two dampings under one law is of one noise.
@@ -268,6 +276,7 @@ def single(
             known=known,
             priors=priors,
             reference=reference,
+            noises=noises,
         )
     result = next((r for r in weighing.results if set(r.candidate.damping) == set(damping)), None)
     if result is None:
@@ -296,6 +305,8 @@ def found_of(weighing: Weighing, result: Result) -> Found:
         epsilon=solver.epsilon,
         frictions=weighing.frictions,
         averaged=weighing.data.averaged is not None,
+        noise=weighing.noise.fitted,
+        working=None if weighing.data.readings is None else weighing.data.y,
     )
 
 
@@ -326,6 +337,8 @@ def again(data: Data, candidate: Candidate, found: Found, knots: np.ndarray | No
     """What a search found, put together without it. knots: in s, where they are not the record's own. Raises Refusal
     where it was on another record."""
     knots = knots_of(data.end, data.cycles) if knots is None else knots
+    if found.working is not None:
+        data = replace(data, y=found.working[: data.y.size], readings=data.recorded)
     solver = data.solver(found.terms, candidate.restoring, found.epsilon, knots)
     parameters = Parameters(solver.names, found.priors, found.known)
     active, p = active_of(candidate, solver), parameters.values(found.z)
@@ -361,5 +374,6 @@ def again(data: Data, candidate: Candidate, found: Found, knots: np.ndarray | No
         (result,),
         found.variance,
         found.inflation,
+        noise=SampleNoise(found.noise),
     )
     return Single(weighing, result, found)

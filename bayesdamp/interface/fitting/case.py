@@ -15,6 +15,7 @@ from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of
 from bayesdamp.inference.deviation.quick import MOST_CYCLES
+from bayesdamp.inference.deviation.sample_noise import GAUSSIAN, noises_of
 from bayesdamp.inference.deviation.single import Single, single
 from bayesdamp.inference.deviation.weighing import weigh_all
 from bayesdamp.inference.fit.mode import Mode, restore_mode
@@ -88,8 +89,10 @@ class Case:
             known=model.known,
             priors=model.parameter_priors,
             reference=self.reference,
+            noises=noises_of(model.noise),
         )
-        found = weighed(prepared(self.signal, average=not any(n in model.known for n in START)))
+        average = GAUSSIAN in noises_of(model.noise) and not any(n in model.known for n in START)
+        found = weighed(prepared(self.signal, average=average))
         averaging = averaging_of(found.weighing)
         if averaging is not None and not averaging.close and averaging.cycles <= MOST_CYCLES:
             found = weighed(prepared(self.signal, average=False))

@@ -33,7 +33,6 @@ from bayesdamp.types import InputError, System
 if TYPE_CHECKING:
     import pandas as pd
 
-GAUSSIAN = "gaussian"
 HELD = (*POSITIVE, "epsilon")
 """Parameters that are not inferred where laws hold approximately: known, or read from the record once."""
 
@@ -138,10 +137,6 @@ class Specification(Result):
 
     def _check_approximate(self) -> None:
         """What is asked of a law that may hold approximately. Raises InputError."""
-        if GAUSSIAN not in self.noises:
-            raise InputError(
-                f'Model: noise is {self.noise!r}; under deviation {self.deviation!r} it must be "{GAUSSIAN}" or "auto"'
-            )
         checked_sensor("Model", self.sensor)
         for name in self.priors:
             if name in HELD:

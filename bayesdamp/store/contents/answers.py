@@ -92,6 +92,7 @@ class LawContent(Content):
     epsilon: float
     frictions: tuple[FoundFriction, ...]
     averaged: bool
+    noise: WeighedNoise = field(default_factory=lambda: WeighedNoise("gaussian", float("nan")))
 
 
 @dataclass(frozen=True)

@@ -113,6 +113,19 @@ def test_coarse_steps_are_rounding_and_not_noise():
     assert own.high - own.low < 0.8 * (white.high - white.low)
 
 
+def test_a_fit_with_deviations_has_the_noise_too(tmp_path):
+    """Its interval holds the truth and is narrower than under Gaussian noise; what is read from a file is the same."""
+    signal, asked = spoilt(), {"restoring": "linear", "deviation": "law"}
+    own = bd.fit(signal, bd.Model("viscous", noise="student_t", **asked))
+    plain = bd.fit(signal, bd.Model("viscous", noise="gaussian", **asked))
+    (low, high), (plain_low, plain_high) = own.intervals["zeta"], plain.intervals["zeta"]
+    assert own.noise == "student_t"
+    assert low < 0.05 < high
+    assert high - low < 0.7 * (plain_high - plain_low)
+    own.save(tmp_path / "fit.npz")
+    assert bd.load(tmp_path / "fit.npz").intervals == own.intervals
+
+
 class Laplacian(IndependentNoise):
     """A user's own noise: double exponential."""
 
