@@ -30,6 +30,8 @@ AUTOMATIC = (GAUSSIAN, CORRELATED, "student_t", "quantised")
 """Noise models that are weighed where none is asked for."""
 LEAD = 5.0
 """Nats by which another noise model must be ahead of Gaussian noise (conventional)."""
+ORDER = 8
+"""Of the autoregression that shows whether residuals can be predicted from those before them (conventional)."""
 ROUNDS = 10
 """Changes of the working residuals, at most."""
 SETTLED = 0.05
@@ -147,13 +149,17 @@ def adapted(
     by_name = {one.name: one for one in weighed}
     noise, plain = max(weighed, key=lambda one: one.log_evidence), by_name.get(GAUSSIAN)
     found, gaps = at.fit, np.diff(data.record.t)
-    if plain is not None and noise.log_evidence - plain.log_evidence < LEAD:
-        return Adapted(data, SampleNoise(plain, weighed), 0.0)
-    if plain is not None and noise.name == CORRELATED:
-        # Left to the power of the residual near the oscillation (`inflation`), but no less than the model says: it may
-        # as well be what a law leaves that does not hold, and its correlation need not be exponential.
-        variance = noise.variance(data.record.y - motion, motion - motion.mean(), gaps)
-        return Adapted(data, SampleNoise(plain, weighed), variance / data.thinned)
+    ahead = np.inf if plain is None else noise.log_evidence - plain.log_evidence
+    predictable = _predictable(data.record.y - motion)
+    if plain is not None and (ahead < LEAD or predictable > ahead):
+        # What can be predicted may not be noise, but a second mode, or what a law leaves that does not hold. It is left
+        # to the power of the residual near the oscillation (`inflation`), which is at least that of correlated noise
+        # where this explains as much as any autoregression.
+        other = by_name.get(CORRELATED, plain)
+        variance = 0.0
+        if other.log_evidence - plain.log_evidence > max(LEAD, predictable - LEAD):
+            variance = other.variance(data.record.y - motion, motion - motion.mean(), gaps) / data.thinned
+        return Adapted(data, SampleNoise(plain, weighed), variance)
     for _ in range(ROUNDS):
         residual = data.record.y - motion
         variance = noise.variance(residual, motion - motion.mean(), gaps)
@@ -196,6 +202,17 @@ def _at_samples(solver: Solver, data: Data, at: Linearised) -> np.ndarray | None
     every = solver.at(np.array(data.record.t, float), solver.quantity)
     motion = every.solve(at.parameters.values(z), at.fit.active, np.expm1(g), h, NONE)
     return None if motion is None else motion.y
+
+
+def _predictable(residual: np.ndarray) -> float:
+    """Compute how many nats an autoregression of residuals (m,) is ahead of white Gaussian noise, never less than 0, by
+    least squares and Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978))."""
+    rows = np.lib.stride_tricks.sliding_window_view(residual, ORDER + 1)
+    before, after = rows[:, :-1], rows[:, -1]
+    square = before.T @ before
+    left = float(after @ after) - float((before.T @ after) @ np.linalg.solve(square, before.T @ after))
+    gain = 0.5 * len(rows) * np.log(float(after @ after) / max(left, 1e-300))
+    return max(float(gain) - 0.5 * ORDER * np.log(len(rows)), 0.0)
 
 
 def _weighed(
