@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.deviation.sampled.runs import sample_motions
+from bayesdamp.inference.deviation.runs import sample_motions
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.posterior import NO_DRAWS, Posterior

@@ -152,3 +152,41 @@ def test_far_out_in_the_tail_of_two_walls() -> None:
     mean = np.array([[-60.0, -80.0]])
     found = log_probability(mean, np.eye(2)[None])[0]
     assert found == pytest.approx(float(np.sum(norm.logcdf(mean))), rel=1e-9)
+
+
+def cut_off(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    factor = np.linalg.cholesky(covariance)
+    return draw(np.random.default_rng(0), mean, factor, np.arange(mean.size), 4000)
+
+
+def test_cut_off_normal_against_rejection():
+    """2 × 4,000 draws: errors of 0.02 sd; 0.1 sd is five."""
+    mean, root = np.array([-0.4, 0.6]), np.array([[1.0, 0.0], [-0.8, 0.6]])
+    drawn = mean + np.random.default_rng(1).standard_normal((200_000, 2)) @ root.T
+    expected = drawn[np.all(drawn > 0, axis=1)]
+    found = cut_off(mean, root @ root.T)
+    assert np.all(found >= 0)
+    np.testing.assert_allclose(found.mean(axis=0), expected.mean(axis=0), atol=0.1)
+    np.testing.assert_allclose(np.cov(found.T), np.cov(expected.T), atol=0.08)
+
+
+def test_cut_off_normal_on_a_thin_sheet():
+    """Coefficients of which the sum alone is known, to a share of 1e-4: between the walls they are uniform on a
+    triangle, whose moments are those of Dirichlet's distribution. 2,000 effective draws: sds of 0.005; the control is
+    the normal's own mean, which is far outside."""
+    total, away = 0.03, np.array([-0.2, 0.1, 0.13])
+    loose = 0.25**2 * (np.eye(3) - 1 / 3) + (1e-4 * total) ** 2 / 3
+    found = cut_off(away, loose) / total
+    np.testing.assert_allclose(found.sum(axis=1), 1.0, atol=1e-3)
+    np.testing.assert_allclose(found.mean(axis=0), 1 / 3, atol=0.03)
+    np.testing.assert_allclose(found.std(axis=0), 1 / np.sqrt(18), atol=0.03)
+    assert np.min(away / total) < -1
+
+
+def test_cut_off_far_from_the_wall_and_far_beyond_it():
+    """A normal that hardly meets the wall keeps its moments; far beyond, what is left is exponential."""
+    far = cut_off(np.array([30.0]), np.array([[1.0]]))
+    assert far.mean() == pytest.approx(30.0, abs=0.1)
+    beyond = cut_off(np.array([-50.0]), np.array([[1.0]]))
+    assert beyond.mean() == pytest.approx(1 / 50, rel=0.1)
+    assert beyond.std() == pytest.approx(1 / 50, rel=0.15)

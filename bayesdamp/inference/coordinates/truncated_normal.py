@@ -6,16 +6,17 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.inference.coordinates.whitening import FAR, truncated, truncated_moments
+from bayesdamp.inference.coordinates.whitening import FAR, truncated_moments
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
+from bayesdamp.numerics.orthant import draw
 from bayesdamp.types import Refusal
 
 H = 0.01
 """Whitened units to each side over which gradients are compared for the Hessian."""
 RARE = 0.02
-"""Share inside the walls below which rejection gives way to Gibbs sampling."""
+"""Share inside the walls below which rejection gives way to importance resampling."""
 
 
 class TruncatedNormal:
@@ -42,21 +43,9 @@ class TruncatedNormal:
             z = self.mean + rng.standard_normal((max(n, 1000), self.mean.size)) @ factor.T
             inside = np.all(z[:, self.walls] >= 0, axis=1)
             if np.mean(inside) < RARE:
-                return self._by_gibbs(rng, n)
+                return draw(rng, self.mean, factor, self.walls, n)
             kept = np.concatenate([kept, z[inside]])
         return kept[:n]
-
-    def _by_gibbs(self, rng: np.random.Generator, n: int) -> np.ndarray:
-        w, c = self.walls, self.covariance
-        inner = c[np.ix_(w, w)]
-        ends = rng.permutation(truncated(self.mean[w], inner, chains=-(-n // 4), rng=rng))[:n]
-        # The other scores follow those at the walls linearly.
-        follow = c[:, w] @ np.linalg.inv(inner)
-        rest = np.linalg.eigh(c - follow @ c[w])
-        spread = rest.eigenvectors * np.sqrt(np.maximum(rest.eigenvalues, 0.0))
-        z = self.mean + (ends - self.mean[w]) @ follow.T + rng.standard_normal((n, c.shape[0])) @ spread.T
-        z[:, w] = ends
-        return z
 
     def log_density(self, z: np.ndarray) -> np.ndarray:
         """Log density at scores z, (n, d), up to a constant; −∞ beyond a wall."""

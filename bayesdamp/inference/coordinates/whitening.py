@@ -5,17 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_ndtr, ndtri_exp
 
 from bayesdamp.inference.coordinates.shear import Shear
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
+from bayesdamp.numerics.orthant import draw
 
 H = 0.3
 """Whitened units over which second differences are taken: they reach 0.6 sds from the centre, and the mean of
 a distribution that is cut off is an sd or more from the wall."""
 FLATTEST = 0.1
 """Least curvature that is believed, in units of the Gauss–Newton one."""
+DRAWS = 20_000
+"""Of a normal distribution between walls, behind its moments."""
 FAR = 8.0
 """A wall so many sds away cuts nothing off."""
 
@@ -84,53 +86,13 @@ def truncated_moments(
     reflected = reflected[mean[reflected] < FAR * np.sqrt(np.diag(covariance)[reflected])]
     if reflected.size:
         inner = covariance[np.ix_(reflected, reflected)]
-        inside = truncated(mean[reflected], inner)
+        rng, places = np.random.default_rng(0), np.arange(reflected.size)  # it only shapes coordinates
+        inside = draw(rng, mean[reflected], np.linalg.cholesky(inner), places, DRAWS)
         # The other scores follow the reflected ones linearly.
         follow = covariance[:, reflected] @ np.linalg.inv(inner)
         mean = mean + follow @ (inside.mean(axis=0) - mean[reflected])
         covariance = covariance + follow @ (np.cov(inside.T, ddof=1).reshape(inner.shape) - inner) @ follow.T
     return mean, np.linalg.cholesky(0.5 * (covariance + covariance.T))
-
-
-def truncated(
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    chains: int = 1000,
-    sweeps: int = 120,
-    rng: np.random.Generator | None = None,
-) -> np.ndarray:
-    """Draws of a normal distribution of mean (k,) and covariance (k, k) where all is ≥ 0, (4 chains, k).
-
-    Gibbs sampling from many starts, along the principal axes: what is left may be a thin sheet between the walls, which
-    no step along a single coordinate gets on in. By default with a seed of its own, where it only shapes coordinates.
-    """
-    rng = np.random.default_rng(0) if rng is None else rng
-    values, axes = np.linalg.eigh(covariance)
-    axes = axes * np.sqrt(np.maximum(values, 1e-15 * values[-1]))
-    x = np.maximum(mean, np.sqrt(np.diag(covariance))) + np.zeros((chains, 1))
-    kept = []
-    for sweep in range(sweeps):
-        for axis, scale in zip(axes.T, np.linalg.inv(axes)):
-            at = (x - mean) @ scale  # sds from the mean along this axis
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ends = at[:, None] - x / axis
-            low = np.max(np.where(axis > 0, ends, -np.inf), axis=1)
-            high = np.min(np.where(axis < 0, ends, np.inf), axis=1)
-            x = np.maximum(x + (_between(low, high, rng.uniform(size=chains)) - at)[:, None] * axis, 0.0)
-        if sweep >= sweeps // 2 and sweep % (sweeps // 8) == 0:
-            kept.append(x.copy())
-    return np.concatenate(kept)
-
-
-def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Where the standard normal distribution between low and high has this share below it, all of one shape."""
-    flip = low > 0  # the tails' logarithms are exact on the left
-    left, right = np.where(flip, -high, low), np.where(flip, -low, high)
-    share = np.where(flip, 1.0 - share, share)
-    with np.errstate(divide="ignore"):
-        below = np.logaddexp(np.log(share) + log_ndtr(right), np.log1p(-share) + log_ndtr(left))
-    found = np.clip(ndtri_exp(below), left, right)
-    return np.where(flip, -found, found)
 
 
 def _curvatures(

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.least_squares import SEARCHED
+from bayesdamp.inference.deviation.sampled.motions import motions_near
 from bayesdamp.inference.deviation.weighing import Result, Weighing
-from bayesdamp.inference.fit.mode import BUDGET, LinearPosterior, Mode
+from bayesdamp.inference.fit.mode import LinearPosterior, Mode
 from bayesdamp.inference.model.deviation import Deviation
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
@@ -24,8 +24,6 @@ from bayesdamp.priors import shared_precision
 from bayesdamp.types import Refusal, Signal
 
 ESCAPED = "no motion near the fit can be followed with deviations from its law"
-LOOSER, TRIED = (3e-6, 1e-6, 3e-7), 8
-"""Errors of a step, as shares of the amplitude, that are tried in turn, and draws at which they are compared."""
 NEGLIGIBLE = 1e-8
 """Posterior probability under the linear model from which a combination of hyperparameters is left out."""
 
@@ -44,6 +42,8 @@ class Deviating(Trajectories):
         Values of the kernel's parameters that are not inferred.
     tolerance : float
         Error of a step, as a share of the amplitude.
+    correction : ndarray, shape (m,), or float
+        What motions of that tolerance lack.
     """
 
     def __init__(
@@ -53,20 +53,13 @@ class Deviating(Trajectories):
         g: np.ndarray,
         h: np.ndarray,
         given: Mapping[str, float],
-        tolerance: float = TOLERANCE,
+        tolerance: float,
+        correction: np.ndarray | float,
     ) -> None:
         self._solver, self._active, self._deviations = solver, active, (g, h)  # type: ignore[assignment]
         self._given = {**dict.fromkeys(solver.names, 0.0), **given}
         self._rests, self._count = False, solver.t.size
-        self._tolerance, self._correction = tolerance, 0.0
-
-    def loosened(self, tolerance: float, p: Mapping[str, float]) -> Deviating:
-        """Return the same to another error of a step, with the correction that the motion at p needs: the errors of
-        motions that lie near each other are nearly the same (H. J. Stetter, Numer. Math. 29, 425, 1978)."""
-        found = copy(self)
-        found._tolerance, found._correction = tolerance, 0.0
-        found._correction = self.record(p) - found.record(p)
-        return found
+        self._tolerance, self._correction = tolerance, correction
 
     def _solved(
         self, p: Mapping[str, float], epsilon: float, tangents: int, solver: Solver | None = None
@@ -104,7 +97,7 @@ def density_of(weighing: Weighing, result: Result, draws: np.ndarray, known: Map
         {**parameters.known, "epsilon": solver.epsilon, **known},
         deviation=_deviation(weighing, result),
     )
-    likelihood = _loosest(Likelihood.near(target, z, TOLERANCE * data.recorded_amplitude), z, draws[:TRIED])
+    likelihood = Likelihood.near(target, z, TOLERANCE * data.recorded_amplitude)
     covariance = np.atleast_2d(np.cov(draws.T))
     near, shared = likelihood, target.shared
     if shared.any():
@@ -125,21 +118,6 @@ def density_of(weighing: Weighing, result: Result, draws: np.ndarray, known: Map
     )
 
 
-def _loosest(likelihood: Likelihood, z: np.ndarray, draws: np.ndarray) -> Likelihood:
-    """Return the likelihood with the loosest motions that change it by less than `BUDGET` at draws (m, d), corrected at
-    scores z, (d,)."""
-    target, wanted = likelihood.target, likelihood.log_likelihoods(draws)
-    deviation = target.deviation
-    assert deviation is not None
-    assert isinstance(deviation.motions, Deviating)
-    for tolerance in LOOSER:
-        motions = deviation.motions.loosened(tolerance, target.all_values(z))
-        other = replace(likelihood, target=replace(target, deviation=replace(deviation, motions=motions)))
-        if np.max(np.abs(other.log_likelihoods(draws) - wanted)) < BUDGET:
-            return other
-    return likelihood
-
-
 def _deviation(weighing: Weighing, result: Result) -> Deviation:
     """Return the deviations about those of the mode, with the combinations of hyperparameters that count."""
     about, weighed = result.about, result.weighed
@@ -157,9 +135,12 @@ def _deviation(weighing: Weighing, result: Result) -> Deviation:
     basis, upper = np.linalg.qr(columns)
     grid = grid_of(n, absorbed=parameters.absorbs)
     kept = weighed.probable(NEGLIGIBLE)
+    near = motions_near(solver, parameters, result.fit.active, weighed, float(np.sqrt(weighing.variance)))
     probabilities = np.bincount(weighed.combos, weighed.weights, minlength=grid.log_prior.size)[kept]
     return Deviation(
-        Deviating(solver, result.fit.active, np.expm1(g), h, parameters.known),
+        Deviating(
+            solver, result.fit.active, np.expm1(g), h, parameters.known, near.tolerance, near.correction
+        ),
         weighing.variance,
         data.y.size / weighing.inflation,
         basis,

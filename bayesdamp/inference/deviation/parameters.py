@@ -39,7 +39,7 @@ class Parameters(Scores):
         return tuple(self.names[i] for i in self.free)
 
     @cached_property
-    def inferred(self) -> dict[str, Prior]:
+    def inferred(self) -> Mapping[str, Prior]:
         """Priors of what is inferred, in the kernel's order."""
         return {n: self.priors[n] for n in self.free_names}
 

@@ -23,6 +23,7 @@ from bayesdamp.inference.deviation.numbers.draws import Drawn, scores_of
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise
+from bayesdamp.inference.deviation.sampled.table import noise_sds
 from bayesdamp.inference.deviation.weighing import Friction, Result, Weighing, weigh_all
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.defaults import Reference
@@ -148,10 +149,7 @@ class Single:
     @cached_property
     def noise_sds(self) -> dict[str, float]:
         """The sd that noise alone would leave of each inferred parameter, were the laws exact."""
-        result, parameters = self.result, self.result.fit.parameters
-        sds = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
-        sds = sds * np.sqrt(self.weighing.variance / result.exact_variance)
-        return dict(zip(self.names, map(float, sds), strict=True))
+        return dict(zip(self.names, map(float, noise_sds(self.weighing, self.result)), strict=True))
 
     def with_parts(self, summary: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
         """Summaries of draws by parameter, each with the parts of its sd."""

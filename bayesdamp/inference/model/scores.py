@@ -22,7 +22,7 @@ class Scores(ABC):
 
     known: Mapping[str, float]
 
-    @property
+    @cached_property
     @abstractmethod
     def inferred(self) -> Mapping[str, Prior]:
         """Priors of the inferred parameters, in the order of the scores."""

@@ -67,7 +67,7 @@ class Target(Scores):
         """Names of the inferred parameters, in the order of the scores."""
         return tuple(self.priors)
 
-    @property
+    @cached_property
     def inferred(self) -> Mapping[str, Prior]:
         """Priors of the inferred parameters, in the order of the scores."""
         return self.priors

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayesdamp.inference.coordinates import truncated_normal
 from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal, laplace
 from bayesdamp.inference.coordinates.unbounded import Unbounded
 from bayesdamp.inference.samplers import SAMPLERS, Settings, variational
@@ -82,18 +83,20 @@ ROOT = np.array([[1.0, 0, 0, 0], [-0.8, 0.6, 0, 0], [0.3, 0.5, 1.0, 0], [0.2, 0.
 FOLDED = np.array([True, True, False, True])
 
 
-def test_cut_normal():
-    """Draws by both ways against plain rejection (errors of 0.01 sd; 0.06 allowed), and moments."""
+@pytest.mark.parametrize("rare", [truncated_normal.RARE, 1.0], ids=["by rejection", "by resampling"])
+def test_cut_normal(rare: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draws against plain rejection (errors of 0.01 sd; 0.06 allowed), and moments."""
+    monkeypatch.setattr(truncated_normal, "RARE", rare)
     normal = TruncatedNormal(MEAN, ROOT @ ROOT.T, FOLDED)
     assert list(normal.walls) == [0, 1]
     drawn = MEAN + np.random.default_rng(2).standard_normal((200_000, 4)) @ ROOT.T
     expected = drawn[np.all(drawn[:, :2] > 0, axis=1)]
     rng = np.random.default_rng(3)
-    for z in (normal.draw(rng, 10_000), normal._by_gibbs(rng, 10_000)):
-        assert z.shape == (10_000, 4)
-        assert np.all(z[:, :2] >= 0)
-        np.testing.assert_allclose(z.mean(axis=0), expected.mean(axis=0), atol=0.06)
-        np.testing.assert_allclose(np.cov(z.T), np.cov(expected.T), atol=0.08)
+    z = normal.draw(rng, 10_000)
+    assert z.shape == (10_000, 4)
+    assert np.all(z[:, :2] >= 0)
+    np.testing.assert_allclose(z.mean(axis=0), expected.mean(axis=0), atol=0.06)
+    np.testing.assert_allclose(np.cov(z.T), np.cov(expected.T), atol=0.08)
     mean, factor = normal.moments
     np.testing.assert_allclose(mean, expected.mean(axis=0), atol=0.08)
     np.testing.assert_allclose(factor @ factor.T, np.cov(expected.T), atol=0.08)

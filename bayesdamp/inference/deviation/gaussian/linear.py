@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import log_ndtr
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid
 from bayesdamp.numerics.orthant import log_probability
@@ -191,7 +191,7 @@ def with_priors(
     if places.size:
         part = factors[:, places]
         log_each = log_each + _folded(means[:, places], part @ np.swapaxes(part, 1, 2))
-    return Weighed(log_each, float(logsumexp(log_each)), means, factors, combos, damping)
+    return Weighed(log_each, float(np.logaddexp.reduce(log_each)), means, factors, combos, damping)
 
 
 def _folded(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
 from bayesdamp.numerics.orthant import draw
@@ -100,8 +99,8 @@ def sampled(
     while beta < 1.0 and passed < MOST_TEMPERATURES:
         rise = _rise(cloud.ratio, 1.0 - beta)
         logs = rise * np.maximum(cloud.ratio, -1e300)
-        log_evidence += float(logsumexp(logs)) - np.log(draws)
-        weights = np.exp(logs - float(logsumexp(logs)))
+        log_evidence += float(np.logaddexp.reduce(logs)) - np.log(draws)
+        weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
         variance += float(np.sum(weights**2)) - 1.0 / draws
         beta, passed = beta + rise, passed + 1
         cloud.taken(_systematic(rng, weights))
@@ -136,10 +135,10 @@ def _whole(
         if _worth(ratios, 1.0) * ratios.size < KEPT * draws or pareto_k(ratios) > HEAVY:
             return None
     logs = np.maximum(ratios, -1e300)
-    weights = np.exp(logs - float(logsumexp(logs)))
+    weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
     error = float(np.sqrt(max(np.sum(weights**2) - 1.0 / ratios.size, 0.0)))
     taken = u[_systematic(rng, weights, draws)]
-    evidence = weighed.log_evidence + float(logsumexp(logs)) - float(np.log(ratios.size))
+    evidence = weighed.log_evidence + float(np.logaddexp.reduce(logs)) - float(np.log(ratios.size))
     return Sampled(taken, evidence, error, 1, 1.0, ratios.size)
 
 
@@ -168,7 +167,7 @@ def _rise(ratio: np.ndarray, most: float) -> float:
 def _worth(ratio: np.ndarray, rise: float) -> float:
     """Which share of the draws their weights are worth after such a rise of β (Kong 1992)."""
     logs = rise * np.maximum(ratio, -1e300)
-    return float(np.exp(2 * logsumexp(logs) - logsumexp(2 * logs))) / ratio.size
+    return float(np.exp(2 * np.logaddexp.reduce(logs) - np.logaddexp.reduce(2 * logs))) / ratio.size
 
 
 def _systematic(rng: np.random.Generator, weights: np.ndarray, count: int | None = None) -> np.ndarray:

@@ -46,14 +46,20 @@ def posterior_of(weighing: Weighing, result: Result, found: Sampled) -> Posterio
     parameters = result.fit.parameters
     z = found.draws[:, : parameters.free.size]
     values = parameters.values(z)[:, parameters.free]
-    noise = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
-    noise = noise * np.sqrt(weighing.variance / result.exact_variance)
+    noise = noise_sds(weighing, result)
     rows = {name: summary(values[:, i], float(noise[i])) for i, name in enumerate(parameters.free_names)}
     return Posterior(
         rows, _deviation(weighing, result, found), left_over(weighing, result)[0], values, found.log_evidence,
         found.stderr, found.acceptance,
         found.temperatures,
     )  # fmt: skip
+
+
+def noise_sds(weighing: Weighing, result: Result) -> np.ndarray:
+    """The sd that noise alone would leave of each inferred parameter, (p,), were the laws exact."""
+    rates = np.abs(result.fit.parameters.rates(result.fit.z))
+    sds = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * rates
+    return sds * np.sqrt(weighing.variance / result.exact_variance)
 
 
 def summary(values: np.ndarray, noise: float) -> dict[str, float]:

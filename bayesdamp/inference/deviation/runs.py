@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from scipy.special import logsumexp
 
 from bayesdamp.inference.checks.diagnostics import summarise, verdict
 from bayesdamp.inference.deviation.sampled.candidates import sampled_result
@@ -49,7 +48,7 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
     if np.isfinite(log_evidence):
         weights = np.exp(logs - log_evidence)
         stderr = float(np.linalg.norm(weights * errors) / weights.sum())
-        log_evidence = float(logsumexp(logs) - np.log(chains))
+        log_evidence = float(np.logaddexp.reduce(logs) - np.log(chains))
     return Posterior(
         sampler="smc",
         names=single.names,
