@@ -57,7 +57,7 @@ def draw_answer(
         fit = broken(t, arrays["fit"], t)
         whole.plot(*fit, color=colour(damping), lw=0.6, label=f"fit of {words.model(damping)}")
     _finish(whole, "Record and fit" if fitted else "Record", "time / s", recorded or unit)
-    # CoefficientEstimates the title where there is room for a sum's name, else below.
+    # Beside the title where there is room for a sum's name, else below.
     place = ("upper center", (0.5, -0.2)) if narrow else ("lower right", (1.0, 1.0))
     whole.legend(loc=place[0], bbox_to_anchor=place[1], ncols=2, borderaxespad=0.1, fontsize=7.5)
     if left is not None and not fitted:
