@@ -142,7 +142,7 @@ class Comparison(Result):
         InputError where nothing was weighed."""
         from matplotlib import rc_context
 
-        from bayesdamp.report.figures.records.answer import HEIGHT, draw_answer
+        from bayesdamp.report.figures.answer import HEIGHT, draw_answer
         from bayesdamp.report.style import RC, WIDTH
 
         first = next((i for i, a in enumerate(self.answers) if a.arrays), None)

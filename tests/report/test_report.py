@@ -18,7 +18,7 @@ from bayesdamp.report.results.reading import coefficients, models_by_rank, model
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections import SECTIONS, Section, in_order
 from bayesdamp.report.sections._layout import drawn
-from bayesdamp.report.sections.study.asked import _sentences
+from bayesdamp.report.sections.asked import _sentences
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.store.folders import claim

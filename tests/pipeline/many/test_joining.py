@@ -15,7 +15,7 @@ from bayesdamp.pipeline.many.populating import WIDE, location_scale
 from bayesdamp.pipeline.many.specimens import Specimen
 from bayesdamp.priors import HalfNormal, SharedHalfNormal
 from bayesdamp.report.results.specimens import joint_sentence
-from bayesdamp.report.sections.posteriors.specimens import _of_noise
+from bayesdamp.report.sections.specimens import _of_noise
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointContent
 from bayesdamp.types import Refusal
