@@ -173,6 +173,7 @@ def test_one_model_is_no_comparison(maker_of):
 def test_a_user_s_own_term_is_a_damping_coefficient(maker):
     folder = maker.make()
     run = Run(folder)
+    run.info["damping"] = {"drag_of_my_own": {"parameter": "mu_own"}}
     run.posteriors.extend(
         {**row, "model": "drag_of_my_own", "parameter": "mu_own"} for row in run.posteriors[:1]
     )

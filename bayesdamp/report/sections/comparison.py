@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures._panels import ABREAST
-from bayesdamp.report.figures.errors import categories, heatmap, ranking
-from bayesdamp.report.figures.iterations import convergence
+from bayesdamp.report.figures.errors import categories, ranking
 from bayesdamp.report.html import fill
-from bayesdamp.report.results.comparing import STAGES, Comparison, compared, true_models
-from bayesdamp.report.results.reading import damping_parameters, truth
+from bayesdamp.report.results.comparing import STAGES, Comparison, compared
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
 from bayesdamp.report.sections.published import times
@@ -41,27 +37,15 @@ class ComparisonSection(Section):
         found = compared(run)
         if not found.errors:
             return Markup("<p>No estimator has an error to compare in this study.</p>")
-        known = true_models(run)
         # A study with published figures leads with these two tables.
         parts: list[object] = [] if found.published else [_errors(found)]
         figures = run.drawings
         caption = "Mean error of every method over the signals, at both stages"
         said = caption + (", and the published mean." if found.published else ".")
         parts.append(figures.add("ranking", f"{said} Dashed: 0.1 %.", lambda: ranking(found)))
-        parts.append(
-            figures.add("heatmap", "Errors in per cent, on a logarithmic scale.", lambda: heatmap(found))
-        )
         said = "Errors by category; each point is one method, the line a category's median. Dashed: 0.1 %."
         parts.append(figures.add("categories", said, lambda: categories(found)))
         parts += [] if found.published else [times(found)]
-        own = damping_parameters(run)
-        singles = {s: known[s] for s in found.signals if known[s] in own}
-        truths = {s: truth(run, s, own[m]) for s, m in singles.items()}
-        truths = {s: v for s, v in truths.items() if math.isfinite(v) and v}
-        if truths:
-            course = _convergence(run, truths, singles)
-            if course is not None:
-                parts.append(course)
         return fill("stack.html", parts=parts)
 
 
@@ -89,26 +73,6 @@ def _errors(found: Comparison) -> Table:
         "fit that starts there."
     )
     return Table(headers, lines, frozenset({0}), said + note)
-
-
-def _convergence(run: Run, truths: dict[str, float], models: dict[str, str]) -> Markup | None:
-    courses: dict[tuple[str, str], np.ndarray] = {}
-    own = damping_parameters(run)
-    for signal in truths:
-        parameter = own[models[signal]]
-        for cell in run.cells("estimate", signal, run.repeats(signal)[0], models[signal]):
-            course = cell.arrays.get(f"initial/{parameter}")
-            if course is not None and course.ndim == 1 and course.size > 2:
-                courses[cell.place.method, signal] = course
-    if not courses:
-        return None
-    first = list(dict.fromkeys(signal for _, signal in courses))[:ABREAST]
-    many = len(first) < len({signal for _, signal in courses})
-    courses = {k: v for k, v in sorted(courses.items(), key=lambda item: item[0][0]) if k[1] in first}
-    said = "The coefficient after each iteration. Dashed: the truth; grey: 1 % about it."
-    said += f" Of the first {len(first)} signals." if many else ""
-    names = {s: own[models[s]] for s in truths}
-    return run.drawings.add("convergence", said, lambda: convergence(courses, truths, names, models))
 
 
 PLUGIN = ComparisonSection()
