@@ -15,8 +15,8 @@ from scipy.signal import find_peaks, hilbert, savgol_filter
 
 import bayesdamp as bd
 from bayesdamp.report.drawing import in_style
-from bayesdamp.report.figures.estimators.against import against
-from bayesdamp.report.figures.estimators.sweep import sweep
+from bayesdamp.report.figures.errors import sweep
+from bayesdamp.report.figures.estimators import against
 from bayesdamp.report.results.comparing import CATEGORIES
 from bayesdamp.report.results.estimates import coefficient_estimates
 from bayesdamp.report.results.run import Run

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -19,9 +18,8 @@ from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.pipeline.answer import Answer, answer
 from bayesdamp.priors import Prior
-from bayesdamp.store import DAMPING_CURVES, CellResult, Store, write_bytes, write_json
+from bayesdamp.store import DAMPING_CURVES, CellResult, write_bytes
 from bayesdamp.store.contents.answers import AnswerContent
-from bayesdamp.store.folders import claim
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit
@@ -145,7 +143,7 @@ class Comparison(Result):
         InputError where nothing was weighed."""
         from matplotlib import rc_context
 
-        from bayesdamp.report.figures.records.answer import HEIGHT, draw_answer
+        from bayesdamp.report.figures.answer import HEIGHT, draw_answer
         from bayesdamp.report.style import RC, WIDTH
 
         first = next((i for i, a in enumerate(self.answers) if a.arrays), None)
@@ -162,23 +160,21 @@ class Comparison(Result):
 
     def report(self, path: str | Path) -> Path:
         """Write the answer as one page of HTML. Raises InputError where it cannot be written."""
-        from bayesdamp.report import render
+        from bayesdamp.report.render import page_of
+        from bayesdamp.report.results.run import Run
 
-        with tempfile.TemporaryDirectory() as name:
-            folder = Path(name) / "run"
-            claim(folder)
-            store = Store(folder)
-            for a in self.answers:
-                key = f"answer/{a.verdict.record}/0"
-                store.write(CellResult(key, "comparison", a.content().meta(), a.arrays))
-            about = {
-                a.verdict.record: {"unit": unit, "quantity": quantity}
-                for a, unit, quantity in zip(self.answers, self.units, self.quantities, strict=True)
-            }
-            write_json(folder / "run.json", {"name": self.verdict.record, "signals": about, "models": []})
-            page = render(folder).read_bytes()
+        cells = [
+            CellResult(f"answer/{a.verdict.record}/0", "comparison", a.content().meta(), a.arrays)
+            for a in self.answers
+        ]
+        about = {
+            a.verdict.record: {"unit": unit, "quantity": quantity}
+            for a, unit, quantity in zip(self.answers, self.units, self.quantities, strict=True)
+        }
+        info = {"name": self.verdict.record, "signals": about, "models": []}
+        page, _ = page_of(Run.of_cells(info, cells))
         try:
-            write_bytes(Path(path), page)
+            write_bytes(Path(path), page.encode())
         except OSError as error:
             raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
         return Path(path)

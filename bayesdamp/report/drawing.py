@@ -37,9 +37,9 @@ def in_style(draw: Callable[[], Figure]) -> Figure:
 
 
 class Drawings:
-    """Where a report's figures go."""
+    """Where a report's figures go: into the page, and into a folder where there is one."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path | None) -> None:
         self.folder = folder
         self.names: list[str] = []
 
@@ -55,8 +55,9 @@ class Drawings:
             figure = draw()
             svg, png, webp = _saved(figure)
             small = _saved(narrow()) if narrow else None
-        write_bytes(self.folder / f"{name}.svg", svg)
-        write_bytes(self.folder / f"{name}.png", png)
+        if self.folder is not None:
+            write_bytes(self.folder / f"{name}.svg", svg)
+            write_bytes(self.folder / f"{name}.png", png)
         self.names.append(name)
         width = round(figure.get_figwidth() * 100)
         size = f"width:{width}px;--least:{round(LEGIBLE * width)}px"

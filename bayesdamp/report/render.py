@@ -40,30 +40,34 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     run = Run(folder)
     claim(run.folder)
     try:
-        wanted = [section for section in in_order() if section.applies(run)]
-        bodies = list(_rendered(run, [section.name for section in wanted], pool))
+        page, figures = page_of(run, pool)
     except OtherVersionError as error:
         raise InputError(error.what, str(folder)) from None
-    sections = [
-        {"name": section.name, "title": section.title, "body": Markup(done.body)}
-        for section, done in zip(wanted, bodies, strict=True)
-    ]
-    css, script = (
-        Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("style.css", "page.js")
-    )
-    name = run.info.get("name") or run.folder.resolve().name
-    page = fill(
-        "report.html",
-        name=name,
-        description=run.info.get("description") or "",
-        css=css,
-        script=script,
-        sections=sections,
-    )
-    _sweep_figures(run.drawings.folder, {name for done in bodies for name in done.figures})
+    _sweep_figures(run.folder / "figures", figures)
     path = run.folder / "report.html"
     write_bytes(path, page.encode())
     return path
+
+
+def page_of(run: Run, pool: Executor | None = None) -> tuple[str, set[str]]:
+    """Return the page of a run, and the names of its figures."""
+    wanted = [section for section in in_order() if section.applies(run)]
+    bodies = list(_rendered(run, [section.name for section in wanted], pool))
+    css, script = (
+        Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("style.css", "page.js")
+    )
+    page = fill(
+        "report.html",
+        name=run.info.get("name") or run.folder.resolve().name,
+        description=run.info.get("description") or "",
+        css=css,
+        script=script,
+        sections=[
+            {"name": section.name, "title": section.title, "body": Markup(done.body)}
+            for section, done in zip(wanted, bodies, strict=True)
+        ],
+    )
+    return page, {name for done in bodies for name in done.figures}
 
 
 def _rendered(run: Run, names: list[str], pool: Executor | None) -> Iterator[Rendered]:

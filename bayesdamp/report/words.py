@@ -34,11 +34,6 @@ def symbol(parameter: str) -> Symbol:
     return named or Symbol(parameter, parameter, meaning_of(parameter))
 
 
-def known(parameter: str) -> bool:
-    """Whether it is one of the parameters and derived quantities that ship."""
-    return parameter in _SYMBOLS or parameter_symbol(parameter) is not None
-
-
 def axis(parameter: str, units: str) -> str:
     """A figure's axis label: the symbol over its unit."""
     shown = unit(units)

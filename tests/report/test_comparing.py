@@ -106,7 +106,7 @@ def test_both_sections_are_in_the_report(folder):
     page = render(folder).read_text(encoding="utf-8")
     assert "The estimators compared" in page
     assert "Errors against noise" in page
-    assert {"ranking.svg", "heatmap.svg", "categories.svg", "against.svg", "sweep-viscous-noise.svg"} <= {
+    assert {"ranking.svg", "categories.svg", "against.svg", "sweep-viscous-noise.svg"} <= {
         p.name for p in (folder / "figures").iterdir()
     }
     assert "77.6" not in page  # nothing is printed beside a method that the study's table does not name

@@ -15,14 +15,12 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from bayesdamp.report.drawing import Drawings
+from bayesdamp.report.figures.answer import answer
+from bayesdamp.report.figures.curves import backbone, exponent
 from bayesdamp.report.figures.density import contours, outline
-from bayesdamp.report.figures.posteriors.evidence import Bar, bars
-from bayesdamp.report.figures.posteriors.posterior import marginals
-from bayesdamp.report.figures.records.answer import answer
-from bayesdamp.report.figures.records.backbone import backbone
-from bayesdamp.report.figures.records.exponent import exponent
-from bayesdamp.report.figures.records.motions import motions
-from bayesdamp.report.figures.records.record import thinned
+from bayesdamp.report.figures.evidence import Bar, bars
+from bayesdamp.report.figures.posterior import marginals
+from bayesdamp.report.figures.record import motions, thinned
 from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
 from bayesdamp.table import Line, Table
 from bayesdamp.verdict.parts import Mode

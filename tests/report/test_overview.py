@@ -16,7 +16,7 @@ from bayesdamp.report.results.answers import answers
 from bayesdamp.report.results.estimates import coefficient_estimates
 from bayesdamp.report.results.overview import common_amplitude, ratio_of, short_names
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections.estimators.against import inside
+from bayesdamp.report.sections.against import inside
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.store.folders import claim

@@ -18,7 +18,7 @@ from bayesdamp.report.results.reading import coefficients, models_by_rank, model
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections import SECTIONS, Section, in_order
 from bayesdamp.report.sections._layout import drawn
-from bayesdamp.report.sections.study.asked import _sentences
+from bayesdamp.report.sections.asked import _sentences
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.store.folders import claim
@@ -173,6 +173,7 @@ def test_one_model_is_no_comparison(maker_of):
 def test_a_user_s_own_term_is_a_damping_coefficient(maker):
     folder = maker.make()
     run = Run(folder)
+    run.info["damping"] = {"drag_of_my_own": {"parameter": "mu_own"}}
     run.posteriors.extend(
         {**row, "model": "drag_of_my_own", "parameter": "mu_own"} for row in run.posteriors[:1]
     )

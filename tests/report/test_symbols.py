@@ -68,7 +68,6 @@ def test_a_term_without_a_symbol_is_named_by_its_own_parameter_and_words(tmp_pat
 @pytest.mark.parametrize("name", ["noise_sd", "half_life"])
 def test_what_is_no_parameter_of_the_oscillator(name):
     assert parameter_symbol(name) is None
-    assert words.known(name)
 
 
 def test_indices_are_set_and_marks_of_html_stay_text():

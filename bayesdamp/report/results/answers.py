@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -57,11 +56,7 @@ def verdicts(run: Run) -> list[Verdict]:
 
 def specimens(run: Run) -> list[Verdict]:
     """The verdict of every specimen that has several records."""
-    try:
-        found = json.loads((run.folder / "verdict.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return []
-    together = [Verdict.from_dict(one) for one in found if one["record"] not in run.signals]
+    together = [v for v in run.verdicts if v.record not in run.signals]
     units = {run.unit(signal) for signal in run.signals}
     return [in_unit(v, next(iter(units))) for v in together] if len(units) == 1 else together
 

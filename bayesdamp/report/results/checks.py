@@ -118,20 +118,17 @@ class Checks:
 
     def all(self) -> list[Check]:
         """Return every check, those that fail first."""
-        v = self.verdict
         evidence = ranking(self.run, self.signal, self.repeat)
-        if not self.model and not evidence:
-            return self._truth()
-        if v is not None and v.law_free:
-            return [
-                Check(
-                    "No law of damping describes this record, so chains and evidence, which assume one, are not "
-                    "compared with the answer."
-                )
-            ]
+        of_laws = bool(self._samplers()) or (evidence is not None and evidence.method != ANSWERS)
+        if self.verdict is not None and self.verdict.law_free:
+            text = (
+                "No law of damping describes this record, so chains and evidence, which assume one, are not compared "
+                "with the answer."
+            )
+            return [Check(text)] if of_laws else []
         found = [*self._convergence(), *self._ratios(), *self._coefficients(), *self._evidence(evidence)]
         found += [*self._residuals(), *self._estimators(), *self._truth()]
-        if self.exact_only and found:
+        if self.exact_only and of_laws:
             found.append(
                 Check(
                     "Chains, evidence and residual checks take the laws to hold exactly; the answer does not, and "

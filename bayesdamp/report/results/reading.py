@@ -236,10 +236,4 @@ def damping_parameters(run: Run) -> dict[str, str]:
 def coefficients(run: Run, model: str) -> list[str]:
     """The damping coefficients of a model, by the parameters that its terms are known to have."""
     own = damping_parameters(run)
-    terms = candidate_parts(model)[0].split("+")
-    named = [own[term] for term in terms if term in own]
-    if len(named) == len(terms):
-        return named
-    # an earlier run does not say: the parameter is the one that no other kind of parameter explains
-    seen = dict.fromkeys(r["parameter"] for r in (*run.posteriors, *run.estimates) if r["model"] == model)
-    return [p for p in seen if p in named or not words.known(p)]
+    return [own[term] for term in candidate_parts(model)[0].split("+") if term in own]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from bayesdamp.provenance import Provenance
 from bayesdamp.report.drawing import Drawings
@@ -14,6 +15,7 @@ from bayesdamp.store.described import read_description
 from bayesdamp.store.places import Place
 from bayesdamp.types import OK, InputError, candidate_name
 from bayesdamp.units import UNITS, Unit
+from bayesdamp.verdict.types import Verdict
 
 Row = dict[str, Any]
 _NUMBERS = ("sd_noise", "sd_law", "deviation", "deviation_low", "deviation_high", "unexplained_pct")
@@ -24,8 +26,9 @@ LATER: dict[str, object] = {"restoring": "", **dict.fromkeys(_NUMBERS, math.nan)
 class Run:
     """What a folder holds. Anything but run.json may be missing.
 
-    info: run.json. estimates, posteriors, evidence, fits: the rows of the tables, if any. A row's `model` is its
-    candidate's name: the damping sum, with the restoring law where the signal is compared under several.
+    info: run.json. verdicts: of records and specimens, in base units. estimates, posteriors, evidence, fits: the rows
+    of the tables, if any. A row's `model` is its candidate's name: the damping sum, with the restoring law where the
+    signal is compared under several.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -37,6 +40,18 @@ class Run:
         self._names = self._store.names()
         self._places = [Place.of(name) for name in self._names]
         self._read: dict[str, CellResult | None] = {}
+        self.verdicts = read_verdicts(self.folder)
+
+    @classmethod
+    def of_cells(cls, info: Row, cells: Sequence[CellResult], verdicts: Sequence[Verdict] = ()) -> Self:
+        """Make a run of results in memory, without a folder."""
+        run = cls.__new__(cls)
+        run.info, run.drawings, run.verdicts = info, Drawings(None), list(verdicts)
+        run.estimates, run.posteriors, run.evidence, run.fits = [], [], [], []
+        run._read = {cell.name: cell for cell in cells}
+        run._names = list(run._read)
+        run._places = [Place.of(name) for name in run._names]
+        return run
 
     @property
     def study(self) -> Row:
@@ -132,6 +147,15 @@ class Run:
             if len(self.about(row["signal"]).get("restoring") or ()) > 1:
                 row["model"] = candidate_name(row["model"], row["restoring"])
         return rows
+
+
+def read_verdicts(folder: Path) -> list[Verdict]:
+    """Return what verdict.json holds; nothing where there is none."""
+    try:
+        found = json.loads((folder / "verdict.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return []
+    return [Verdict.from_dict(one) for one in found]
 
 
 def rows_of(rows: Iterable[Row], **wanted: object) -> list[Row]:

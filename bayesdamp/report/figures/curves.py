@@ -1,0 +1,115 @@
+"""Draw damping and frequency against amplitude, and the exponent of the damping force."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from bayesdamp.report import words
+from bayesdamp.report.figures._panels import NARROW
+from bayesdamp.report.figures.density import outline
+from bayesdamp.report.style import INK, QUIET, WIDTH, colour, legend_above, looks
+
+
+def amplitude(model: str, amplitudes: np.ndarray, ratio: np.ndarray, reference: float, unit: str) -> Figure:
+    """ratio: its quantiles 2.5, 50 and 97.5 % at the amplitudes, shape (3, m); reference: amplitude of the tables, both
+    in `unit`."""
+    figure = Figure(figsize=(WIDTH * 0.5, 2.2))
+    ax = figure.add_subplot()
+    low, median, high = 100.0 * ratio
+    ax.fill_between(amplitudes, low, high, color=colour(model), alpha=0.22, lw=0)
+    ax.plot(amplitudes, median, color=colour(model), lw=1.3)
+    ax.axvline(reference, color=INK, lw=0.7, ls=(0, (1, 2)))
+    ax.set_xlabel(f"amplitude / {unit}")
+    ax.set_ylabel("equivalent\ndamping ratio / %")
+    ax.set_ylim(0, 1.25 * float(np.nanmax(high)) or 1.0)
+    return figure
+
+
+FEW = 4
+"""Points of the record, below which its candidates say what is shown."""
+
+
+def backbone(
+    record: Mapping[str, np.ndarray],
+    candidates: Mapping[str, Mapping[str, np.ndarray]],
+    scale: float,
+    unit: str,
+) -> Figure:
+    """record: amplitude, ratio, frequency and the sds ratio_sd and frequency_sd, each (k,); candidates: name to
+    amplitude, ratio and frequency, each (m,). Amplitudes times `scale` are in `unit`."""
+    figure = Figure(figsize=(WIDTH, 3.0))
+    for ax, name, axis in zip(
+        figure.subplots(1, 2), ("ratio", "frequency"), ("damping ratio", "frequency / (rad/s)"), strict=True
+    ):
+        x, y, sd = scale * record["amplitude"], record[name], record[f"{name}_sd"]
+        ax.errorbar(x, y, 2 * sd, fmt="o", ms=3.5, lw=0.9, color=INK, label="record, ± 2 sd", zorder=3)
+        for i, (model, (shade, dashes)) in enumerate(looks(candidates).items()):
+            curve = candidates[model]
+            ax.plot(
+                scale * curve["amplitude"],
+                curve[name],
+                color=shade,
+                ls=dashes,
+                lw=1.2,
+                zorder=2 - 0.01 * i,  # the most probable on top
+                label=words.model(model),
+            )
+        shown = [y, *(c[name] for c in candidates.values())]
+        seen = np.concatenate([v[np.isfinite(v)] for v in shown])
+        good = y[np.isfinite(y) & (sd < 0.5 * np.abs(y))]
+        # Few points do not say how far a picture should reach: the candidates do.
+        low, high = (good.min(), good.max()) if good.size >= FEW else (seen.min(), seen.max())
+        room = 0.35 * (high - low) + 0.01 * abs(high)
+        ax.set_ylim(max(low - room, 0.0), high + room)
+        ax.set_xlabel(f"amplitude / {unit}")
+        ax.set_ylabel(axis)
+    legend_above(figure)
+    return figure
+
+
+MARKED = ((0.0, "Coulomb", "coulomb"), (1.0, "viscous", "viscous"), (2.0, "quadratic", "quadratic"))
+ENDS = (-0.12, 3.05)
+"""Of the axis: the exponent is uniform between 0 and 3 beforehand."""
+HEIGHT = 1.9
+"""Inches."""
+
+
+def exponent(
+    draws: np.ndarray, interval: tuple[float, float, float], title: str, narrow: bool = False
+) -> Figure:
+    """The posterior of the exponent from draws of it, (n,), with its median and 95 % interval below.
+
+    interval: value, low, high; title: what it says; narrow: for a phone.
+    """
+    figure = Figure(figsize=(NARROW if narrow else WIDTH, HEIGHT))
+    draw_exponent(figure.subplots(), draws, interval, title)
+    return figure
+
+
+def draw_exponent(ax: Axes, draws: np.ndarray, interval: tuple[float, float, float], title: str = "") -> None:
+    """Draw it on these axes."""
+    value, low, high = interval
+    grid, height = outline(draws)
+    inside = (grid >= 0.0) & (grid <= 3.0)
+    grid, height = grid[inside], height[inside]
+    for place, name, term in MARKED:
+        ax.axvline(place, color=colour(term), lw=1.2, ls=(0, (4, 2)))
+        ax.text(
+            place, 1.14, name, color=colour(term), fontsize=8, ha="left" if place == 0 else "center",
+            va="bottom",
+        )  # fmt: skip
+    ax.fill_between(grid, 0.0, height, color=QUIET, alpha=0.35, lw=0)
+    ax.plot(grid, height, color=INK, lw=1.0)
+    ax.plot([low, high], [-0.13, -0.13], color=INK, lw=2.4)
+    ax.plot([value], [-0.13], "o", color=INK, ms=5)
+    ax.set_xlim(*ENDS)
+    ax.set_ylim(-0.3, 1.12)
+    ax.set_yticks([])
+    ax.spines["left"].set_visible(False)
+    ax.set_xticks([0, 0.5, 1, 1.5, 2, 2.5, 3])
+    ax.set_xlabel("exponent of the velocity")
+    ax.set_title(title, loc="left", pad=16)

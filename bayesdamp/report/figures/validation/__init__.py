@@ -1,1 +1,0 @@
-"""Figures of calibration and model recovery."""

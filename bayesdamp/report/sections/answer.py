@@ -1,0 +1,238 @@
+"""The answer: the first thing on the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from markupsafe import Markup
+
+from bayesdamp import formatting as fmt
+from bayesdamp.outcomes import reason_of
+from bayesdamp.report import words
+from bayesdamp.report.figures import answer as figures
+from bayesdamp.report.figures.curves import exponent
+from bayesdamp.report.figures.record import motions
+from bayesdamp.report.html import fill, folded
+from bayesdamp.report.results.answers import Answer, answer_of
+from bayesdamp.report.results.checks import Check, Checks, sampled
+from bayesdamp.report.results.overview import ANCHOR
+from bayesdamp.report.results.reading import models_by_rank, ranking
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._section import Section
+from bayesdamp.store.contents.answers import WeighedCandidate
+from bayesdamp.table import Table
+from bayesdamp.types import OK
+from bayesdamp.verdict.parts import Coefficient, Grade, Motion
+from bayesdamp.verdict.tables import modes_table, quality_of, ratios_table
+from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like
+
+CAPTION = (
+    "Equivalent damping ratio: level means viscous, rising to small amplitudes friction, to large ones drag; "
+    "a law whose line leaves both bands is not this record's. What the fit leaves should look like noise: a "
+    "wave in it is what none of these laws explains. Energy lost in a cycle: the highest line is the term that brakes "
+    "most at that amplitude."
+)
+MEASURED = (
+    "Equivalent damping ratio, measured without a law: level means viscous, rising to small amplitudes friction, to "
+    "large ones drag. The law that fits best contradicts it and is not drawn. Energy lost in a cycle: from this ratio."
+)
+
+
+MOTIONS = (
+    "Each oscillation has its own line: falling straight on the right, it dies down as viscous damping would have it; "
+    "level, something drives it; rising, it is fed. One decay would have one line that follows the record's edge."
+)
+EXCITED = (
+    "Left to itself the amplitude would only fall; here it rises and falls by chance, and how fast it falls is not its "
+    "damping."
+)
+EXPONENT = (
+    "The damping force as one power of the velocity: how probable each exponent is, its 95 % interval below. A hill "
+    "on a dashed line is that damping; one between two lines is a sum, or none of the three."
+)
+
+
+class AnswerSection(Section):
+    """The verdict of each record: a sentence, three numbers, one picture, the checks of it."""
+
+    order = 5
+    name = "answer"
+    title = "Which damping, and how large"
+
+    def applies(self, run: Run) -> bool:
+        """Apply to every run but a calibration, which has a verdict of its own."""
+        return run.info.get("kind") is None
+
+    def render(self, run: Run) -> str:
+        """Show one block a record."""
+        if not run.signals:
+            return Markup("<p>The folder holds no signal yet: run the study.</p>")
+        return by_signal(run, lambda signal: _block(run, signal), anchor=ANCHOR)
+
+
+def _block(run: Run, signal: str) -> Markup:
+    answer = answer_of(run, signal, run.repeats(signal)[0])
+    checks = Checks(run, signal)
+    found = [*sampled(run, signal), *checks.all()]
+    read = [
+        Check(f"The record as it was read: {note}", fails=True) for note in run.provenance(signal).warnings
+    ]
+    shown = {"checks": [*read, *sorted(found, key=lambda c: not c.fails)], "table": checks.table() or ""}
+    if answer is None:
+        return fill(
+            "answer.html",
+            sentence=_why_none(run, signal),
+            numbers=(),
+            energy=(),
+            remarks=(),
+            parts=[],
+            **shown,
+        )
+    v = answer.verdict
+    unit = v.damping_ratio[0].unit if v.damping_ratio else "rad"
+    if v.grade is Grade.NO_FREE_DECAY:
+        parts = [_motions(run, signal, v), modes_table(v.modes, v.motion)]
+        return fill(
+            "answer.html", sentence=v.sentence, numbers=(), energy=(), remarks=v.remarks, parts=parts, **shown
+        )
+    recorded = run.unit(signal).displacement.of(run.quantity(signal))
+    picture = run.drawings.add(
+        f"answer-{signal}",
+        _caption(v),
+        lambda: figures.answer(answer.arrays, unit, v.damping, recorded),
+        narrow=lambda: figures.answer(answer.arrays, unit, v.damping, recorded, narrow=True),
+    )
+    candidates = _candidates(answer, recorded, run.unit(signal).displacement.scale)
+    parts = [
+        picture,
+        _exponent(run, signal, answer),
+        ratios_table(v.damping_ratio, "Damping ratio against amplitude", parts=True),
+        _coefficients(v) if v.coefficients else "",
+        folded("All damping models that were compared", candidates),
+    ]
+    return fill(
+        "answer.html",
+        sentence=v.sentence,
+        numbers=_numbers(v),
+        energy=energy_of(v),
+        remarks=v.remarks,
+        parts=parts,
+        **shown,
+    )
+
+
+def _why_none(run: Run, signal: str) -> str:
+    """Say why a record has no answer, and what there is."""
+    repeat = run.repeats(signal)[0]
+    cells = (run.cell(kind, signal, repeat) for kind in ("answer",))
+    outcomes = [str(run.about(signal).get("outcome", OK)), *(c.outcome for c in cells if c is not None)]
+    why = next((o for o in outcomes if o != OK), "")
+    models = models_by_rank(run, signal, repeat)
+    if not models:
+        return f"Nothing was computed for this signal{': ' * bool(why)}{reason_of(why).rstrip('.')}."
+    if why:
+        return f"Which damping it is was not decided: {reason_of(why).rstrip('.')}."
+    if len(models) == 1:
+        return f"Damping was assumed to be {words.model(models[0])}; no other model was compared."
+    missing = "" if ranking(run, signal, repeat) else ": no evidence was computed"
+    return f"Which damping it is was not decided{missing}."
+
+
+def _caption(v: Verdict) -> str:
+    """What the picture shows: the law's curves, or those that are measured without one."""
+    if v.contradicted:
+        return MEASURED
+    return f"{CAPTION} This record's ratio is measured without a law." if v.law_free else CAPTION
+
+
+def _motions(run: Run, signal: str, v: Verdict) -> Markup | str:
+    """The picture of what is no free decay; nothing where the record is not stored, or no oscillation is told."""
+    cell = run.cell("signal", signal, run.repeats(signal)[0])
+    if cell is None or "t" not in cell.arrays or not v.modes:
+        return ""
+    quantity = run.quantity(signal)
+    unit = run.unit(signal).displacement
+    t, y = cell.arrays["t"], cell.arrays["y"] * unit.scale
+    axis = f"{unit.called(quantity)} / {unit.of(quantity)}"
+    return run.drawings.add(
+        f"motions-{signal}",
+        EXCITED if v.motion is Motion.EXCITED else MOTIONS,
+        lambda: motions(t, y, v.modes, quantity, axis),
+        narrow=lambda: motions(t, y, v.modes, quantity, axis, narrow=True),
+    )
+
+
+def _exponent(run: Run, signal: str, answer: Answer) -> Markup | str:
+    """The picture of the power law's exponent; nothing where there is none."""
+    e, draws = answer.verdict.exponent, answer.arrays.get("exponent")
+    if e is None or draws is None:
+        return ""
+    said, interval = loses_like(e, answer.verdict.damping), (e.value, e.low, e.high)
+    title = f"The damping force {said}"
+    return run.drawings.add(
+        f"exponent-{signal}",
+        EXPONENT,
+        lambda: exponent(draws, interval, title),
+        narrow=lambda: exponent(draws, interval, title, narrow=True),
+    )
+
+
+def _numbers(v) -> list[tuple[str, str]]:
+    found = []
+    if v.frequency is None and v.frequency_at is not None:
+        at = v.frequency_at
+        seen = fmt.with_interval(at.value, at.low, at.high, " Hz")
+        found.append((f"frequency at {at.amplitude:.2g} {at.unit}", seen))
+    if v.frequency is not None:
+        f = v.frequency
+        interval = fmt.with_interval(f.value, f.low, f.high, f" {f.unit}")
+        shown = f"{f.value:.5g} {f.unit} (specified)" if given(f) else interval
+        name, at = "natural frequency", v.frequency_at
+        if at is not None and extrapolated(f, at):
+            seen = fmt.with_interval(at.value, at.low, at.high, " Hz")
+            found.append((f"frequency at {at.amplitude:.2g} {at.unit}", seen))
+            name = "natural frequency, extrapolated to small oscillations"
+        found.append((name, shown))
+    if v.damping_ratio:
+        r = v.damping_ratio[len(v.damping_ratio) // 2]
+        found.append(
+            (
+                f"equivalent damping ratio at {r.amplitude:.2g} {r.unit}",
+                fmt.with_interval(r.value, r.low, r.high, " %", 100),
+            )
+        )
+        found.append((f"Q at {r.amplitude:.2g} {r.unit}", quality_of(r)))
+    return found
+
+
+def _coefficients(v: Verdict) -> Table:
+    columns: dict[str, Callable[[Coefficient], str]] = {
+        "parameter": lambda c: words.symbol(c.name).text,
+        "value (95 %)": lambda c: fmt.with_interval(c.value, c.low, c.high),
+        "sd from noise": lambda c: f"{c.sd_noise:.2g}",
+        "sd from the law": lambda c: f"{c.sd_law:.2g}",
+        "unit": lambda c: words.unit(c.unit),
+    }
+    caption = f"Coefficients under {words.model(v.damping)} damping, {words.law(v.restoring)}"
+    return Table.of(v.coefficients, columns, (0, 4), caption)
+
+
+def _candidates(answer: Answer, unit: str, scale: float) -> Table:
+    """The sums under each restoring law. scale: of `unit`, the recorded quantity's, in what is computed in."""
+    rows = [r for r in answer.candidates if r.outcome == OK]
+    log = {id(r): r.exact if r.log_evidence is None else r.log_evidence for r in rows}
+    top, top_exact = max(log.values(), default=0.0), max((r.exact for r in rows), default=0.0)
+    columns: dict[str, Callable[[WeighedCandidate], str]] = {
+        "damping": lambda r: words.model(r.damping),
+        "restoring law": lambda r: words.law(r.restoring),
+        "log Bayes factor": lambda r: f"{log[id(r)] - top:.1f}",
+        "the same under exact laws": lambda r: f"{r.exact - top_exact:.1f}",
+        f"rms that the fit leaves, {unit}": lambda r: "" if r.rms is None else f"{scale * r.rms:.3g}",
+    }
+    ranked = sorted(rows, key=lambda r: -log[id(r)])
+    return Table.of(ranked, columns, (0, 1), "Log Bayes factors to the best, in nats")
+
+
+PLUGIN = AnswerSection()

@@ -1,0 +1,125 @@
+"""How good the fits are, and how far the coefficients move with the window."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from markupsafe import Markup
+
+from bayesdamp import formatting as fmt
+from bayesdamp.report import words
+from bayesdamp.report.figures.record import windows
+from bayesdamp.report.html import fill, folded
+from bayesdamp.report.results.answers import only_answered
+from bayesdamp.report.results.reading import OtherForm, coefficients, mode_of, models_by_rank, other_forms
+from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.report.sections._layout import by_signal, drawn
+from bayesdamp.report.sections._section import Section
+from bayesdamp.store.contents.candidates import Part
+from bayesdamp.table import Table
+
+_EXACT = (
+    "All of it is of fits under laws that hold exactly, which chains and evidence here do not need: what an exact law "
+    "leaves is what the deviations take."
+)
+
+
+class FitQuality(Section):
+    """fits.csv, and the fits to parts of the record."""
+
+    order = 70
+    name = "fit_quality"
+    title = "How good the fits are"
+
+    def applies(self, run: Run) -> bool:
+        """Where modes were fitted, or should have been."""
+        return bool(run.signals) and not only_answered(run)
+
+    def render(self, run: Run) -> str:
+        """Checks of each fit, and fits to parts of the record."""
+        if not run.fits and not any(run.cells("mode", s) for s in run.signals):
+            return Markup("<p>No model was fitted in this study.</p>")
+        body: object = by_signal(run, lambda signal: _one(run, signal))
+        if run.under_law:
+            body = fill("stack.html", parts=[Markup("<p>{}</p>").format(_EXACT), body])
+        return fill("fit_quality.html", body=body)
+
+
+def _one(run: Run, signal: str) -> Markup:
+    repeats = run.repeats(signal)
+    repeat = repeats[0]
+    ranked = models_by_rank(run, signal, repeat)
+    parts: list[object] = []
+    if rows_of(run.fits, signal=signal, repeat=repeat):
+        parts.append(_table(run, signal, [repeat]))
+        if len(repeats) > 1:
+            parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
+    shown = 0
+    for place, model in enumerate(ranked):
+        if not drawn(run, place):
+            continue
+        content = _windows(run, signal, repeat, model)
+        if content is None:
+            continue
+        parts.append(content if shown == 0 else folded(f"Windows of {words.model(model)}", content))
+        shown += 1
+    forms = _other_forms(run, signal, repeat, ranked[0]) if ranked else None
+    if forms is not None:
+        parts.append(folded(f"Other forms of damping beside {words.model(ranked[0])}", forms))
+    return fill("stack.html", parts=parts or [Markup("<p>No model was fitted to this signal.</p>")])
+
+
+def _table(run: Run, signal: str, repeats: list[int]) -> Table:
+    columns: dict[str, Callable[[Row], str]] = {
+        "model": lambda r: words.model(r["model"]),
+        "rms residual": lambda r: fmt.rms(*run.rms(r)),
+        "autocorrelation": lambda r: fmt.fixed(r["residual_autocorrelation"], 2),
+        "stability over sub-records": lambda r: fmt.number(r["window_spread"], 2),
+        "predictive p": lambda r: fmt.number(r["predictive_p"], 2),
+        "verdict": lambda r: r["verdict"] or fmt.NONE,
+    }
+    rows = []
+    for repeat in repeats:
+        ranked = models_by_rank(run, signal, repeat)
+        own = rows_of(run.fits, signal=signal, repeat=repeat)
+        rows += sorted(own, key=lambda r: ranked.index(r["model"]))
+    if len(repeats) > 1:
+        return Table.of(rows, {"repeat": lambda r: str(r["repeat"] + 1), **columns}, (1, 6))
+    return Table.of(rows, columns, (0, 5))
+
+
+def _other_forms(run: Run, signal: str, repeat: int, model: str) -> Table | None:
+    """Of each form of damping that no candidate has: with it in addition, how likely is the candidate?"""
+    forms = other_forms(run, signal, repeat, model)
+    columns: dict[str, Callable[[OtherForm], str]] = {
+        "what there might be beside it": lambda form: form.words,
+        "ln Bayes factor": lambda form: fmt.fixed(form.log_bayes, 2),
+        "probability, against none": lambda form: fmt.probability(form.probability),
+    }
+    return Table.of(forms, columns) if forms else None
+
+
+def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
+    mode = mode_of(run, signal, repeat, model)
+    found = [w for w in mode.windows if w.values] if mode else []
+    names = [n for n in coefficients(run, model) if any(n in w.values for w in found)]
+    if len(found) < 2 or not names:
+        return None
+    units = {r["parameter"]: r["unit"] for r in (*run.posteriors, *run.estimates) if r["model"] == model}
+    caption = (
+        f"{signal}, {words.model(model)}: damping coefficients from parts of the record. Where they "
+        "scatter by more than their bars, the model is not the whole truth and the posterior is too narrow."
+    )
+    drawing = run.drawings.add(
+        f"windows-{signal}-{model}", caption, lambda: windows(model, names, found, units)
+    )
+    columns: dict[str, Callable[[Part], str]] = {
+        "window": lambda w: w.label,
+        "from / s": lambda w: fmt.number(w.start, 4),
+        "to / s": lambda w: fmt.number(w.stop, 4),
+        **{words.symbol(n).text: lambda w, n=n: fmt.with_error(w.values.get(n), w.sd.get(n)) for n in names},
+    }
+    return fill("stack.html", parts=[drawing, folded("These numbers", Table.of(found, columns))])
+
+
+PLUGIN = FitQuality()

@@ -1,1 +1,0 @@
-"""Sections on posteriors and evidence."""

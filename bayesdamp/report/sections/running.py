@@ -1,0 +1,82 @@
+"""Running estimates of the damping by an online filter."""
+
+from __future__ import annotations
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from bayesdamp.report import words
+from bayesdamp.report.figures.posterior import running
+from bayesdamp.report.html import fill, folded
+from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.sections._layout import by_signal, drawn
+from bayesdamp.report.sections._section import Section
+from bayesdamp.store import CellResult
+from bayesdamp.store.contents.posteriors import PosteriorContent
+
+_PASSES = ("online", "restarted")
+
+
+class Running(Section):
+    """Estimate and band of each coefficient against time, where a sampler filtered the record."""
+
+    order = 55
+    name = "running"
+    title = "The damping while it is measured"
+
+    def applies(self, run: Run) -> bool:
+        """Where a sampler filtered a record."""
+        return any(_filtered(cell) for s in run.signals for cell in run.cells("posterior", s))
+
+    def render(self, run: Run) -> str:
+        """Coefficients against time, with their bands."""
+        said = (
+            "What a Kalman filter says of the damping after each sample. Its first pass uses every sample once; the "
+            "passes after it start from the same priors again and linearise where the pass before ended."
+        )
+        return fill(
+            "stack.html", parts=[Markup("<p>{}</p>").format(said), by_signal(run, lambda s: _one(run, s))]
+        )
+
+
+def _filtered(cell: CellResult | None) -> bool:
+    return cell is not None and "running/t" in cell.arrays
+
+
+def _one(run: Run, signal: str) -> Markup:
+    repeat = run.repeats(signal)[0]
+    parts: list[Markup] = []
+    for place, model in enumerate(models_by_rank(run, signal, repeat)):
+        for cell in filter(_filtered, run.cells("posterior", signal, repeat, model)):
+            if drawn(run, place):
+                figure = _drawn(run, signal, model, cell)
+                parts.append(figure if not parts else folded(words.model(model), figure))
+    return fill("stack.html", parts=parts or [Markup("<p>No filter ran over this signal.</p>")])
+
+
+def _drawn(run: Run, signal: str, model: str, cell: CellResult) -> Markup:
+    content = PosteriorContent.of(cell)
+    listed = content.running
+    names = [n for n in coefficients(run, model) if n in listed]
+    first, last = (_by_name(cell, label, listed) for label in _PASSES)
+    t, units = cell.arrays["running/t"], content.units
+    true = {n: truth(run, signal, n) for n in names}
+    sampler = words.method(cell.place.method)
+    caption = f"{signal}, {words.model(model)}: running estimate of the damping by {sampler}."
+
+    def draw() -> Figure:
+        return running(model, names, t, last, first, units, true)
+
+    return run.drawings.add(f"running-{signal}-{model}", caption, draw)
+
+
+def _by_name(
+    cell: CellResult, label: str, names: tuple[str, ...]
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    mean, sd = (cell.arrays[f"running/{label}/{what}"] for what in ("mean", "sd"))
+    return {n: (mean[:, i], sd[:, i]) for i, n in enumerate(names)}
+
+
+PLUGIN = Running()

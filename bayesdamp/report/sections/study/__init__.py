@@ -1,1 +1,0 @@
-"""Sections on the study as a whole."""

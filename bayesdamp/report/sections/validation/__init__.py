@@ -1,1 +1,0 @@
-"""Sections on calibration and model recovery."""
