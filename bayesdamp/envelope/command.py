@@ -15,11 +15,11 @@ from bayesdamp.envelope.answer.posterior import DRIFT, SENSOR
 from bayesdamp.envelope.asked import asked
 from bayesdamp.envelope.folder import FIGURES, make_page, write_about
 from bayesdamp.envelope.kept import Task, keep, kept
-from bayesdamp.envelope.model.deviation import EXACT, MEAN
 from bayesdamp.envelope.model.floor import ABOVE_FLOOR
 from bayesdamp.envelope.records.reading import Column, is_envelope, read_envelope
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.window import Window, bounded
+from bayesdamp.inference.deviation.gaussian.hyperparameters import EXACT, MEAN_G
 from bayesdamp.machine.processes import processes
 from bayesdamp.machine.threads import cores
 from bayesdamp.odds import FURTHER_TERM
@@ -42,7 +42,7 @@ SETTINGS = (
     "rates have the same prior, with scales of which the middle one is one over the duration of the decay.",
     f"Prior odds of a sum: 1 for a single term, times {FURTHER_TERM:g} for each further term.",
     f"The law holds exactly with probability {EXACT:g}, else its rate is multiplied by 1 + g, g of sd τ, exponential "
-    f"with mean {MEAN:g}.",
+    f"with mean {MEAN_G:g}.",
     f"Every rate is known to {100 * SENSOR:g} % (sd) at best (detector, clock); where readings are in dB, also to "
     f"{DRIFT:g} dB of drift or bend of the detector over half of the decay.",
     f"Readings count down to {ABOVE_FLOOR:g} dB above the noise floor. Q and the rate at the head are the law's, mean "
