@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from markupsafe import Markup
 
 from bayesdamp.plugins import extended
+from bayesdamp.report import envelopes
 from bayesdamp.report.html import fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections import SECTIONS, in_order
 from bayesdamp.store import write_bytes
 from bayesdamp.store.contents.content import OtherVersionError
+from bayesdamp.store.described import ENVELOPES, read_description
 from bayesdamp.store.folders import claim, remove_listed
 from bayesdamp.types import InputError
 
@@ -37,6 +40,9 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     pool: where sections are drawn side by side; None for this process. Reads nothing but the folder. Raises
     InputError where the folder is no run, or one of a version that stored other things.
     """
+    info = read_description(folder)
+    if info.get("kind") == ENVELOPES:
+        return _written(folder, info, envelopes.sections(folder, info))
     run = Run(folder)
     claim(run.folder)
     try:
@@ -48,20 +54,24 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
         {"name": section.name, "title": section.title, "body": Markup(done.body)}
         for section, done in zip(wanted, bodies, strict=True)
     ]
+    _sweep_figures(run.drawings.folder, {name for done in bodies for name in done.figures})
+    return _written(run.folder, run.info, sections)
+
+
+def _written(folder: Path, info: Mapping[str, Any], sections: Sequence[Mapping[str, object]]) -> Path:
+    """Write report.html of these sections; return its path."""
     css, script = (
         Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("style.css", "page.js")
     )
-    name = run.info.get("name") or run.folder.resolve().name
     page = fill(
         "report.html",
-        name=name,
-        description=run.info.get("description") or "",
+        name=info.get("name") or folder.resolve().name,
+        description=info.get("description") or "",
         css=css,
         script=script,
         sections=sections,
     )
-    _sweep_figures(run.drawings.folder, {name for done in bodies for name in done.figures})
-    path = run.folder / "report.html"
+    path = folder / "report.html"
     write_bytes(path, page.encode())
     return path
 
