@@ -47,7 +47,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     | {"records.record", "records.files", "records.oscillation", "records.decay", "records.cleaning"},
     "records": NEUTRAL | {"physics", "records"},
     "envelope": NEUTRAL
-    | {"physics.damping", "records", "store", "envelope", "inference.deviation.gaussian", "verdict"},
+    | {"physics.damping", "records", "store", "envelope", "inference.deviation.gaussian", "verdict", "report"},
     "config": NEUTRAL | {"physics", "config"} | REGISTRIES,
     "estimators.networks": _BELOW | {"estimators.shared", "estimators.networks"},
     "estimators.regression": _BELOW | {"estimators.shared", "estimators.regression"},

@@ -13,13 +13,13 @@ from bayesdamp.envelope.analysis import analyse
 from bayesdamp.envelope.answer.answer import Answer
 from bayesdamp.envelope.answer.posterior import DRIFT, SENSOR
 from bayesdamp.envelope.asked import asked
-from bayesdamp.envelope.folder import FIGURES, make_page, write_about
+from bayesdamp.envelope.folder import write_about
 from bayesdamp.envelope.kept import Task, keep, kept
-from bayesdamp.envelope.model.deviation import EXACT, MEAN
 from bayesdamp.envelope.model.floor import ABOVE_FLOOR
 from bayesdamp.envelope.records.reading import Column, is_envelope, read_envelope
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.window import Window, bounded
+from bayesdamp.inference.deviation.gaussian.hyperparameters import EXACT, MEAN_G
 from bayesdamp.machine.processes import processes
 from bayesdamp.machine.threads import cores
 from bayesdamp.odds import FURTHER_TERM
@@ -42,7 +42,7 @@ SETTINGS = (
     "rates have the same prior, with scales of which the middle one is one over the duration of the decay.",
     f"Prior odds of a sum: 1 for a single term, times {FURTHER_TERM:g} for each further term.",
     f"The law holds exactly with probability {EXACT:g}, else its rate is multiplied by 1 + g, g of sd τ, exponential "
-    f"with mean {MEAN:g}.",
+    f"with mean {MEAN_G:g}.",
     f"Every rate is known to {100 * SENSOR:g} % (sd) at best (detector, clock); where readings are in dB, also to "
     f"{DRIFT:g} dB of drift or bend of the detector over half of the decay.",
     f"Readings count down to {ABOVE_FLOOR:g} dB above the noise floor. Q and the rate at the head are the law's, mean "
@@ -118,7 +118,7 @@ def compare_envelopes(
         if fresh:
             store.clear()
         tasks = [
-            Task(record, window, out / FIGURES / f"{key}.png", seed, laws)
+            Task(record, window, out / "figures" / f"{key}.png", seed, laws)
             for record, window, key in zip(records, windows, keys, strict=True)
         ]
         found: list[Answer] = []
@@ -135,7 +135,9 @@ def compare_envelopes(
                 say("\n- ".join([common.sentence, *common.remarks]))
         files.write(out, verdicts)
         write_about(out, paths, options, keys, (*laws.settings(), *SETTINGS))
-        say(str(make_page(out)))
+        from bayesdamp.report import render  # imports slowly
+
+        say(str(render(out)))
     return failed
 
 
@@ -155,7 +157,7 @@ def _computed(store: Store, tasks: Sequence[Task], workers: int) -> Iterator[Ans
         return
     size = max(1, min(BATCH, len(tasks) // (2 * workers)))
     batches = [tasks[at : at + size] for at in range(0, len(tasks), size)]
-    with processes(workers, "bayesdamp.envelope.report.picture") as pool:
+    with processes(workers, "bayesdamp.envelope.picture") as pool:
         futures = [pool.submit(answer, batch) for batch in batches]
         for future, batch in zip(futures, batches, strict=True):
             try:
@@ -166,7 +168,7 @@ def _computed(store: Store, tasks: Sequence[Task], workers: int) -> Iterator[Ans
 
 def _answer(folder: Path, tasks: Sequence[Task]) -> list[Answer]:
     """The results, their pictures and they themselves written."""
-    from bayesdamp.envelope.report.picture import picture  # imports slowly; most records are no envelopes
+    from bayesdamp.envelope.picture import picture  # imports slowly; most records are no envelopes
 
     found = []
     for task in tasks:

@@ -20,7 +20,7 @@ from bayesdamp.store.cells import CellResult, Store
 from bayesdamp.store.contents.content import Content, OtherVersionError
 from bayesdamp.verdict.types import Verdict
 
-CODE = ("bayesdamp.envelope.analysis", "bayesdamp.envelope.report.picture")
+CODE = ("bayesdamp.envelope.analysis", "bayesdamp.envelope.picture")
 
 
 @dataclass(frozen=True)

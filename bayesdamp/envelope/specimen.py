@@ -124,15 +124,15 @@ def specimen(name: str, answers: Sequence[Answer]) -> Verdict | None:
     w = 1.0 / (variance + between)
     mean, sd = float((w @ x) / w.sum()), float(w.sum() ** -0.5)
     joint = joint_damping(answers)
-    spread = joint.spread if joint else (between**0.5,) * 3
+    spread = joint.spread if joint else (between**0.5, between**0.5, between**0.5)
     wide = float(np.hypot(sd, max(spread[0], between**0.5)))
     value, low, high, next_low, next_high = (
         float(np.exp(mean + 1.96 * width)) for width in (0.0, -sd, sd, -wide, wide)
     )
     unit = known[0].unit
-    common = Estimate(value, value * alone, value * (sd**2 - alone**2) ** 0.5, low, high, unit)
+    common = Estimate(value, value * alone, value * max(sd**2 - alone**2, 0.0) ** 0.5, low, high, unit)
     probabilities = (
-        {n: min(p, thresholds.CAP) for n, p in joint.probabilities.items()} if joint else {"": 1.0}
+        {n: min(p, thresholds.CAP) for n, p in joint.probabilities.items()} if joint else {"": float("nan")}
     )
     damping, probability = next(iter(probabilities.items()))
     grade = worst_grade(own)
@@ -143,7 +143,7 @@ def specimen(name: str, answers: Sequence[Answer]) -> Verdict | None:
         damping=damping,
         probability=probability,
         rivals=rivals_of(probabilities, {}),
-        spread=Interval(*spread),
+        spread=Interval(spread[0], spread[1], spread[2]),
         energy=energy_of_records(own, probabilities),
         deviation=largest([v.deviation for v in own]),
         unexplained_pct=max(v.unexplained_pct for v in own),

@@ -10,6 +10,8 @@ FAINTEST = 1e-280
 """Probability above zero below which quantiles are found from its logarithm (conventional)."""
 NESTED, LATTICE = 3, 256
 """Coordinates up to which rules are nested, and points for more."""
+SURE = 7.0
+"""Standard deviations above zero of the least likely coordinate at which all are positive: to 1e-12 a coordinate."""
 PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53], float)
 _X, _W = np.polynomial.legendre.leggauss(POINTS)
 SHARES, WEIGHTS = 0.5 * (_X + 1), 0.5 * _W
@@ -27,6 +29,12 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         return np.zeros(count)
     if k > 1:
         mean, covariance = _least_likely_first(mean, covariance)
+        unsure = mean[:, 0] < SURE * np.sqrt(covariance[:, 0, 0])
+        if not unsure.all():
+            found = np.zeros(count)
+            if unsure.any():
+                found[unsure] = log_probability(mean[unsure], covariance[unsure])
+            return found
     if k > NESTED:
         return _by_lattice(mean, covariance)
     sd = np.sqrt(np.maximum(covariance[:, 0, 0], 1e-300))
@@ -37,7 +45,10 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     slope = covariance[:, 1:, 0] / covariance[:, :1, 0]
     rest = covariance[:, 1:, 1:] - slope[:, :, None] * covariance[:, None, 0, 1:]
     means = mean[:, None, 1:] + (at - mean[:, :1])[:, :, None] * slope[:, None, :]
-    inner = log_probability(means.reshape(-1, k - 1), np.repeat(rest, POINTS, axis=0)).reshape(count, POINTS)
+    if k == 2:
+        inner = log_ndtr(means[:, :, 0] / np.sqrt(np.maximum(rest[:, 0], 1e-300)))
+    else:
+        inner = log_probability(means.reshape(-1, k - 1), np.repeat(rest, POINTS, axis=0)).reshape(count, -1)
     top = inner.max(axis=1, keepdims=True)
     return first + top[:, 0] + np.log(np.exp(inner - top) @ WEIGHTS)
 

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from markupsafe import Markup
 
 from bayesdamp.plugins import extended
+from bayesdamp.report import envelopes
 from bayesdamp.report.html import fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections import SECTIONS, in_order
 from bayesdamp.store import write_bytes
 from bayesdamp.store.contents.content import OtherVersionError
+from bayesdamp.store.described import ENVELOPES, read_description
 from bayesdamp.store.folders import claim, remove_listed
 from bayesdamp.types import InputError
 
@@ -37,14 +40,18 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     pool: where sections are drawn side by side; None for this process. Reads nothing but the folder. Raises
     InputError where the folder is no run, or one of a version that stored other things.
     """
-    run = Run(folder)
-    claim(run.folder)
-    try:
-        page, figures = page_of(run, pool)
-    except OtherVersionError as error:
-        raise InputError(error.what, str(folder)) from None
-    _sweep_figures(run.folder / "figures", figures)
-    path = run.folder / "report.html"
+    info = read_description(folder)
+    if info.get("kind") == ENVELOPES:
+        page = _page(folder, info, envelopes.sections(folder, info))
+    else:
+        run = Run(folder)
+        claim(run.folder)
+        try:
+            page, figures = page_of(run, pool)
+        except OtherVersionError as error:
+            raise InputError(error.what, str(folder)) from None
+        _sweep_figures(run.folder / "figures", figures)
+    path = folder / "report.html"
     write_bytes(path, page.encode())
     return path
 
@@ -53,21 +60,26 @@ def page_of(run: Run, pool: Executor | None = None) -> tuple[str, set[str]]:
     """Return the page of a run, and the names of its figures."""
     wanted = [section for section in in_order() if section.applies(run)]
     bodies = list(_rendered(run, [section.name for section in wanted], pool))
+    sections = [
+        {"name": section.name, "title": section.title, "body": Markup(done.body)}
+        for section, done in zip(wanted, bodies, strict=True)
+    ]
+    return _page(run.folder, run.info, sections), {name for done in bodies for name in done.figures}
+
+
+def _page(folder: Path, info: Mapping[str, Any], sections: Sequence[Mapping[str, object]]) -> str:
+    """Return the HTML of a page of these sections."""
     css, script = (
         Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("style.css", "page.js")
     )
-    page = fill(
+    return fill(
         "report.html",
-        name=run.info.get("name") or run.folder.resolve().name,
-        description=run.info.get("description") or "",
+        name=info.get("name") or folder.resolve().name,
+        description=info.get("description") or "",
         css=css,
         script=script,
-        sections=[
-            {"name": section.name, "title": section.title, "body": Markup(done.body)}
-            for section, done in zip(wanted, bodies, strict=True)
-        ],
+        sections=sections,
     )
-    return page, {name for done in bodies for name in done.figures}
 
 
 def _rendered(run: Run, names: list[str], pool: Executor | None) -> Iterator[Rendered]:

@@ -13,6 +13,8 @@ from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
 RUN = "run.json"
+ENVELOPES = "envelopes"
+"""The kind of run that compares envelopes."""
 _KINDS = {
     "string_type": "must be text",
     "list_type": "must be a list",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, is_dataclass
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from functools import cache
 from math import isfinite
@@ -230,7 +230,7 @@ def _read(kind: Any, value: Any) -> Any:
     if value is None:
         return None if NoneType in each else float("nan")
     one = each[0] if each else kind
-    if is_dataclass(one):
+    if isinstance(value, dict):
         return one(**{name: _read(_hints(one)[name], part) for name, part in value.items()})
     return one(value) if issubclass(one, StrEnum) else value
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -239,6 +241,16 @@ def test_repeats_are_pooled():
     assert mixed.standardised > 10
     assert mixed.spread.value > 0.05
     assert specimen("x", found[:1]) is None
+
+
+def test_a_specimen_whose_damping_nothing_tells_has_a_size_alone():
+    """Sums whose terms have parameters beside coefficients cannot be joined; the control is the test above."""
+    found = [replace(analyse(made({"viscous": 0.2}, seed)[0]), likelihoods={}) for seed in (1, 2)]
+    common = specimen("x", found)
+    assert (common.damping, common.decided) == ("", False)
+    assert np.isnan(common.probability)
+    assert common.sentence.startswith("2 records: Q = ")
+    assert common.quality_factor.low <= np.pi * 1e6 / 0.2 <= common.quality_factor.high
 
 
 def test_what_is_no_envelope_is_refused():

@@ -14,11 +14,6 @@ def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run's f
     """Render a run's folder again; nothing is computed."""
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder; give the folder of a run, such as reports/NAME")
-    from bayesdamp.envelope.folder import is_envelopes, make_page
-
-    if is_envelopes(folder):
-        typer.echo(make_page(folder))
-        return 0
     from bayesdamp.report import render
 
     typer.echo(render(folder))

@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.envelope.model.candidates import Blocks, Candidate
 from bayesdamp.envelope.model.deviation import KNOTS, hats
-from bayesdamp.envelope.model.orthant import draw_orthant
+from bayesdamp.inference.deviation.gaussian.orthant import truncated
 from bayesdamp.verdict.parts import Estimate, Interval
 
 DRAWS = 1600
@@ -21,6 +21,8 @@ conventional, makers of analysers state 0.1 to 0.2."""
 LEAST_WEIGHT = 1e-4
 ALONG = 257
 """Points of a fit, evenly in ln A, over which means are taken."""
+SWEEPS = 40
+"""Of Gibbs sampling."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,7 @@ def _draws(
     noise = rng.standard_normal((count, d + KNOTS))
     both = mean[of] + (triangles[of] @ noise[..., None])[..., 0]
     inner = covariance[:, :d, :d]
-    kept = draw_orthant(mean[of, :d], inner[of], np.tile(c.rates, (count, 1)), rng)
+    kept = positive_draws(mean[of, :d], inner[of], np.tile(c.rates, (count, 1)), rng)
     gain = covariance[:, d:, :d] @ np.linalg.inv(inner)
     rates = kept
     g = both[:, d:] + (gain[of] @ (kept - both[:, :d])[..., None])[..., 0]
@@ -135,3 +137,23 @@ def _draws(
     rms = np.where(c.exact[chosen], 0.0, np.sqrt(np.mean((g @ basis.T) ** 2, axis=1)))
     off = 1.0 + sensor * rng.standard_normal((count, 1))
     return at * off, whole * off[:, 0], energy, rms, terms * off
+
+
+def positive_draws(
+    mean: np.ndarray, covariance: np.ndarray, start: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """One draw with no negative coordinate from each of b normals of few, (b, d), by Gibbs sampling (Geweke 1991).
+
+    mean (b, d), covariance (b, d, d), start (b, d): where the chains begin.
+    """
+    precision = np.linalg.inv(covariance)
+    x = np.maximum(start, 0.0)
+    d = mean.shape[1]
+    diagonal = np.einsum("bii->bi", precision)
+    sd = 1.0 / np.sqrt(diagonal)
+    for _ in range(1 if d == 1 else SWEEPS):
+        for i in range(d):
+            pull = np.einsum("bj,bj->b", precision[:, i], x - mean) - diagonal[:, i] * (x[:, i] - mean[:, i])
+            centre = mean[:, i] - pull / diagonal[:, i]
+            x[:, i] = truncated(centre, sd[:, i], 1.0 - rng.random((x.shape[0], 1)))[:, 0]
+    return x

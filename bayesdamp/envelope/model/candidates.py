@@ -246,10 +246,10 @@ def weigh(
     warp = warp_columns(blocks, law.rate(fit, rates))
     marginal = _marginal(blocks, blocks.x - fit, h0, h, fit, warp, noises)
     found = weigh_scales(marginal, rates, blocks.omega)
+    spread = found.factors @ np.swapaxes(found.factors, 1, 2)
     return Candidate(
-        law, x0, rates, fit, marginal, found.log_evidence, found.combination, found.rates, found.covariance,
-        scores, log_share,
-    )  # fmt: skip
+        law, x0, rates, fit, marginal, found.log_each, found.combos, found.means, spread, scores, log_share
+    )
 
 
 def weigh_power(

@@ -10,13 +10,10 @@ from functools import cache
 
 import numpy as np
 
+from bayesdamp.inference.deviation.gaussian.hyperparameters import EXACT, LENGTHS, MEAN_G, masses
+
 KNOTS = 14
-MEAN = 0.03
-"""Of τ where it is not 0 (exponential)."""
-EXACT = 0.8
-"""Probability that the law holds exactly, τ = 0."""
 TAUS = np.array([1e-3, 2e-3, 4e-3, 8e-3, 0.015, 0.03, 0.06, 0.12, 0.25])
-LENGTHS = (0.1, 0.3, 1.0)
 
 
 @cache
@@ -53,9 +50,5 @@ def warp_integrals(s: np.ndarray, count: int) -> np.ndarray:
 @cache
 def weights() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(τ, ℓ, log prior probability) of each pair on the grid, shape (pairs,); the first is τ = 0."""
-    edges = np.concatenate([[0.0], np.sqrt(TAUS[1:] * TAUS[:-1]), [np.inf]])
-    mass = np.diff(-np.exp(-edges / MEAN))
-    tau = np.concatenate([[0.0], np.repeat(TAUS, len(LENGTHS))])
-    length = np.concatenate([[1.0], np.tile(LENGTHS, TAUS.size)])
-    share = np.repeat(mass, len(LENGTHS)) * (1.0 - EXACT) / len(LENGTHS)
-    return tau, length, np.log(np.concatenate([[EXACT], share]))
+    tau, length, log_prior = np.array([(0.0, 1.0, np.log(EXACT)), *masses(TAUS, MEAN_G, LENGTHS)]).T
+    return tau, length, log_prior

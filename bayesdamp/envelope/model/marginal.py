@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_ndtr
 
-from bayesdamp.envelope.model.orthant import log_orthant
-from bayesdamp.priors import SHARED_SCALES
+from bayesdamp.inference.deviation.gaussian.linear import Normals, Weighed, with_priors
+from bayesdamp.priors import SCORE_RATIO
 
-LEFT_OUT = 1e-5
-"""Posterior probability of all combinations of hyperparameters and scales together that are left out."""
+IMPROBABLE = 0.1
+"""Probability of a law that holds exactly below which what counts among all may lack a part of it."""
 
 
 @dataclass(frozen=True)
@@ -47,31 +46,23 @@ class Marginal:
     covariance: np.ndarray
     tau: np.ndarray
 
-
-@dataclass(frozen=True)
-class Weighed:
-    """Evidence and rates under the m pairs of a combination and a scale of the prior that count.
-
-    Attributes
-    ----------
-    log_evidence
-        Nats, (m,).
-    combination
-        Place of the pair's combination in the marginal, (m,).
-    rates, covariance
-        Mean and covariance in 1/s before rates are cut off at 0, (m, d) and (m, d, d).
-    """
-
-    log_evidence: np.ndarray
-    combination: np.ndarray
-    rates: np.ndarray
-    covariance: np.ndarray
+    def normals(self, fit: np.ndarray, unit: float) -> Normals:
+        """Return the posteriors of the rates in a unit, with priors N(0, 1) of either sign. fit: rates in 1/s, (d,)."""
+        turned = self.information @ fit
+        lower = np.linalg.cholesky(unit**2 * self.information + np.eye(fit.size))
+        inverse = np.linalg.inv(lower)
+        half = (inverse @ (unit * (self.slope + turned))[:, :, None])[:, :, 0]
+        log = self.log - (self.slope + 0.5 * turned) @ fit + 0.5 * np.sum(half**2, axis=1)
+        log -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
+        factors = np.swapaxes(inverse, 1, 2)
+        return Normals(log, (factors @ half[:, :, None])[:, :, 0], factors)
 
 
 def weigh_scales(marginal: Marginal, fit: np.ndarray, omega: float) -> Weighed:
     """Integrate the rates out under half-normal priors that share one unknown scale.
 
-    The scale is one of `SHARED_SCALES` of the damping ratio, all equally probable.
+    Means and factors are in 1/s, before rates are cut off at 0. Of laws that hold exactly there is an answer of their
+    own, however improbable they are: where they are, what counts of them alone is kept too.
 
     Parameters
     ----------
@@ -82,38 +73,21 @@ def weigh_scales(marginal: Marginal, fit: np.ndarray, omega: float) -> Weighed:
     omega
         Rate in 1/s at a damping ratio of 1.
     """
-    d = fit.size
-    sigma = SHARED_SCALES * omega
-    # In the directions that the information is diagonal in: a prior of any scale is diagonal there too.
-    gained, axes = np.linalg.eigh(marginal.information)
-    gained = np.maximum(gained, 0.0)[:, None, :]
-    slope = np.einsum("cij,ci->cj", axes, marginal.slope)[:, None, :]
-    start = np.einsum("cij,i->cj", axes, fit)[:, None, :]
-    prior = (sigma**-2.0)[:, None]
-    precision = gained + prior
-    log = marginal.log[:, None] + d * np.log(2.0 / sigma) - np.log(sigma.size)
-    squares = slope**2 - prior * start * (2.0 * slope + gained * start)
-    log = log + 0.5 * np.sum(squares / precision - np.log(precision), axis=2)
-    centre = (slope + gained * start) / precision
-    mean = np.einsum("cij,csj->csi", axes, centre)
-    variance = np.einsum("cij,csj->csi", axes**2, 1.0 / precision)
-    # The least likely positive rate bounds the probability that all are positive.
-    bound = log + log_ndtr(mean / np.sqrt(variance)).min(axis=2)
-    exact = np.broadcast_to((marginal.tau == 0.0)[:, None], bound.shape)
-    # Of laws that hold exactly there is an answer of their own, however improbable they are.
-    counts = _counting(bound) | _counting(np.where(exact, bound, -np.inf))
-    combination, scale = np.nonzero(counts)
-    kept = axes[combination]
-    covariance = (kept / precision[combination, scale][:, None, :]) @ np.swapaxes(kept, 1, 2)
-    rates = mean[combination, scale]
-    found = log[combination, scale] + log_orthant(rates, covariance)
-    return Weighed(found, combination, rates, covariance)
-
-
-def _counting(log: np.ndarray) -> np.ndarray:
-    """Which of these have all but `LEFT_OUT` of the probability, the shape of `log`."""
-    order = np.argsort(-log, axis=None)
-    total = np.cumsum(np.exp(log.ravel()[order] - log.max()))
-    counts = np.zeros(log.size, bool)
-    counts[order[: int(np.searchsorted(total, (1.0 - LEFT_OUT) * total[-1])) + 1]] = True
-    return counts.reshape(log.shape)
+    unit = SCORE_RATIO * omega
+    normals, every = marginal.normals(fit, unit), np.ones(fit.size, bool)
+    found = with_priors(normals, every, every)
+    log, means, factors, combos = found.log_each, found.means, found.factors, found.combos
+    inexact = marginal.tau[combos] > 0.0
+    if found.weights[~inexact].sum() < IMPROBABLE:
+        exact = np.flatnonzero(marginal.tau == 0.0)
+        alone = with_priors(
+            Normals(normals.log[exact], normals.means[exact], normals.factors[exact]), every, every
+        )
+        combos = np.concatenate([exact[alone.combos], combos[inexact]])
+        order = np.argsort(combos, kind="stable")
+        combos = combos[order]
+        log, means, factors = (
+            np.concatenate([one, other[inexact]])[order]
+            for one, other in ((alone.log_each, log), (alone.means, means), (alone.factors, factors))
+        )
+    return Weighed(log, float(np.logaddexp.reduce(log)), unit * means, unit * factors, combos)

@@ -16,8 +16,9 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import minimize
 
-from bayesdamp.envelope.model.deviation import MEAN, knot_covariance
+from bayesdamp.envelope.model.deviation import knot_covariance
 from bayesdamp.envelope.model.floor import SeenFloor
+from bayesdamp.inference.deviation.gaussian.hyperparameters import MEAN_G
 
 LONGEST_SCATTER = 0.04
 """Correlation time of the multiplicative scatter at most, in durations: what is slower is a deviation of the law."""
@@ -164,13 +165,13 @@ def infer_noise(
         value = np.log(np.diag(low_triangle)).sum() + np.log(np.diag(factor)).sum()
         value += 0.5 * (r @ r - explained @ explained) + 0.5 * np.sum(((theta - centre) / width) ** 2)
         if with_deviation:
-            value += numbers[5] / MEAN - theta[5]
+            value += numbers[5] / MEAN_G - theta[5]
         return float(value)
 
     packed = np.column_stack([columns / np.linalg.norm(columns, axis=0), residual])
     ridge = 1e-8 * np.eye(columns.shape[1])
     first = centre.copy()
-    first[5] = np.log(MEAN)
+    first[5] = np.log(MEAN_G)
     if begin is not None:
         first[:5] = np.log([begin.scatter, begin.scatter_time, begin.floor, begin.floor_time, begin.white])
     first = np.clip(first, low, high)

@@ -10,12 +10,13 @@ import pytest
 from scipy.special import logsumexp
 
 from bayesdamp.envelope import analyse, made_record
-from bayesdamp.envelope.model import marginal
 from bayesdamp.envelope.model.candidates import Blocks, Candidate, weigh
 from bayesdamp.envelope.model.law import ClosedForm
 from bayesdamp.envelope.model.laws import SUMS, decay
 from bayesdamp.envelope.model.marginal import weigh_scales
 from bayesdamp.envelope.model.noise import Noise
+from bayesdamp.inference.deviation.gaussian import linear
+from bayesdamp.priors import SCORE_RATIO
 from tests.envelope.ringdowns import Ringdown, simulate
 
 OMEGA = 2 * np.pi * 50.0
@@ -71,12 +72,12 @@ def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
 def test_probabilities_do_not_depend_on_how_small_the_damping_is(monkeypatch):
     """Thirteen steps of the scales, a factor of 7,700 in time at one frequency, where the scales have no ends."""
     scales = 1e-8 * STEP ** np.arange(-40, 66)
-    monkeypatch.setattr(marginal, "SHARED_SCALES", scales)
+    monkeypatch.setattr(linear, "SHARED_SIGMAS", scales / SCORE_RATIO)
     here, there = (probabilities(weighed(*blocks(STEP**steps, 0.02))) for steps in (0, 13))
     assert 0.05 < here.max() < 0.999
     assert there == pytest.approx(here, abs=1e-6)
     # Negative control: half-normals of one scale each, whatever the scale.
-    monkeypatch.setattr(marginal, "SHARED_SCALES", np.array([1e-3]))
+    monkeypatch.setattr(linear, "SHARED_SIGMAS", np.array([1e-3]) / SCORE_RATIO)
     here, there = (probabilities(weighed(*blocks(STEP**steps, 0.02))) for steps in (0, 13))
     assert np.abs(there - here).max() > 0.05
 
@@ -99,10 +100,10 @@ def test_an_answer_without_a_frequency_does_not_depend_on_the_unit_of_time():
 def test_pairs_that_are_left_out_do_not_count(monkeypatch):
     b, noises, inverse = blocks()
     here = weigh(b, ClosedForm(SUMS[-1]), noises, inverse)
-    monkeypatch.setattr(marginal, "LEFT_OUT", 0.0)
+    monkeypatch.setattr(linear, "LEFT_OUT", 0.0)
     whole = weigh_scales(here.marginal, here.rates, b.omega)
-    assert whole.log_evidence.size > 2 * here.log_evidence.size
-    assert here.total == pytest.approx(float(logsumexp(whole.log_evidence)), abs=1e-4)
+    assert whole.log_each.size > 2 * here.log_evidence.size
+    assert here.total == pytest.approx(whole.log_evidence, abs=1e-4)
 
 
 def test_the_deviation_follows_the_rates():

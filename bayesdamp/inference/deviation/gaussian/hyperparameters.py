@@ -47,8 +47,8 @@ def grid_of(
     """
     sizes_g, sizes_h = ((), ()) if exact else (SIZES_G[:: 2 if coarse else 1], SIZES_H[:: 2 if coarse else 1])
     lengths = LENGTHS[::2] if coarse else LENGTHS
-    one = [(0.0, 1.0, 0.0 if exact else np.log(EXACT)), *_masses(sizes_g, MEAN_G, lengths)]
-    other = [(0.0, 1.0, 0.0 if exact else np.log(EXACT)), *_masses(sizes_h, MEAN_H, lengths)]
+    one = [(0.0, 1.0, 0.0 if exact else np.log(EXACT)), *masses(sizes_g, MEAN_G, lengths)]
+    other = [(0.0, 1.0, 0.0 if exact else np.log(EXACT)), *masses(sizes_h, MEAN_H, lengths)]
     s = np.linspace(0.0, 1.0, knots)
     apart = np.abs(s[:, None] - s)
     roots = {
@@ -84,7 +84,7 @@ WIDE_LENGTHS = (0.1, 0.3, 1.0)
 def wide_grid(knots: int) -> Grid:
     """The grid of a damping that follows no law: g of any size, all alike; h as it is elsewhere, coarsely."""
     lengths = LENGTHS[::2]
-    other = [(0.0, 1.0, np.log(EXACT)), *_masses(SIZES_H[::2], MEAN_H, lengths)]
+    other = [(0.0, 1.0, np.log(EXACT)), *masses(SIZES_H[::2], MEAN_H, lengths)]
     s = np.linspace(0.0, 1.0, knots)
     apart = np.abs(s[:, None] - s)
     roots = {
@@ -102,7 +102,7 @@ def wide_grid(knots: int) -> Grid:
     return Grid(size_g, size_h, log_prior, np.array(factors))
 
 
-def _masses(
+def masses(
     sizes: np.ndarray | tuple[()], mean: float, lengths: tuple[float, ...]
 ) -> list[tuple[float, float, float]]:
     """(size, length, log prior mass): an exponential's mass about each size, the lengths alike."""

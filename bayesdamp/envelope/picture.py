@@ -11,37 +11,30 @@ from matplotlib.figure import Figure
 
 from bayesdamp.envelope.answer.answer import Answer
 from bayesdamp.envelope.records.record import EnvelopeRecord
+from bayesdamp.report.figures.records.exponent import ENDS, MARKED
+from bayesdamp.report.figures.records.record import KEPT, thinned
+from bayesdamp.report.style import INK, QUIET, colour
 from bayesdamp.verdict.parts import Interval
 from bayesdamp.verdict.words import named
 
 POINTS = 1200
-LAWS = (("Coulomb", "#D55E00"), ("viscous", "#0072B2"), ("quadratic", "#009E73"))
-CUBIC = ("cubic", "#CC79A7")
-INK, QUIET, FIT, BAND = "#222222", "#8a8a8a", "#0072B2", "#D55E00"
-
-
-def thinned(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest of each of POINTS / 2 runs: a line through them looks as one through all."""
-    if t.size <= POINTS:
-        return t, y
-    edges = np.linspace(0, t.size, POINTS // 2 + 1).round().astype(int)[:-1]
-    low, high = np.minimum.reduceat(y, edges), np.maximum.reduceat(y, edges)
-    return np.repeat(t[edges], 2), np.column_stack([low, high]).ravel()
+CUBIC = (3.0, "cubic", "cubic")
+FIT, BAND = KEPT, "#D55E00"
 
 
 def _exponent(ax: Axes, found: Interval, cubic: bool) -> None:
     """The interval of the power of the velocity on an axis where the three laws are marked, the cubic one where it was
     weighed."""
     aligned = ("left", "center", "center", "right")
-    for place, (name, shade) in enumerate((*LAWS, CUBIC) if cubic else LAWS):
-        ax.axvline(place, color=shade, lw=1.2, ls="--")
-        ax.text(place, 1.25, name, color=shade, fontsize=7.5, ha=aligned[place], va="bottom")
+    for side, (place, name, term) in zip(aligned, (*MARKED, CUBIC) if cubic else MARKED, strict=False):
+        ax.axvline(place, color=colour(term), lw=1.2, ls="--")
+        ax.text(place, 1.25, name, color=colour(term), fontsize=7.5, ha=side, va="bottom")
     ax.plot([found.low, found.high], [0.0, 0.0], color=INK, lw=3.0, solid_capstyle="butt")
     ax.plot([found.value], [0.0], "o", color=INK, ms=5)
-    ax.set_xlim(-0.12, 3.05)
+    ax.set_xlim(*ENDS)
     ax.set_ylim(-1.0, 1.0)
     ax.set_yticks([])
-    ax.set_xlabel("it loses like this power of the velocity", fontsize=8.5, color=INK)
+    ax.set_xlabel("exponent of the velocity", fontsize=8.5, color=INK)
     ax.tick_params(labelsize=8)
 
 
@@ -51,7 +44,7 @@ def picture(record: EnvelopeRecord, answer: Answer) -> bytes:
     figure = Figure(figsize=(9.6, 4.2), dpi=90)
     canvas = FigureCanvasAgg(figure)
     left = figure.add_axes((0.075, 0.12, 0.53, 0.78))
-    left.plot(*thinned(record.t, record.level), color=QUIET, lw=0.7)
+    left.plot(*thinned(record.t, record.level, POINTS), color=QUIET, lw=0.7)
     left.set_xlabel("time / s", color=INK)
     unit = record.unit if record.logarithmic else f"dB of 1 {record.unit}"
     left.set_ylabel(f"level / {unit}", color=INK)
