@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from bayesdamp.envelope.answer.answer import Answer
 from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.report.figures.records.exponent import ENDS, MARKED
-from bayesdamp.report.figures.records.record import KEPT, thinned
+from bayesdamp.report.figures.curves import ENDS, MARKED
+from bayesdamp.report.figures.record import KEPT, thinned
 from bayesdamp.report.style import INK, QUIET, colour
 from bayesdamp.verdict.parts import Interval
 from bayesdamp.verdict.words import named

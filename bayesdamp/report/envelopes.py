@@ -9,7 +9,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.html import fill
+from bayesdamp.table import Line, Table
 from bayesdamp.types import InputError
 from bayesdamp.verdict.files import JSON, read
 from bayesdamp.verdict.parts import AtAmplitude, Estimate, Interval

@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.envelope.model.candidates import Blocks, Candidate
 from bayesdamp.envelope.model.deviation import KNOTS, hats
-from bayesdamp.inference.deviation.gaussian.orthant import truncated
+from bayesdamp.numerics.orthant import truncated
 from bayesdamp.verdict.parts import Estimate, Interval
 
 DRAWS = 1600
