@@ -250,12 +250,3 @@ def test_a_circle_is_seen() -> None:
     assert {"bayesdamp.a", "bayesdamp.b", "bayesdamp.c"} in found
     assert {"bayesdamp.d", "bayesdamp.e"} in found  # of types alone
     assert len(found) == 2
-
-
-MOST = 16
-"""Files in a folder, `__init__` among them; a folder of plug-ins has one for each."""
-
-
-def test_no_folder_is_flat() -> None:
-    counts = {folder: len(list(folder.glob("*.py"))) for folder in {path.parent for _, path in modules()}}
-    assert {str(folder.relative_to(ROOT)): n for folder, n in counts.items() if n > MOST} == {}
