@@ -93,7 +93,10 @@ def dense(exact: bool = False) -> Dense:
 def test_halves_make_the_whole() -> None:
     """Evidence of the first half, and its difference to the whole's, which is the density of the second half given the
     first, each within four standard errors. Control: under exact laws both are others."""
-    whole, half = Importance().evidence("viscous", law().mode.likelihood.target, law().mode, 2), predicted().evidence
+    whole, half = (
+        Importance().evidence("viscous", law().mode.likelihood.target, law().mode, 2),
+        predicted().evidence,
+    )
     assert whole.outcome == half.outcome == "ok"
     assert abs(half.log_evidence - dense().first) < 4 * half.stderr + ROUNDED
     density, error = log_predictive(whole, half)

@@ -30,7 +30,9 @@ PRIORS = {
 @lru_cache
 def exact() -> Likelihood:
     oscillator = Oscillator(("viscous",), "linear")
-    y = simulate(oscillator, TRUTH | KNOWN, TIMES) + NOISE * np.random.default_rng(3).standard_normal(TIMES.size)
+    y = simulate(oscillator, TRUTH | KNOWN, TIMES) + NOISE * np.random.default_rng(3).standard_normal(
+        TIMES.size
+    )
     target = Target(Signal(TIMES, y), oscillator, "gaussian", PRIORS, KNOWN)
     return Likelihood.near(target, target.scores(TRUTH), 1e-8)
 
