@@ -14,6 +14,7 @@ from typing import Self
 import numpy as np
 
 from bayesdamp.inference.model.target import Target
+from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.priors import log_prior_of
 
@@ -154,7 +155,8 @@ class Likelihood:
 
     def log_posteriors(self, z: np.ndarray) -> np.ndarray:
         """Return the same at many scores, (m, d): shape (m,)."""
-        return np.array([self.log_posterior(one) for one in z])
+        # Motions with deviations take long enough for several threads to gain time.
+        return np.array(list((map if self.target.deviation is None else at_once)(self.log_posterior, z)))
 
     def folded(self, z: np.ndarray) -> np.ndarray:
         """Return the log posterior at scores, (m, d), of which the reflected ones are not negative: shape (m,). They

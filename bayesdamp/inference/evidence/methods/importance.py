@@ -79,20 +79,21 @@ class Importance(EvidenceMethod):
             place = refitted, place[1]
             y, log_weights = self._weights(target, mode, *place, rng, PILOT)
             evaluations += PILOT
-        y, log_weights = self._weights(target, mode, *place, rng, FINAL)
-        evaluations += FINAL
-        k, share = diagnostics.pareto_k(log_weights), effective(log_weights) / FINAL
-        log_evidence = float(logsumexp(log_weights) - np.log(FINAL))
+        final = FINAL if mode.linear is None else FINAL // 2  # motions with deviations take longer
+        y, log_weights = self._weights(target, mode, *place, rng, final)
+        evaluations += final
+        k, share = diagnostics.pareto_k(log_weights), effective(log_weights) / final
+        log_evidence = float(logsumexp(log_weights) - np.log(final))
         relative = np.exp(log_weights - log_evidence)
         return Evidence(
             model=model,
             method=self.name,
             log_evidence=log_evidence,
-            stderr=float(np.std(relative, ddof=1) / np.sqrt(FINAL)),
+            stderr=float(np.std(relative, ddof=1) / np.sqrt(final)),
             diagnostic=f"Pareto k {k:.2f}, effective share {share:.2f}",
             evaluations=evaluations,
             seconds=time.perf_counter() - began,
-            outcome=trusted(k, share * FINAL),
+            outcome=trusted(k, share * final),
             arrays={"y": place[1].scores(y), "log_weights": log_weights},
         )
 
