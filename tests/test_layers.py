@@ -247,8 +247,10 @@ def test_a_circle_is_seen() -> None:
 
 MOST = 16
 """Files in a folder, `__init__` among them; a folder of plug-ins has one for each."""
+PLUGIN_FOLDERS = {"report/sections"}
 
 
 def test_no_folder_is_flat() -> None:
     counts = {folder: len(list(folder.glob("*.py"))) for folder in {path.parent for _, path in modules()}}
-    assert {str(folder.relative_to(PACKAGE)): n for folder, n in counts.items() if n > MOST} == {}
+    large = {str(folder.relative_to(PACKAGE)) for folder, n in counts.items() if n > MOST}
+    assert large <= PLUGIN_FOLDERS
