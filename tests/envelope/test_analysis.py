@@ -158,6 +158,14 @@ def test_a_table_of_half_lives():
     assert any("frequency is not known" in line for line in result.remarks)
 
 
+def test_a_table_of_many_half_lives_is_answered():
+    """Of 139 dB friction alone follows a part only and has come to rest before the end."""
+    t = 12.0 * np.arange(24)
+    result = verdict(made_record("x", t, 3.0 * 0.5 ** np.arange(24), "mm"))
+    assert result.damping == "viscous"
+    assert result.rate.low <= np.log(2) / 12 <= result.rate.high
+
+
 def test_units_of_the_same_decay_agree():
     record, _ = made({"viscous": 0.1, "quadratic": 0.8}, 3)
     volts = made_record("x", record.t, 10 ** (record.level / 20), "V", 1e6)

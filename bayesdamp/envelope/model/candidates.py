@@ -12,7 +12,7 @@ from scipy.special import ndtr
 from bayesdamp.envelope.model.deviation import KNOTS, knot_precisions, warp_integrals, weights
 from bayesdamp.envelope.model.floor import SeenFloor
 from bayesdamp.envelope.model.law import Law
-from bayesdamp.envelope.model.laws import power_decay
+from bayesdamp.envelope.model.laws import RESTED, power_decay
 from bayesdamp.envelope.model.marginal import Marginal, weigh_scales
 from bayesdamp.envelope.model.noise import Noise, whiten
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, shared_log_density
@@ -212,10 +212,15 @@ def _sane(blocks: Blocks, law: Law, rates: np.ndarray, x0: float) -> np.ndarray:
     return rates
 
 
+def speed(law: Law, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
+    """-dx/dt in 1/s at x, (n,): 0 where it has come to rest."""
+    return np.where(x > RESTED, law.rate(x, rates), 0.0)
+
+
 def derivatives(blocks: Blocks, law: Law, x0: float, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of x by x0, shape (n,), and by the rates, shape (n, d)."""
     x = law.decay(blocks.t, x0, rates)
-    whole = law.rate(x, rates)
+    whole = speed(law, x, rates)
     at_start = float(law.rate(np.array([x0]), rates)[0])
     return whole / max(at_start, 1e-300), law.slopes(blocks.t, x, x0, rates, 1e-4 * blocks.mean_rate)
 
@@ -243,7 +248,7 @@ def weigh(
     x0, rates = fit_rates(blocks, law, inverse, begin)[:2] if fitted is None else (fitted.x0, fitted.rates)
     fit = law.decay(blocks.t, x0, rates)
     h0, h = derivatives(blocks, law, x0, rates)
-    warp = warp_columns(blocks, law.rate(fit, rates))
+    warp = warp_columns(blocks, speed(law, fit, rates))
     marginal = _marginal(blocks, blocks.x - fit, h0, h, fit, warp, noises)
     found = weigh_scales(marginal, rates, blocks.omega)
     spread = found.factors @ np.swapaxes(found.factors, 1, 2)
