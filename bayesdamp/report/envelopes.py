@@ -89,9 +89,7 @@ def _table(one: Verdict) -> Table:
     heads = ["amplitude", "rate / (1/s) (95 %)"]
     if one.quality_factor_at:
         heads.append("Q (95 %)")
-        lines = [
-            Line([*line.cells, _number(q)]) for line, q in zip(lines, one.quality_factor_at, strict=True)
-        ]
+        lines = [Line([*line, _number(q)]) for line, q in zip(lines, one.quality_factor_at, strict=True)]
     sums = _listed({name: p for name, p in one.probabilities.items() if p >= 0.005})
     terms = _listed({share.term: share.probability for share in one.energy})
     return Table(heads, lines, caption=f"Probabilities: {sums}. Of each term, in any sum: {terms}.")
