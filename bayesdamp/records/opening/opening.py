@@ -13,12 +13,9 @@ from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-
 from bayesdamp.records.files import limits
 from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.opening.isolated import load_isolated
-from bayesdamp.records.opening.packing import packed, unpacked
 from bayesdamp.records.readers import READERS
 from bayesdamp.types import InputError
 
@@ -57,7 +54,7 @@ def contents(path: Path | str) -> Contents:
     try:
         if getattr(reader_of(path), "foreign", False):  # compiled code that a damaged file may crash
             with _border(None):
-                return unpacked(load_isolated(read_packed, path, largest=limits.LARGEST))
+                return load_isolated(read_for_another, path, largest=limits.LARGEST)
     except InputError as error:
         raise fault(path, error.what, error.arguments) from error.__cause__
     return read_here(path)
@@ -110,11 +107,10 @@ def _border(reader: Reader | None) -> Iterator[None]:
         raise InputError(_unreadable(reader, error)) from error
 
 
-def read_packed(path: Path, largest: float = limits.LARGEST) -> dict[str, np.ndarray]:
-    """The contents of a file, packed: what a process does that reads for another, whose limit in bytes holds here too.
-    Raises InputError as `contents`."""
+def read_for_another(path: Path, largest: float) -> Contents:
+    """Read a file for another process, whose limit in bytes holds here too. Raises InputError as `contents`."""
     limits.LARGEST = largest
-    return packed(read_here(path))
+    return read_here(path)
 
 
 def reader_of(path: Path) -> Reader:
