@@ -9,10 +9,9 @@ from enum import Enum
 
 import numpy as np
 
-from bayesdamp.records.columns.factors import factor_beside_unit
 from bayesdamp.records.columns.swings import Swing, swing
 from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
-from bayesdamp.records.files.named_units import SECONDS, seconds_in
+from bayesdamp.records.files.named_units import SECONDS, seconds_in, unit_written
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import HALF_TURN, half_swing
 from bayesdamp.records.wrapped import turn_of
@@ -40,6 +39,15 @@ SHORT_DAYS = 5e-4
 """A period in s from which down times at such a number are doubted: some 40 s if they are days (conventional)."""
 _BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}\s\d]{0,19})\s*[)\]}]\s*$")
 """A word in brackets behind the name of times; `probe 1` is none."""
+_POWER = r"(?:\d+(?:\.\d+)?e[+-]?\d+|10\s*(?:\^|\*\*)\s*[+-]?\d+|10[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)"
+_SCALED = re.compile(
+    rf"[(\[{{](?P<text>\s*{_POWER}[\s·*×x]*(?P<behind>[^\W\d][^()\[\]{{}}]*)"
+    rf"|(?P<before>[^()\[\]{{}},]*?)[\s,·*×x/]+(?:{_POWER}|10+)\s*)[)\]}}]",
+    re.IGNORECASE,
+)
+"""A power of ten in the brackets of a unit, or one behind it."""
+LONGEST_LABEL = 200
+"""Characters of a label that are searched."""
 _NO_UNITS = ("utc", "gmt", "local", "local time", "elapsed", "relative", "rel", "abs", "absolute", "raw", "x")
 VALID = "ms, us, ns, ps, min, h, d"
 """Units of time to choose from."""
@@ -57,27 +65,28 @@ class Kind(Enum):
     TIME_UNIT = "times in another unit than s"
     SAMPLE_NUMBERS = "numbers of samples taken for times"
     UNIT = "a unit that is none of displacement"
-    FACTOR = "a factor beside the unit"
-    TIME_FACTOR = "a factor beside the unit of the times"
+    FACTOR = "a factor in the unit"
     WRAPPED = "an angle that jumps by a turn"
     CONSTANT = "columns that do not change"
 
 
-QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS)
-"""Doubts without whose answer nothing is computed: by the times a frequency is right, or wrong a thousandfold."""
+QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS, Kind.FACTOR)
+"""Doubts that must be settled before anything is computed: the times or the values may be wrong a thousandfold."""
 
 
 @dataclass(frozen=True)
 class Finding:
     """A doubt: a sentence for the user, and the option that mends it as it is typed.
 
-    answer: the option's name and its likeliest value, where one option settles the doubt.
+    answer: the option's name and its likeliest value, where one option settles the doubt. arguments: of `read`, that
+    settle it if it is one of QUESTIONS.
     """
 
     kind: Kind
     sentence: str
     option: str
     answer: tuple[str, str] | None = None
+    arguments: tuple[str, ...] = ("time_unit", "rate")
 
     def __str__(self) -> str:
         return f"{self.sentence} ({self.option})"
@@ -89,8 +98,8 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     seen = swing(raw.y)
     doubts = (
         _turns(raw, unit, quantity, given),
-        _unit(raw, unit, quantity, given),
-        _time_factor(raw)
+        _unit(raw, unit),
+        _factor(raw, given or unit != "rad")
         or (_rises(raw) and (_times(raw, seen) or _too_fast(raw, unit, quantity, given, seen))),
         _rate(raw, seen),
         _differing(raw),
@@ -124,29 +133,33 @@ def _turns(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | N
     return None
 
 
-def _unit(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
-    factor = factor_beside_unit(raw.channel, "" if raw.unit in UNITS else raw.unit)
-    if factor is not None:
-        read = UNITS[unit].of(quantity)
-        sentence = f"it has a factor, {factor[0]!r}, beside {factor[1]!r}; its values are read as they stand, in {read}"
-        option = "rescale them first, or --unit mm, mrad ... where that is their unit"
-        return None if given else Finding(Kind.FACTOR, sentence, option)
-    if not raw.unit or raw.unit in UNITS:
+def _unit(raw: RawRecord, unit: str) -> Finding | None:
+    if not raw.unit or raw.unit in UNITS or _scaled(raw.unit):
         return None
     sentence = f"its unit is {raw.unit!r}, which is none of a displacement; it is read as {unit}"
     return Finding(Kind.UNIT, sentence, "--unit counts for a sensor of unknown scale", ("unit", "counts"))
 
 
-def _time_factor(raw: RawRecord) -> Finding | None:
+def _scaled(label: str) -> str:
+    """Return the unit with a factor that a label is, or has in brackets, such as `10^-3 m`; empty if there is none."""
+    at = _SCALED.search(f"{label[:LONGEST_LABEL]} ({label[:LONGEST_LABEL]})")
+    unit = "" if at is None else (at["behind"] or at["before"]).strip()
+    written = unit_written(unit)
+    known = unit.lower() in SECONDS or (written is not None and UNITS[written[0]].physical)
+    return at["text"].strip() if at is not None and known else ""
+
+
+def _factor(raw: RawRecord, given: bool) -> Finding | None:
+    """Doubt a factor in the unit of the values or of the times, which is not applied."""
     about = raw.provenance
-    factor = None if about.time_unit == "given" or raw.t is None else factor_beside_unit(about.time_column)
-    if factor is None:
-        return None
-    read = "in that unit" if about.time_unit else "in s"
-    sentence = (
-        f"its times have a factor, {factor[0]!r}, beside {factor[1]!r}; they are read as they stand, {read}"
-    )
-    return Finding(Kind.TIME_FACTOR, sentence, f"rescale them first, or --time-unit {VALID}")
+    if not given and (text := _scaled(raw.channel) or _scaled(raw.unit)):
+        sentence = f"the unit of its values has a factor, {text!r}, which is not applied"
+        option = "rescale them, or --unit mm, mrad ... if that is their unit"
+        return Finding(Kind.FACTOR, sentence, option, arguments=("unit",))
+    if raw.t is not None and about.time_unit != "given" and (text := _scaled(about.time_column)):
+        sentence = f"the unit of its times has a factor, {text!r}, which is not applied"
+        return Finding(Kind.FACTOR, sentence, f"rescale them, or --time-unit {VALID}")
+    return None
 
 
 def _rises(raw: RawRecord) -> bool:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.records.cleaning.rounded import even
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
@@ -24,7 +23,15 @@ how many of its standard deviations if the steps were noise (conventional)."""
 WHOLE = 1e-3
 """Of the least step, by which others may be off a multiple of it where rows are missing (conventional)."""
 EXACT = 1e-6
-"""Of a step, by which stamps may be off an even sampling and are taken as they are (conventional)."""
+"""Share of a step by which stamps may be off an even sampling and are used as they are (conventional)."""
+ROUNDED = 0.6
+"""Share of the last digit by which stamps that were rounded or cut off may be off their line by least squares, which
+itself is off by a small share."""
+TIME_UNITS = (1.0, 60.0, 3600.0, 86400.0)
+"""Seconds in the units in which a file may write its times."""
+FEWEST = 8
+"""Steps between stamps that must differ from the usual one: a single row that is missing or repeated looks like stamps
+of another step. Eight faults by chance lie as evenly in a few of a thousand records (8!/8⁸ = 0.24 %)."""
 
 
 @dataclass(frozen=True)
@@ -79,14 +86,21 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             _place(raw, first),
             ["clock"],
         )
-    kept = clock == "as_logged" or (clock == "auto" and _rows_lost(rows, raw.t, raw.y))
-    sampling = None if kept else even(rows, raw.t)
-    if sampling is not None and sampling.off > EXACT * sampling.step:
+    as_they_are = clock == "as_logged" or (clock == "auto" and _rows_lost(rows, raw.t, raw.y))
+    digit, step, off = (0.0, 0.0, 0.0) if as_they_are else rounded_sampling(rows, raw.t)
+    if EXACT * step < off <= ROUNDED * digit and digit <= step:
         note = (
-            f"The time stamps are written to {sampling.digit:.3g} s: times rebuilt as index × {_step(sampling.step)} "
+            f"The time stamps are written to {digit:.3g} s: times rebuilt as index × {_step(step)} "
             f"from the first stamp, {raw.t[0]:.10g} s, on."
         )
-        return Clock(raw.t[0] + sampling.step * rows, "uniform", repeated, (note,))
+        return Clock(raw.t[0] + step * rows, "uniform", repeated, (note,))
+    if clock == "auto" and digit > step and off <= digit:
+        raise InputError(
+            f"the time stamps are written to {digit:.3g} s, more than the step between samples ({step:.3g} s); give "
+            'the rate, or use the clock "uniform", which estimates it',
+            name,
+            arguments=["clock", "rate"],
+        )
     if clock == "auto" and 0 < repeated < MANY:
         raise InputError(
             f"the time {raw.t[first]:.10g} s repeats, as {_share(repeated)} of "
@@ -137,6 +151,26 @@ def _rows_lost(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
     ):
         return False
     return bool(moves[longer].mean() > SWINGS * moves[~longer].mean())
+
+
+def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, float]:
+    """Fit the even sampling of which times t (n,) in s at rows (n,) are the rounded stamps.
+
+    Return (last digit, step, largest distance of a stamp from the line) in s; zeros if they do not look rounded.
+    """
+    late, rounding = t[t.size // 2 :], 4 * np.finfo(float).eps * float(np.abs(t).max())
+    digits = [unit * 10.0**-decimals for unit in TIME_UNITS for decimals in range(-3, 13)]
+    multiples = [
+        digit
+        for digit in digits
+        if digit >= 4 * rounding and np.abs(late - digit * np.round(late / digit)).max() <= rounding
+    ]
+    digit, steps = max(multiples, default=0.0), np.diff(t)[np.diff(rows) == 1]
+    if not digit or np.sum(np.abs(steps - np.median(steps)) > 0.5 * digit) < FEWEST:
+        return 0.0, 0.0, 0.0
+    step, start = np.polyfit(rows - rows.mean(), t, 1)
+    off = np.abs(t - start - step * (rows - rows.mean())).max()
+    return digit, float(step), float(off)
 
 
 def burst_begins(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> np.ndarray:
