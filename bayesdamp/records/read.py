@@ -11,9 +11,8 @@ import numpy as np
 from bayesdamp.provenance import Fact, Provenance
 from bayesdamp.records.columns.choosing import LEAST, Series, series, with_own_clocks
 from bayesdamp.records.columns.gravity import TWICE, Pull, pull
-from bayesdamp.records.columns.names import parted, seconds_of_unit
+from bayesdamp.records.columns.names import parted, seconds_of_unit, unit_said
 from bayesdamp.records.columns.swings import LARGEST
-from bayesdamp.records.columns.units_said import unit_said
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import said_unit
 from bayesdamp.records.files.named_units import SECONDS, unit_written
