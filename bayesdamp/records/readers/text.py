@@ -38,15 +38,16 @@ class TextReader:
 
     def read(self, path: Path) -> Contents:
         """The table's columns. Raises InputError for a text that is too large."""
-        if path.stat().st_size > LARGEST:
-            raise InputError(
-                f"a text of more than {LARGEST >> 20} MiB; give a part of it, or save it as .npy or HDF5"
-            )
-        return from_lines(decoded(path.read_bytes()).splitlines())
+        return from_lines(text_of(path).splitlines())
 
 
-def decoded(data: bytes) -> str:
-    """The text of bytes in UTF-8, UTF-16 with a mark, or else Latin-1."""
+def text_of(path: Path, largest: int = LARGEST) -> str:
+    """Read a text file in UTF-8, UTF-16 with a mark, or else Latin-1. Raises InputError for one that is too large."""
+    if path.stat().st_size > largest:
+        raise InputError(
+            f"a text of more than {largest >> 20} MiB; give a part of it, or save it as .npy or HDF5"
+        )
+    data = path.read_bytes()
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")
     try:
