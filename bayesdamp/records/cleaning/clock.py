@@ -78,10 +78,10 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             arguments=["time", "rate"],
         )
     repeated = float(np.mean(gaps == 0))
-    first = int(np.argmax(gaps == 0)) + 1
+    first, share = int(np.argmax(gaps == 0)) + 1, f"{100 * repeated:.3g} %"
     if clock == "as_logged" and repeated:
         raise InputError(
-            f'{_share(repeated)} of the times repeat, which the clock "as_logged" cannot take; use "uniform"',
+            f'{share} of the times repeat, which the clock "as_logged" cannot take; use "uniform"',
             name,
             _place(raw, first),
             ["clock"],
@@ -103,7 +103,7 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
         )
     if clock == "auto" and 0 < repeated < MANY:
         raise InputError(
-            f"the time {raw.t[first]:.10g} s repeats, as {_share(repeated)} of "
+            f"the time {raw.t[first]:.10g} s repeats, as {share} of "
             'the times do, too few for bursts; mend the file, or use the clock "uniform"',
             name,
             _place(raw, first),
@@ -117,14 +117,14 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     usual = float(np.median(gaps[gaps > 0]))
     if clock == "auto" and repeated and off > 8 * usual:
         raise InputError(
-            f"{_share(repeated)} of the times repeat, but a uniform clock would miss them by "
+            f"{share} of the times repeat, but a uniform clock would miss them by "
             f"up to {off:.3g} s; "
             'is there a pause in the record? The clock "uniform" insists',
             name,
             arguments=["clock"],
         )
     what = "The time stamps come in bursts, the values do not" if in_bursts else "As asked"
-    what = f"{_share(repeated)} of the time stamps repeat (they come in bursts)" if repeated else what
+    what = f"{share} of the time stamps repeat (they come in bursts)" if repeated else what
     lie = "bursts begin" if in_bursts and not repeated else "stamps lie"
     note = (
         f"{what}: times rebuilt as index × {_step(step)} from the first stamp, "
@@ -251,10 +251,6 @@ def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:
 
 def _step(step: float) -> str:
     return f"{step * 1e3:.6g} ms ({1 / step:.2f} Hz)"
-
-
-def _share(share: float) -> str:
-    return f"{100 * share:.3g} %"
 
 
 def _place(raw: RawRecord, index: int) -> str:
