@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -96,14 +97,14 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     """What looks wrong with a record that is read in a unit of UNITS as a quantity; nothing is changed. given: whether
     the user says the unit."""
     seen = swing(raw.y)
+    # What is wrong with times that go back is said when they are used.
+    rises = raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0))
     doubts = (
         _turns(raw, unit, quantity, given),
         _unit(raw, unit),
         _factor(raw, given or unit != "rad")
-        or (_rises(raw) and (_times(raw, seen) or _too_fast(raw, unit, quantity, given, seen))),
-        _rate(raw, seen),
-        _differing(raw),
-        _against_times(raw),
+        or (rises and (_times(raw, seen) or _too_fast(raw, unit, quantity, given, seen))),
+        *_rates(raw, seen),
         _wrapped(raw, unit, quantity),
         _constant(raw),
     )
@@ -162,11 +163,6 @@ def _factor(raw: RawRecord, given: bool) -> Finding | None:
     return None
 
 
-def _rises(raw: RawRecord) -> bool:
-    """Return whether there are times and they nowhere go back; what is wrong with others is said when they are used."""
-    return raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0))
-
-
 def _times(raw: RawRecord, seen: Swing) -> Finding | None:
     if raw.t is None or raw.columns[0] is None or raw.provenance.time_unit:
         return None
@@ -214,51 +210,38 @@ def _too_fast(raw: RawRecord, unit: str, quantity: str, given: bool, seen: Swing
         f"by its head it swings at {1 / period:.4g} Hz and moves at {speed:.2g} {UNITS[unit].base}/s, which hardly "
         f"anything does; are its times in {better}?"
     )
-    option = f"--time-unit {better}, or {_unit_of(said)} if they are"
+    known = next(
+        (unit for unit in ("s", "ms", "us", "ns", "ps") if SECONDS[unit] == said), "as the head says"
+    )
+    option = f"--time-unit {better}, or {known} if they are"
     return Finding(Kind.TIME_UNIT, sentence, option, ("time-unit", better))
 
 
-def _unit_of(seconds: float) -> str:
-    """The unit of time of so many seconds."""
-    return next(
-        (unit for unit in ("s", "ms", "us", "ns", "ps") if SECONDS[unit] == seconds), "as the head says"
-    )
-
-
-def _rate(raw: RawRecord, seen: Swing) -> Finding | None:
-    if raw.rate is None or not seen.swings:
-        return None
-    period = seen.period / raw.rate
-    if SHORT < period < LONG and raw.rate >= 1:
-        return None
-    if raw.rate < 1:
-        sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
-        rate = f"{1 / raw.rate:.6g}"
-        return Finding(Kind.PERIOD, sentence, f"--rate {rate}", ("rate", rate))
-    sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is the rate in Hz?"
-    return Finding(Kind.PERIOD, sentence, "--rate HZ", ("rate", "HZ"))
-
-
-def _differing(raw: RawRecord) -> Finding | None:
-    """A rate that the file says, in any reading of it, and that is not that of its times or the one that was given."""
-    found, doubtful = sampling_rate(raw.provenance.facts), doubtful_rate(raw.provenance.facts)
+def _rates(raw: RawRecord, seen: Swing) -> Iterator[Finding]:
+    """Doubt a rate that makes the period absurd, or that differs from what the file says or from its own times."""
+    if raw.rate is not None and seen.swings:
+        period = seen.period / raw.rate
+        if raw.rate < 1:
+            sentence = (
+                f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
+            )
+            rate = f"{1 / raw.rate:.6g}"
+            yield Finding(Kind.PERIOD, sentence, f"--rate {rate}", ("rate", rate))
+        elif not SHORT < period < LONG:
+            sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is the rate in Hz?"
+            yield Finding(Kind.PERIOD, sentence, "--rate HZ", ("rate", "HZ"))
+    stated, doubtful = sampling_rate(raw.provenance.facts), doubtful_rate(raw.provenance.facts)
+    rates = (stated[0],) if stated else doubtful[1] if doubtful else ()
     used = raw.rate
     if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:
         used = (raw.t.size - 1) / float(raw.t[-1] - raw.t[0])
-    rates = (found[0],) if found else doubtful[1] if doubtful else ()
-    if used is None or not rates or any(abs(used / rate - 1) <= DIFFER for rate in rates):
-        return None
-    said = " or ".join(f"{rate:.6g}" for rate in rates)
-    sentence = f"its file says {said} Hz, and it is read at {used:.6g} Hz"
-    return Finding(Kind.RATE, sentence, f"--rate {rates[0]:.6g} takes the file's")
-
-
-def _against_times(raw: RawRecord) -> Finding | None:
-    """A rate that was given, and is not that of the file's own times."""
-    if raw.rate is None or raw.own_rate is None or abs(raw.rate / raw.own_rate - 1) <= DIFFER:
-        return None
-    sentence = f"its own times are {raw.own_rate:.6g} Hz, and it is read at {raw.rate:.6g} Hz"
-    return Finding(Kind.RATE, sentence, "leave --rate out to take them")
+    if used is not None and rates and all(abs(used / rate - 1) > DIFFER for rate in rates):
+        said = " or ".join(f"{rate:.6g}" for rate in rates)
+        sentence = f"its file says {said} Hz, and it is read at {used:.6g} Hz"
+        yield Finding(Kind.RATE, sentence, f"--rate {rates[0]:.6g} takes the file's")
+    if raw.rate is not None and raw.own_rate is not None and abs(raw.rate / raw.own_rate - 1) > DIFFER:
+        sentence = f"its own times are {raw.own_rate:.6g} Hz, and it is read at {raw.rate:.6g} Hz"
+        yield Finding(Kind.RATE, sentence, "leave --rate out to take them")
 
 
 def _wrapped(raw: RawRecord, unit: str, quantity: str) -> Finding | None:
