@@ -102,8 +102,7 @@ def _names(sets: list[Any]) -> list[str]:
 def _columns(data: Any, name: str, group: str) -> list[Column]:
     unit, quantity = _ORDINATES.get(int(data.get("ordinate_spec_data_type", 0)), ("", ""))
     written = str(data.get("ordinate_axis_units_lab", "")).strip()
-    if written and written.upper() != "NONE":
-        unit, quantity = written, quantity
+    unit = written if written.upper() not in ("", "NONE") else unit
     values, x = np.asarray(data["data"], float), np.asarray(data["x"], float)
     if int(data["abscissa_spacing"]) == 1:
         step = float(data["abscissa_inc"])
