@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter
 
 from bayesdamp.provenance import Piece
 from bayesdamp.records.decay.continuation import Reach, Reason, Swings, reach
-from bayesdamp.records.decay.pieces import STILL, Scale, pieces_before
+from bayesdamp.records.decay.pieces import STILL, pieces_before
 from bayesdamp.records.decay.stretches import RISE, across_holes, stretches, unsteadiness, worth
 from bayesdamp.records.oscillation.holes import without_edges
 from bayesdamp.records.oscillation.rough import roughness
@@ -414,9 +414,10 @@ def _pieces(
     floor: float,
 ) -> list[Piece]:
     """All pieces of the record in their order in time."""
-    middle = midpoints(decay.values)
-    size = 0.5 * float(np.abs(np.diff(decay.values[:4])).max())
-    scale = Scale(found.period, size, float(np.median(middle)), floor)
+    middle, size = (
+        float(np.median(midpoints(decay.values))),
+        0.5 * float(np.abs(np.diff(decay.values[:4])).max()),
+    )
     kept = Piece(float(t[first]), float(t[last]), "free decay", "Used: each swing continues the later ones.")
     used = [kept]
     least = OTHER * worth(found.turns, found.best)
@@ -441,7 +442,7 @@ def _pieces(
                 why = "Friction or rounding holds it: turning points no longer show."
                 out.append(Piece(at, piece.start, "sticking", why))
             else:
-                here = pieces_before(grid[inside], smooth[inside], scale)
+                here = pieces_before(grid[inside], smooth[inside], found.period, size, middle, floor)
                 out += [*here[:-1], *(replace(p, stop=piece.start) for p in here[-1:])]
         if piece.why:
             out.append(piece)

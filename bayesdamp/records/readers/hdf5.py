@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Contents
+from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.files.conventions import unpacked
 from bayesdamp.records.files.facts import kept
 from bayesdamp.records.files.limits import allowed
@@ -18,13 +18,12 @@ from bayesdamp.types import InputError
 _MAGIC = b"\x89HDF\r\n\x1a\n"
 
 
-class Hdf5Reader:
+class Hdf5Reader(Reader):
     """HDF5 by h5py, MATLAB 7.3 among it."""
 
     foreign = True
     format = "an HDF5 or MATLAB 7.3 file"
     extensions = (".h5", ".hdf5", ".hdf", ".he5")
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """The signature at 0, 512, 1024 or 2048 bytes."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.stamps import seconds, stamp
 from bayesdamp.records.files.table import number
 from bayesdamp.records.files.tree import Walk
@@ -20,12 +20,11 @@ LARGEST = 2**28
 """Bytes of a text that is read as JSON (conventional)."""
 
 
-class JsonReader:
+class JsonReader(Reader):
     """JSON and JSON lines."""
 
     format = "a JSON file"
     extensions = (".json", ".jsonl", ".ndjson")
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """An opening bracket in a file of that name, or text that can be nothing else."""

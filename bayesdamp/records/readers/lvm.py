@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.facts import kept
 from bayesdamp.records.files.table import number
 from bayesdamp.records.readers.text import column_of, text_of
@@ -34,7 +34,7 @@ class _Segment:
     rows: list[list[str]] = field(default_factory=list)
 
 
-class LvmReader:
+class LvmReader(Reader):
     """LabVIEW measurement files.
 
     References
@@ -44,7 +44,6 @@ class LvmReader:
 
     format = "a LabVIEW measurement file"
     extensions = (".lvm",)
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """The header's first words."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Contents
+from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.files.limits import allowed, allowed_archive, archive_names
 from bayesdamp.records.files.tree import Walk
 from bayesdamp.types import InputError
@@ -15,12 +15,11 @@ from bayesdamp.types import InputError
 _MAGIC = b"\x93NUMPY"
 
 
-class NumpyReader:
+class NumpyReader(Reader):
     """`.npy` and `.npz`, without pickles."""
 
     format = "a NumPy file"
     extensions = (".npy", ".npz")
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """NumPy's signature, or a ZIP archive of such arrays."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.provenance import Fact
-from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.facts import kept
 from bayesdamp.types import InputError
 
@@ -25,12 +25,11 @@ _DIRECTIONS = dict(
 )
 
 
-class UffReader:
+class UffReader(Reader):
     """Universal files, data set 58, by pyuff."""
 
     format = "a universal file (UFF)"
     extensions = (".uff", ".unv", ".uf", ".58", ".bunv")
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """A data set's opening lines."""
