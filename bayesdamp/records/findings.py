@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
-from bayesdamp.records.columns.factors import factor_beside_unit
 from bayesdamp.records.columns.swings import Swing, swing
 from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
-from bayesdamp.records.files.named_units import SECONDS, seconds_in
+from bayesdamp.records.files.named_units import SECONDS, seconds_in, unit_written
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import HALF_TURN, half_swing
 from bayesdamp.records.wrapped import turn_of
@@ -40,6 +40,15 @@ SHORT_DAYS = 5e-4
 """A period in s from which down times at such a number are doubted: some 40 s if they are days (conventional)."""
 _BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}\s\d]{0,19})\s*[)\]}]\s*$")
 """A word in brackets behind the name of times; `probe 1` is none."""
+_POWER = r"(?:\d+(?:\.\d+)?e[+-]?\d+|10\s*(?:\^|\*\*)\s*[+-]?\d+|10[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)"
+_SCALED = re.compile(
+    rf"[(\[{{](?P<text>\s*{_POWER}[\s·*×x]*(?P<behind>[^\W\d][^()\[\]{{}}]*)"
+    rf"|(?P<before>[^()\[\]{{}},]*?)[\s,·*×x/]+(?:{_POWER}|10+)\s*)[)\]}}]",
+    re.IGNORECASE,
+)
+"""A power of ten in the brackets of a unit, or one behind it."""
+LONGEST_LABEL = 200
+"""Characters of a label that are searched."""
 _NO_UNITS = ("utc", "gmt", "local", "local time", "elapsed", "relative", "rel", "abs", "absolute", "raw", "x")
 VALID = "ms, us, ns, ps, min, h, d"
 """Units of time to choose from."""
@@ -57,27 +66,28 @@ class Kind(Enum):
     TIME_UNIT = "times in another unit than s"
     SAMPLE_NUMBERS = "numbers of samples taken for times"
     UNIT = "a unit that is none of displacement"
-    FACTOR = "a factor beside the unit"
-    TIME_FACTOR = "a factor beside the unit of the times"
+    FACTOR = "a factor in the unit"
     WRAPPED = "an angle that jumps by a turn"
     CONSTANT = "columns that do not change"
 
 
-QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS)
-"""Doubts without whose answer nothing is computed: by the times a frequency is right, or wrong a thousandfold."""
+QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS, Kind.FACTOR)
+"""Doubts that must be settled before anything is computed: the times or the values may be wrong a thousandfold."""
 
 
 @dataclass(frozen=True)
 class Finding:
     """A doubt: a sentence for the user, and the option that mends it as it is typed.
 
-    answer: the option's name and its likeliest value, where one option settles the doubt.
+    answer: the option's name and its likeliest value, where one option settles the doubt. arguments: of `read`, that
+    settle it if it is one of QUESTIONS.
     """
 
     kind: Kind
     sentence: str
     option: str
     answer: tuple[str, str] | None = None
+    arguments: tuple[str, ...] = ("time_unit", "rate")
 
     def __str__(self) -> str:
         return f"{self.sentence} ({self.option})"
@@ -87,14 +97,14 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     """What looks wrong with a record that is read in a unit of UNITS as a quantity; nothing is changed. given: whether
     the user says the unit."""
     seen = swing(raw.y)
+    # What is wrong with times that go back is said when they are used.
+    rises = raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0))
     doubts = (
         _turns(raw, unit, quantity, given),
-        _unit(raw, unit, quantity, given),
-        _time_factor(raw)
-        or (_rises(raw) and (_times(raw, seen) or _too_fast(raw, unit, quantity, given, seen))),
-        _rate(raw, seen),
-        _differing(raw),
-        _against_times(raw),
+        _unit(raw, unit),
+        _factor(raw, given or unit != "rad")
+        or (rises and (_times(raw, seen) or _too_fast(raw, unit, quantity, given, seen))),
+        *_rates(raw, seen),
         _wrapped(raw, unit, quantity),
         _constant(raw),
     )
@@ -124,34 +134,33 @@ def _turns(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | N
     return None
 
 
-def _unit(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
-    factor = factor_beside_unit(raw.channel, "" if raw.unit in UNITS else raw.unit)
-    if factor is not None:
-        read = UNITS[unit].of(quantity)
-        sentence = f"it has a factor, {factor[0]!r}, beside {factor[1]!r}; its values are read as they stand, in {read}"
-        option = "rescale them first, or --unit mm, mrad ... where that is their unit"
-        return None if given else Finding(Kind.FACTOR, sentence, option)
-    if not raw.unit or raw.unit in UNITS:
+def _unit(raw: RawRecord, unit: str) -> Finding | None:
+    if not raw.unit or raw.unit in UNITS or _scaled(raw.unit):
         return None
     sentence = f"its unit is {raw.unit!r}, which is none of a displacement; it is read as {unit}"
     return Finding(Kind.UNIT, sentence, "--unit counts for a sensor of unknown scale", ("unit", "counts"))
 
 
-def _time_factor(raw: RawRecord) -> Finding | None:
+def _scaled(label: str) -> str:
+    """Return the unit with a factor that a label is, or has in brackets, such as `10^-3 m`; empty if there is none."""
+    at = _SCALED.search(f"{label[:LONGEST_LABEL]} ({label[:LONGEST_LABEL]})")
+    unit = "" if at is None else (at["behind"] or at["before"]).strip()
+    written = unit_written(unit)
+    known = unit.lower() in SECONDS or (written is not None and UNITS[written[0]].physical)
+    return at["text"].strip() if at is not None and known else ""
+
+
+def _factor(raw: RawRecord, given: bool) -> Finding | None:
+    """Doubt a factor in the unit of the values or of the times, which is not applied."""
     about = raw.provenance
-    factor = None if about.time_unit == "given" or raw.t is None else factor_beside_unit(about.time_column)
-    if factor is None:
-        return None
-    read = "in that unit" if about.time_unit else "in s"
-    sentence = (
-        f"its times have a factor, {factor[0]!r}, beside {factor[1]!r}; they are read as they stand, {read}"
-    )
-    return Finding(Kind.TIME_FACTOR, sentence, f"rescale them first, or --time-unit {VALID}")
-
-
-def _rises(raw: RawRecord) -> bool:
-    """Return whether there are times and they nowhere go back; what is wrong with others is said when they are used."""
-    return raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0))
+    if not given and (text := _scaled(raw.channel) or _scaled(raw.unit)):
+        sentence = f"the unit of its values has a factor, {text!r}, which is not applied"
+        option = "rescale them, or --unit mm, mrad ... if that is their unit"
+        return Finding(Kind.FACTOR, sentence, option, arguments=("unit",))
+    if raw.t is not None and about.time_unit != "given" and (text := _scaled(about.time_column)):
+        sentence = f"the unit of its times has a factor, {text!r}, which is not applied"
+        return Finding(Kind.FACTOR, sentence, f"rescale them, or --time-unit {VALID}")
+    return None
 
 
 def _times(raw: RawRecord, seen: Swing) -> Finding | None:
@@ -201,51 +210,38 @@ def _too_fast(raw: RawRecord, unit: str, quantity: str, given: bool, seen: Swing
         f"by its head it swings at {1 / period:.4g} Hz and moves at {speed:.2g} {UNITS[unit].base}/s, which hardly "
         f"anything does; are its times in {better}?"
     )
-    option = f"--time-unit {better}, or {_unit_of(said)} if they are"
+    known = next(
+        (unit for unit in ("s", "ms", "us", "ns", "ps") if SECONDS[unit] == said), "as the head says"
+    )
+    option = f"--time-unit {better}, or {known} if they are"
     return Finding(Kind.TIME_UNIT, sentence, option, ("time-unit", better))
 
 
-def _unit_of(seconds: float) -> str:
-    """The unit of time of so many seconds."""
-    return next(
-        (unit for unit in ("s", "ms", "us", "ns", "ps") if SECONDS[unit] == seconds), "as the head says"
-    )
-
-
-def _rate(raw: RawRecord, seen: Swing) -> Finding | None:
-    if raw.rate is None or not seen.swings:
-        return None
-    period = seen.period / raw.rate
-    if SHORT < period < LONG and raw.rate >= 1:
-        return None
-    if raw.rate < 1:
-        sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
-        rate = f"{1 / raw.rate:.6g}"
-        return Finding(Kind.PERIOD, sentence, f"--rate {rate}", ("rate", rate))
-    sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is the rate in Hz?"
-    return Finding(Kind.PERIOD, sentence, "--rate HZ", ("rate", "HZ"))
-
-
-def _differing(raw: RawRecord) -> Finding | None:
-    """A rate that the file says, in any reading of it, and that is not that of its times or the one that was given."""
-    found, doubtful = sampling_rate(raw.provenance.facts), doubtful_rate(raw.provenance.facts)
+def _rates(raw: RawRecord, seen: Swing) -> Iterator[Finding]:
+    """Doubt a rate that makes the period absurd, or that differs from what the file says or from its own times."""
+    if raw.rate is not None and seen.swings:
+        period = seen.period / raw.rate
+        if raw.rate < 1:
+            sentence = (
+                f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
+            )
+            rate = f"{1 / raw.rate:.6g}"
+            yield Finding(Kind.PERIOD, sentence, f"--rate {rate}", ("rate", rate))
+        elif not SHORT < period < LONG:
+            sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is the rate in Hz?"
+            yield Finding(Kind.PERIOD, sentence, "--rate HZ", ("rate", "HZ"))
+    stated, doubtful = sampling_rate(raw.provenance.facts), doubtful_rate(raw.provenance.facts)
+    rates = (stated[0],) if stated else doubtful[1] if doubtful else ()
     used = raw.rate
     if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:
         used = (raw.t.size - 1) / float(raw.t[-1] - raw.t[0])
-    rates = (found[0],) if found else doubtful[1] if doubtful else ()
-    if used is None or not rates or any(abs(used / rate - 1) <= DIFFER for rate in rates):
-        return None
-    said = " or ".join(f"{rate:.6g}" for rate in rates)
-    sentence = f"its file says {said} Hz, and it is read at {used:.6g} Hz"
-    return Finding(Kind.RATE, sentence, f"--rate {rates[0]:.6g} takes the file's")
-
-
-def _against_times(raw: RawRecord) -> Finding | None:
-    """A rate that was given, and is not that of the file's own times."""
-    if raw.rate is None or raw.own_rate is None or abs(raw.rate / raw.own_rate - 1) <= DIFFER:
-        return None
-    sentence = f"its own times are {raw.own_rate:.6g} Hz, and it is read at {raw.rate:.6g} Hz"
-    return Finding(Kind.RATE, sentence, "leave --rate out to take them")
+    if used is not None and rates and all(abs(used / rate - 1) > DIFFER for rate in rates):
+        said = " or ".join(f"{rate:.6g}" for rate in rates)
+        sentence = f"its file says {said} Hz, and it is read at {used:.6g} Hz"
+        yield Finding(Kind.RATE, sentence, f"--rate {rates[0]:.6g} takes the file's")
+    if raw.rate is not None and raw.own_rate is not None and abs(raw.rate / raw.own_rate - 1) > DIFFER:
+        sentence = f"its own times are {raw.own_rate:.6g} Hz, and it is read at {raw.rate:.6g} Hz"
+        yield Finding(Kind.RATE, sentence, "leave --rate out to take them")
 
 
 def _wrapped(raw: RawRecord, unit: str, quantity: str) -> Finding | None:

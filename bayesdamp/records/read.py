@@ -11,9 +11,8 @@ import numpy as np
 from bayesdamp.provenance import Fact, Provenance
 from bayesdamp.records.columns.choosing import LEAST, Series, series, with_own_clocks
 from bayesdamp.records.columns.gravity import TWICE, Pull, pull
-from bayesdamp.records.columns.names import parted, seconds_of_unit
+from bayesdamp.records.columns.names import parted, seconds_of_unit, unit_said
 from bayesdamp.records.columns.swings import LARGEST
-from bayesdamp.records.columns.units_said import unit_said
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import said_unit
 from bayesdamp.records.files.named_units import SECONDS, unit_written
@@ -137,15 +136,19 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
     if not unit and (said := said_unit(_facts_of(value, time, found))):
         written = unit_written(said)
         unit, quantity = written if written else (said[:20], quantity)
+    said_by = ""  # who says the unit of the times
+    if time is not None:
+        stated = time.clock or seconds_of_unit(time) is not None
+        said_by = "given" if time_unit is not None else "file" if stated else ""
     base, run = parted(value)
     provenance = Provenance(
         warnings=(*found.warnings, *([TWICE] if pull(value) is Pull.FOLLOWS else [])),
         notes=tuple(notes),
         header_lines=(found.first_line or 1) - 1,
         facts=found.facts,
-        time_column="" if time is None else _label(time, found),
-        value_column=_label(value, found),
-        time_unit=_time_unit(time, time_unit),
+        time_column="" if time is None else time.label or f"column {_typed(time, found)}",
+        value_column=value.label or f"column {_typed(value, found)}",
+        time_unit=said_by,
         first_line=found.first_line,
         constant_columns=tuple(chosen.still),
         more={
@@ -187,17 +190,32 @@ def _facts_of(value: Column, time: Column | None, found: Contents) -> dict[str, 
 
 
 def _complete(value: Column, time: Column | None, found: Contents) -> tuple[np.ndarray, list[str]]:
-    """(the rows that have a cell in each column, notes on the others). Raises InputError for a cell without a finite
-    number."""
-    columns = [c for c in (time, value) if c is not None]
-    size = value.values.size
-    kept = np.ones(size, bool)
-    for column in columns:
+    """Return the rows that have a cell in each column, and notes on the others.
+
+    Raises InputError for a cell without a finite number.
+    """
+    columns = [(what, c) for what, c in (("time", time), ("value", value)) if c is not None]
+    kept = np.ones(value.values.size, bool)
+    for _, column in columns:
         if column.empty is not None:
             kept &= ~column.empty
     if not kept.any():
         raise InputError("no row has a number in each of the columns asked for")
-    _all_numbers(time, value, kept, found)
+    bad = np.flatnonzero(kept & ~np.all([np.isfinite(c.values) for _, c in columns], axis=0))
+    if bad.size:
+        row = int(bad[0])
+        what, column = next((what, c) for what, c in columns if not np.isfinite(c.values[row]))
+        number = next(i for i, c in enumerate(found.columns, start=1) if c is column)
+        wrong = (
+            f"{column.words[row]!r} in column {number} is not a number"
+            if row in column.words
+            else f"the {what} is {column.values[row]}, not a finite number"
+        )
+        more = f" ({bad.size - 1} more like it)" if bad.size > 1 else ""
+        place = f"sample {row} (from 0)"
+        if found.first_line is not None and found.lines is not None:
+            place = f"line {int(found.lines[row]) + found.first_line}"
+        raise InputError(f"{place}: {wrong}; {_MEND}{more}")
     short = np.flatnonzero(~kept)
     if short.size == 0:
         return kept, []
@@ -207,30 +225,6 @@ def _complete(value: Column, time: Column | None, found: Contents) -> tuple[np.n
     parts += [f"{short.size - edge} in between"] if short.size > edge else []
     many = f"{short.size} row{'s' if short.size != 1 else ''}"
     return kept, [f"{many} with an empty cell left out ({', '.join(parts)})."]
-
-
-def _place(found: Contents, row: int) -> str:
-    if found.first_line is not None and found.lines is not None:
-        return f"line {int(found.lines[row]) + found.first_line}"
-    return f"sample {row} (from 0)"
-
-
-def _all_numbers(time: Column | None, value: Column, kept: np.ndarray, found: Contents) -> None:
-    """Refuse the first cell of the rows kept that holds no finite number, and count the others. Raises InputError."""
-    columns = [(what, c) for what, c in (("time", time), ("value", value)) if c is not None]
-    bad = np.flatnonzero(kept & ~np.all([np.isfinite(c.values) for _, c in columns], axis=0))
-    if bad.size == 0:
-        return
-    row = int(bad[0])
-    what, column = next((what, c) for what, c in columns if not np.isfinite(c.values[row]))
-    number = next(i for i, c in enumerate(found.columns, start=1) if c is column)
-    wrong = (
-        f"{column.words[row]!r} in column {number} is not a number"
-        if row in column.words
-        else f"the {what} is {column.values[row]}, not a finite number"
-    )
-    more = f" ({bad.size - 1} more like it)" if bad.size > 1 else ""
-    raise InputError(f"{_place(found, row)}: {wrong}; {_MEND}{more}")
 
 
 def _usable(y: np.ndarray) -> None:
@@ -249,28 +243,15 @@ def _usable(y: np.ndarray) -> None:
         )
 
 
-def _time_unit(time: Column | None, asked: str | None) -> str:
-    """Who says the unit of the times: "given", "file", or nobody."""
-    if time is None:
-        return ""
-    return "given" if asked is not None else "file" if time.clock or seconds_of_unit(time) is not None else ""
-
-
-def _label(column: Column, found: Contents) -> str:
-    if column.name:
-        return column.label
-    return f"column {next(i for i, c in enumerate(found.columns, start=1) if c is column)}"
-
-
 def _typed(column: Column, found: Contents) -> str | int:
-    """What a user types for a column: its name, its number from 1 where it has none or shares it."""
+    """Return what a user types for a column: its name, its number from 1 where it has none or shares it."""
     if column.name and sum(c.name == column.name for c in found.columns) == 1:
         return column.name
     return next(i for i, c in enumerate(found.columns, start=1) if c is column)
 
 
 def _rate_of(time: Column, asked: str | None) -> float | None:
-    """Rate in Hz of a column of times; None where it counts samples, or is no clock."""
+    """Return the rate in Hz of a column of times; None where it counts samples, or is no clock."""
     t = time.values[np.isfinite(time.values)]
     step = float(np.median(np.diff(t))) if t.size > 1 else 0.0
     seconds = SECONDS[asked.lower()] if asked is not None else seconds_of_unit(time)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bayesdamp.provenance import Provenance
-from bayesdamp.records.columns.choice import Choice
+from bayesdamp.records.columns.choosing import Choice
 
 
 @dataclass(frozen=True)

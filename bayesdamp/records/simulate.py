@@ -45,7 +45,34 @@ def simulate_signal(
     step that values are rounded to. unit: "rad" or "m", that of the displacement.
     The provenance holds nothing of the truth. Raises InputError, one line, where an option makes no sense.
     """
-    _check(duration, samples, noise_sd, noise, noise_time, noise_dof, outliers, gaps, quantum, unit, name)
+    many, length = _stretches(samples, gaps)
+    checks = (
+        (duration > 0, f"duration must be positive, not {duration:g}"),
+        (samples >= 10, f"samples must be at least 10, not {samples}"),
+        (noise_sd >= 0, f"noise_sd must not be negative, it is {noise_sd:g}"),
+        (
+            noise in ("gaussian", "correlated", "student_t"),
+            f"unknown noise {noise!r}; valid are gaussian, correlated, student_t",
+        ),
+        (
+            noise != "correlated" or (noise_time or 0) > 0,
+            'noise = "correlated" needs noise_time, a positive time in s',
+        ),
+        (
+            noise != "student_t" or (noise_dof or 0) > 0,
+            'noise = "student_t" needs noise_dof, a positive number',
+        ),
+        (
+            0 <= outliers <= samples,
+            f"outliers must be a number of samples or a share below 1, not {outliers:g}",
+        ),
+        (gaps >= 0 and many * length <= samples / 2, f"gaps must leave half of the record, {gaps:g} do not"),
+        (quantum >= 0, f"quantum must not be negative, it is {quantum:g}"),
+        (unit in ("rad", "m"), f"unit must be rad or m, not {unit!r}"),
+    )
+    for holds, wrong in checks:
+        if not holds:
+            raise InputError(wrong, name)
     t = np.linspace(0.0, duration, samples)
     clean = np.asarray(simulate(osc, dict(p), t, quantity=quantity), float)
     if not np.all(np.isfinite(clean)):
@@ -60,7 +87,7 @@ def simulate_signal(
     if quantum:
         y = np.round(y / quantum) * quantum
         notes.append(f"The values lie on steps of {quantum:.4g}.")
-    keep = _kept(samples, *_stretches(samples, gaps), rng)
+    keep = _kept(samples, many, length, rng)
     if not keep.all():
         notes.append(f"{int((~keep).sum())} samples are missing.")
     provenance = Provenance(
@@ -110,42 +137,3 @@ def _kept(samples: int, gaps: int, length: int, rng: np.random.Generator) -> np.
         for start in starts:
             keep[start : start + length] = False
     return keep
-
-
-def _check(
-    duration: float,
-    samples: int,
-    noise_sd: float,
-    noise: str,
-    noise_time: float | None,
-    noise_dof: float | None,
-    outliers: float,
-    gaps: float,
-    quantum: float,
-    unit: str,
-    name: str,
-) -> None:
-    """Raises InputError for the first option that makes no sense."""
-    wrong = None
-    if not duration > 0:
-        wrong = f"duration must be positive, not {duration:g}"
-    elif samples < 10:
-        wrong = f"samples must be at least 10, not {samples}"
-    elif not noise_sd >= 0:
-        wrong = f"noise_sd must not be negative, it is {noise_sd:g}"
-    elif noise not in ("gaussian", "correlated", "student_t"):
-        wrong = f"unknown noise {noise!r}; valid are gaussian, correlated, student_t"
-    elif noise == "correlated" and not (noise_time or 0) > 0:
-        wrong = 'noise = "correlated" needs noise_time, a positive time in s'
-    elif noise == "student_t" and not (noise_dof or 0) > 0:
-        wrong = 'noise = "student_t" needs noise_dof, a positive number'
-    elif not 0 <= outliers <= samples:
-        wrong = f"outliers must be a number of samples or a share below 1, not {outliers:g}"
-    elif not gaps >= 0 or np.prod(_stretches(samples, gaps)) > samples / 2:
-        wrong = f"gaps must leave half of the record, {gaps:g} do not"
-    elif not quantum >= 0:
-        wrong = f"quantum must not be negative, it is {quantum:g}"
-    elif unit not in ("rad", "m"):
-        wrong = f"unit must be rad or m, not {unit!r}"
-    if wrong:
-        raise InputError(wrong, name)

@@ -84,13 +84,16 @@ CASES = {
     "unwrapped": ("t,angle (deg)", T, DEG + 360, {}, None, [], ""),
     "wide, not wrapped": ("t,angle (deg)", T, 10 * DEG, {}, None, [], ""),
     "a turn of volts": ("t,U (V)", T, DEG % 360, {}, None, [], ""),
-    "a factor in brackets": ("t,angle (deg x1000)", T, Y, {}, None, [Kind.FACTOR], "rescale them first"),
-    "a factor before brackets": ("t,angle x1000 (deg)", T, Y, {}, None, [Kind.FACTOR], "rescale them first"),
+    "a factor in brackets": ("t,angle (deg x1000)", T, Y, {}, None, [Kind.FACTOR], "rescale them"),
+    "a multiplied unit": ("t,disp [m·10⁻³]", T, Y, {}, None, [Kind.FACTOR], "--unit mm"),
+    "a range": ("t,accel (16 g)", T, Y, {}, None, [Kind.UNIT], "--unit counts"),
+    "a power of a unit": ("t,acc (m/s^2)", T, Y, {}, None, [], ""),
+    "a factor of volts": ("t,U (V x10)", T, Y, {}, None, [Kind.UNIT], "--unit counts"),
     "a power of ten": ("t,disp (1e-3 m)", T, Y, {}, None, [Kind.FACTOR], "--unit mm"),
     "a power of ten, per s²": ("t,accel (10^-3 m/s^2)", T, Y, {}, None, [Kind.FACTOR], "--unit mm"),
     "a power of ten below the name": ("t,disp\ns,10^-3 m", T, Y, {}, None, [Kind.FACTOR], "--unit mm"),
     "a factor, asked": ("t,disp (1e-3 m)", T, Y, {}, "mm", [], ""),
-    "a factor of times": ("t (1e-3 s),angle", 1e3 * T, Y, {}, None, [Kind.TIME_FACTOR], "--time-unit ms"),
+    "a factor of times": ("t (1e-3 s),angle", 1e3 * T, Y, {}, None, [Kind.FACTOR], "--time-unit ms"),
     "a factor of times, asked": ("t (1e-3 s),angle", 1e3 * T, Y, {"time_unit": "ms"}, None, [], ""),
     "a channel": ("t,x10", T, Y, {}, None, [], ""),
     "a channel in mm": ("t,x10 (mm)", T, Y, {}, None, [], ""),
@@ -112,12 +115,16 @@ def test_a_doubt_is_told_where_there_is_one(tmp_path: Path, what: str) -> None:
         assert len(str(finding)) < 250
 
 
-def test_a_factor_is_told_in_python(tmp_path: Path) -> None:
-    for head, said in (("t,disp (1e-3 m)", "'1e-3', beside 'm'"), ("t (1e-3 s),angle", "'1e-3', beside 's'")):
+def test_a_factor_is_refused_in_python(tmp_path: Path) -> None:
+    for head, said, asked in (
+        ("t,disp (1e-3 m)", "has a factor, '1e-3 m'", {"unit": "mm"}),
+        ("t (1e-3 s),angle", "has a factor, '1e-3 s'", {"time_unit": "ms"}),
+    ):
         np.savetxt(tmp_path / "a.csv", np.c_[T, Y], delimiter=",", header=head, comments="")
-        (warning,) = bayesdamp.read(tmp_path / "a.csv").signal().provenance.warnings
-        assert said in warning
-        assert "--" not in warning
+        with pytest.raises(bayesdamp.InputError, match=said) as caught:
+            bayesdamp.read(tmp_path / "a.csv")
+        assert f"{next(iter(asked))}=" in str(caught.value)
+        assert bayesdamp.read(tmp_path / "a.csv", **asked).signal().t.size > 100
 
 
 def test_constant_columns_are_told(tmp_path: Path) -> None:

@@ -20,8 +20,7 @@ def described(held: Contents) -> list[tuple[str, ...]]:
     """A row for each column: number, name, unit, samples, first and largest values."""
     import numpy as np
 
-    from bayesdamp.records.columns.names import seconds_of_unit
-    from bayesdamp.records.columns.units_said import unit_said
+    from bayesdamp.records.columns.names import seconds_of_unit, unit_said
     from bayesdamp.units import UNITS
 
     rows = []

@@ -197,7 +197,7 @@ def read(
     known_unit(unit, quantity, path.name)
     for one in raw:
         if (doubt := question(one, unit, quantity, given is not None)) is not None:
-            raise InputError(doubt.sentence, path.name, arguments=["time_unit", "rate"])
+            raise InputError(doubt.sentence, path.name, arguments=doubt.arguments)
     if given is None:
         raw = tuple(_assumed(one, unit, quantity) for one in raw)
     columns = tuple((r.provenance.time_column, r.provenance.value_column) for r in raw)
@@ -205,17 +205,12 @@ def read(
 
 
 def _assumed(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
-    """The record with a warning where its unit is assumed, or a factor beside it is not applied."""
-    kinds = {
-        Kind.DEGREES: "give unit= where that is wrong",
-        Kind.FACTOR: "rescale them, or give unit=",
-        Kind.TIME_FACTOR: "rescale them",
-    }
-    doubts = [f for f in findings(raw, unit, quantity) if f.kind in kinds]
+    """The record with a warning where its unit is assumed."""
+    doubts = [f for f in findings(raw, unit, quantity) if f.kind is Kind.DEGREES]
     if not doubts:
         return raw
     before = raw.provenance
-    said = (*before.warnings, *(f"{doubt.sentence}; {kinds[doubt.kind]}." for doubt in doubts))
+    said = (*before.warnings, *(f"{doubt.sentence}; give unit= where that is wrong." for doubt in doubts))
     return replace(raw, provenance=replace(before, warnings=said))
 
 

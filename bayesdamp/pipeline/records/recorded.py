@@ -27,7 +27,7 @@ def recorded(source: Recording) -> RawRecord:
     )
     doubt = question(raw, source.unit, source.quantity, given=False)  # "rad" may be the default
     if doubt is not None:
-        raise InputError(doubt.sentence, arguments=["time_unit", "rate"])
+        raise InputError(doubt.sentence, arguments=doubt.arguments)
     return decimated(unwrapped(raw, source.unit, source.quantity))
 
 

@@ -20,7 +20,7 @@ from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
 
-QUANTITIES = ("angle", "velocity", "acceleration")
+PLURAL = {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}
 OUTLIER = 8.0
 """Standard deviations from a local harmonic fit that make an outlier."""
 CLIPPED = (
@@ -96,10 +96,11 @@ def clean(
     rate = (t.size - 1) / float(t[-1] - t[0])
     notes, warnings = [*raw.provenance.notes, *times.notes, *window.notes], list(raw.provenance.warnings)
     said = unit_and_quantity(raw.provenance.value_column)
-    if said is not None and (_size(said[0]), said[1]) != (_size(unit), quantity):
+    # deg/s and dps are the same unit
+    if said is not None and (UNITS[said[0]].base, UNITS[said[0]].factor, said[1]) != (base, scale, quantity):
         warnings.append(
-            f"the column is named {raw.provenance.value_column!r}; its values are read as "
-            f"{_many(quantity)} in {UNITS[unit].of(quantity)}."
+            f"the column is named {raw.provenance.value_column!r}; its values are read as {PLURAL[quantity]} in "
+            f"{UNITS[unit].of(quantity)}."
         )
     turns = found.amplitude / (2 * np.pi)
     many_turns = ""
@@ -160,8 +161,8 @@ def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
     """(factor, base) of a unit. Raises InputError where it or the quantity is none."""
     if unit not in UNITS:
         raise InputError(f"unknown unit {unit!r}{nearest(unit, list(UNITS))}", where)
-    if quantity not in QUANTITIES:
-        raise InputError(f"unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}", where)
+    if quantity not in PLURAL:
+        raise InputError(f"unknown quantity {quantity!r}{nearest(quantity, list(PLURAL))}", where)
     return UNITS[unit].factor, UNITS[unit].base
 
 
@@ -208,12 +209,3 @@ def _asked(t: np.ndarray, start: str | float, stop: str | float, name: str) -> t
             name,
         )
     return a, b
-
-
-def _size(unit: str) -> tuple[str, float]:
-    """What a unit amounts to, so that deg/s and dps are one."""
-    return UNITS[unit].base, UNITS[unit].factor
-
-
-def _many(quantity: str) -> str:
-    return {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}[quantity]

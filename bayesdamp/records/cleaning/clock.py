@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.records.cleaning.rounded import even
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
@@ -24,7 +23,15 @@ how many of its standard deviations if the steps were noise (conventional)."""
 WHOLE = 1e-3
 """Of the least step, by which others may be off a multiple of it where rows are missing (conventional)."""
 EXACT = 1e-6
-"""Of a step, by which stamps may be off an even sampling and are taken as they are (conventional)."""
+"""Share of a step by which stamps may be off an even sampling and are used as they are (conventional)."""
+ROUNDED = 0.6
+"""Share of the last digit by which stamps that were rounded or cut off may be off their line by least squares, which
+itself is off by a small share."""
+TIME_UNITS = (1.0, 60.0, 3600.0, 86400.0)
+"""Seconds in the units in which a file may write its times."""
+FEWEST = 8
+"""Steps between stamps that must differ from the usual one: a single row that is missing or repeated looks like stamps
+of another step. Eight faults by chance lie as evenly in a few of a thousand records (8!/8⁸ = 0.24 %)."""
 
 
 @dataclass(frozen=True)
@@ -71,25 +78,32 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             arguments=["time", "rate"],
         )
     repeated = float(np.mean(gaps == 0))
-    first = int(np.argmax(gaps == 0)) + 1
+    first, share = int(np.argmax(gaps == 0)) + 1, f"{100 * repeated:.3g} %"
     if clock == "as_logged" and repeated:
         raise InputError(
-            f'{_share(repeated)} of the times repeat, which the clock "as_logged" cannot take; use "uniform"',
+            f'{share} of the times repeat, which the clock "as_logged" cannot take; use "uniform"',
             name,
             _place(raw, first),
             ["clock"],
         )
-    kept = clock == "as_logged" or (clock == "auto" and _rows_lost(rows, raw.t, raw.y))
-    sampling = None if kept else even(rows, raw.t)
-    if sampling is not None and sampling.off > EXACT * sampling.step:
+    as_they_are = clock == "as_logged" or (clock == "auto" and _rows_lost(rows, raw.t, raw.y))
+    digit, step, off = (0.0, 0.0, 0.0) if as_they_are else rounded_sampling(rows, raw.t)
+    if EXACT * step < off <= ROUNDED * digit and digit <= step:
         note = (
-            f"The time stamps are written to {sampling.digit:.3g} s: times rebuilt as index × {_step(sampling.step)} "
+            f"The time stamps are written to {digit:.3g} s: times rebuilt as index × {_step(step)} "
             f"from the first stamp, {raw.t[0]:.10g} s, on."
         )
-        return Clock(raw.t[0] + sampling.step * rows, "uniform", repeated, (note,))
+        return Clock(raw.t[0] + step * rows, "uniform", repeated, (note,))
+    if clock == "auto" and digit > step and off <= digit:
+        raise InputError(
+            f"the time stamps are written to {digit:.3g} s, more than the step between samples ({step:.3g} s); give "
+            'the rate, or use the clock "uniform", which estimates it',
+            name,
+            arguments=["clock", "rate"],
+        )
     if clock == "auto" and 0 < repeated < MANY:
         raise InputError(
-            f"the time {raw.t[first]:.10g} s repeats, as {_share(repeated)} of "
+            f"the time {raw.t[first]:.10g} s repeats, as {share} of "
             'the times do, too few for bursts; mend the file, or use the clock "uniform"',
             name,
             _place(raw, first),
@@ -103,14 +117,14 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     usual = float(np.median(gaps[gaps > 0]))
     if clock == "auto" and repeated and off > 8 * usual:
         raise InputError(
-            f"{_share(repeated)} of the times repeat, but a uniform clock would miss them by "
+            f"{share} of the times repeat, but a uniform clock would miss them by "
             f"up to {off:.3g} s; "
             'is there a pause in the record? The clock "uniform" insists',
             name,
             arguments=["clock"],
         )
     what = "The time stamps come in bursts, the values do not" if in_bursts else "As asked"
-    what = f"{_share(repeated)} of the time stamps repeat (they come in bursts)" if repeated else what
+    what = f"{share} of the time stamps repeat (they come in bursts)" if repeated else what
     lie = "bursts begin" if in_bursts and not repeated else "stamps lie"
     note = (
         f"{what}: times rebuilt as index × {_step(step)} from the first stamp, "
@@ -137,6 +151,26 @@ def _rows_lost(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
     ):
         return False
     return bool(moves[longer].mean() > SWINGS * moves[~longer].mean())
+
+
+def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, float]:
+    """Fit the even sampling of which times t (n,) in s at rows (n,) are the rounded stamps.
+
+    Return (last digit, step, largest distance of a stamp from the line) in s; zeros if they do not look rounded.
+    """
+    late, rounding = t[t.size // 2 :], 4 * np.finfo(float).eps * float(np.abs(t).max())
+    digits = [unit * 10.0**-decimals for unit in TIME_UNITS for decimals in range(-3, 13)]
+    multiples = [
+        digit
+        for digit in digits
+        if digit >= 4 * rounding and np.abs(late - digit * np.round(late / digit)).max() <= rounding
+    ]
+    digit, steps = max(multiples, default=0.0), np.diff(t)[np.diff(rows) == 1]
+    if not digit or np.sum(np.abs(steps - np.median(steps)) > 0.5 * digit) < FEWEST:
+        return 0.0, 0.0, 0.0
+    step, start = np.polyfit(rows - rows.mean(), t, 1)
+    off = np.abs(t - start - step * (rows - rows.mean())).max()
+    return digit, float(step), float(off)
 
 
 def burst_begins(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -217,10 +251,6 @@ def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:
 
 def _step(step: float) -> str:
     return f"{step * 1e3:.6g} ms ({1 / step:.2f} Hz)"
-
-
-def _share(share: float) -> str:
-    return f"{100 * share:.3g} %"
 
 
 def _place(raw: RawRecord, index: int) -> str:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesdamp.records.columns.choice import Choice, Why
 from bayesdamp.records.columns.gravity import Pull, across, pull
 from bayesdamp.records.columns.names import (
     asked_for,
@@ -22,10 +21,9 @@ from bayesdamp.records.columns.names import (
     runs_asked,
     seconds_of_unit,
     shown,
+    unit_said,
 )
-from bayesdamp.records.columns.pairs import paired
 from bayesdamp.records.columns.swings import Swing, derivative, proportional, swing
-from bayesdamp.records.columns.units_said import unit_said
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
 from bayesdamp.types import InputError
@@ -45,6 +43,45 @@ _PAIRS = 40
 """Columns that are compared with each other; among more than these no choice is plain."""
 _MINOR = 1 / 3
 """Of sensors alike, one that swings less than this share of the largest says little that that one does not."""
+
+
+LEFT_OUT = 6
+"""Columns that are named of those that are left out."""
+DIES, DIES_FOR_GOOD = "swings and dies down", "swings and dies down for good"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The column that was taken, or, where several were taken, the names of the columns that were left out.
+
+    taken: its name. why: what only it does. changing: how many columns change, including it. still: how many others do
+    not change. left_out: names of columns that do not swing and die down, where several were taken.
+    """
+
+    taken: str = ""
+    why: str = DIES
+    changing: int = 1
+    still: int = 0
+    left_out: Sequence[str] = ()
+
+    def __str__(self) -> str:
+        """Write it as a sentence."""
+        if self.left_out:
+            names = ", ".join(self.left_out[:LEFT_OUT])
+            return f"Left out are columns that do not swing and die down: {names}."
+        reason = "nothing else goes with these times"
+        if self.changing > 1:
+            reason = (
+                f"of {self.changing} that change it alone {self.why}, but for copies and derivatives of it"
+            )
+        elif self.still:
+            are = (
+                "is only one column that does"
+                if self.still == 1
+                else f"are only {self.still} columns that do"
+            )
+            reason = f"beside it {are} not change"
+        return f"Column {self.taken} is taken: {reason}."
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +140,11 @@ def series(
         return chosen
     blocks = [block for block in blocks if _candidates(block)] or [b for b in blocks if _rest(b)]
     if not blocks:
-        raise InputError(_nothing(found))
+        if len(found.columns) == 1:
+            raise InputError("has one column, and it holds the times; export the recorded quantity too")
+        raise InputError(
+            f"no column but the times holds numbers that change; columns are {listed(found.columns)}"
+        )
     chosen = _same_in_all(found, blocks)
     return [_with_clock(s, found) for s in _not_to_pivot(found, chosen)]
 
@@ -151,34 +192,50 @@ def _block(found: Contents, run: str, group: str, timed: list[Column], rate: flo
         c for c in found.columns if c.group == "" and group and names_time(c) and c.values.size == size
     )
     time = _time_column(own) or _time_column(columns) or _time_column(outside)
-    said = _rate_said(found, own)
+    facts = {  # of the group that the columns belong to
+        name: value
+        for name, value in found.facts.items()
+        if any(c.name.startswith(f"{name.rpartition('.')[0]}.") for c in own)
+    }
+    said = sampling_rate(facts) or sampling_rate(found.facts)
     counted = said is not None and time is not None and seconds_of_unit(time) is None and _counts(time.values)
     if time is not None and not counted:
-        return _Block(run, own, time, None, _times_said(time, found))
+        named = time.name and len(found.columns) > 2
+        return _Block(run, own, time, None, (f"Times are those of column {time.name!r}.",) if named else ())
     if said is not None:
         own = tuple(c for c in own if c is not time)
         return _Block(run, own, None, said[0], (f"The file says {said[1]!r}: {said[0]:g} Hz.",))
     return _Block(run, own, None, None)
 
 
-def _rate_said(found: Contents, own: Sequence[Column]) -> tuple[float, str] | None:
-    """(rate in Hz, the fact that says it) for columns: what is said of the group that they lie in counts before what is
-    said elsewhere; None where nothing is."""
-    near = {
-        name: value
-        for name, value in found.facts.items()
-        if any(c.name.startswith(f"{name.rpartition('.')[0]}.") for c in own)
-    }
-    return sampling_rate(near) or sampling_rate(found.facts)
-
-
-def _times_said(time: Column, found: Contents) -> tuple[str, ...]:
-    return (f"Times are those of column {time.name!r}.",) if time.name and len(found.columns) > 2 else ()
-
-
 def with_own_clocks(found: Contents) -> Contents:
-    """Return the contents with values grouped with the times beside them, where they come in pairs."""
-    return paired(found, lambda column: _time_score(column, not column.name) > 0)
+    """Put each column of times into a group with the values behind it, where a table has several that differ.
+
+    `Time A, A, Time B, B`: the times may also follow their values, if they do so throughout. A table whose runs are
+    marked stays as it is.
+    """
+    columns = list(found.columns)
+    for group in dict.fromkeys(c.group for c in columns):
+        at = [i for i, c in enumerate(columns) if c.group == group and np.isfinite(c.values).any()]
+        if any(parted(columns[i])[1] for i in at):
+            continue
+        clocks = [_time_score(columns[i], not columns[i].name) > 0 for i in at]
+        if clocks and clocks[-1]:
+            at, clocks = at[::-1], clocks[::-1]
+        starts = [k for k, clock in enumerate(clocks) if clock]
+        ends = [*starts[1:], len(at)]
+        alternate = (
+            len(starts) > 1 and starts[0] == 0 and all(b - a > 1 for a, b in zip(starts, ends, strict=True))
+        )
+        if not alternate or all(
+            np.array_equal(columns[at[0]].values, columns[at[k]].values, equal_nan=True) for k in starts
+        ):
+            continue
+        for number, (a, b) in enumerate(zip(starts, ends, strict=True), start=1):
+            for i in at[a:b]:
+                columns[i] = replace(columns[i], group=f"{group} pair {number}".strip())
+        found = replace(found, paired=True)
+    return replace(found, columns=tuple(columns))
 
 
 def _time_column(columns: Sequence[Column]) -> Column | None:
@@ -286,21 +343,14 @@ def _likely_rate(found: Contents) -> dict[str, str]:
     return {"rate": f"{doubtful[1][0]:.9g}"} if doubtful is not None else {}
 
 
-def _nothing(found: Contents) -> str:
-    if len(found.columns) == 1:
-        return "has one column, and it holds the times; export the recorded quantity too"
-    return f"no column but the times holds numbers that change; columns are {listed(found.columns)}"
-
-
-def _clockless(block: _Block) -> bool:
-    return block.time is None and block.rate is None and all(c.rate is None for c in block.columns)
-
-
 def _with_named_time(block: _Block) -> _Block:
     """Give a block without any clock the column that is named like times, though they do not increase: what is wrong
     with them is said later. Raises InputError where that column has another length."""
     time = next((c for c in block.columns if names_time(c) and not names_index(c)), None)
-    if not _clockless(block) or time is None:
+    clocked = (
+        block.time is not None or block.rate is not None or any(c.rate is not None for c in block.columns)
+    )
+    if clocked or time is None:
         return block
     for other in block.columns:
         if len(block.columns) == 2 and other.values.size != time.values.size:
@@ -381,7 +431,7 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], Choice | None
     dying = _major(dying, seen)
     steady = [c for c in dying if not seen[id(c)].grows_again]
     if 0 < len(steady) < len(dying) and not any(unit_said(c)[0] for c in dying):
-        return steady, _because(found, left, steady, still, Why.DIES_FOR_GOOD)
+        return steady, _because(found, left, steady, still, DIES_FOR_GOOD)
     return dying, _because(found, left, dying, still)
 
 
@@ -405,7 +455,7 @@ def _independent(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
 
 
 def _because(
-    found: Contents, left: list[Column], kept: list[Column], still: int, why: Why = Why.DIES
+    found: Contents, left: list[Column], kept: list[Column], still: int, why: str = DIES
 ) -> Choice | None:
     if len(kept) > 1:
         out = tuple(shown(found.columns, c) for c in left if c not in kept)
@@ -414,26 +464,16 @@ def _because(
 
 
 def _lowest_derivative(columns: list[Column]) -> list[Column]:
-    """Without the derivatives of what is there itself: a velocity beside a displacement of the same kind."""
-    orders: dict[str, int] = {}
-    for column in columns:
-        unit, quantity = unit_said(column)
-        base = UNITS[unit].base if unit in UNITS else unit
-        orders[base] = min(orders.get(base, 9), _ORDER[quantity])
-    kept = []
-    for column in columns:
-        unit, quantity = unit_said(column)
-        base = UNITS[unit].base if unit in UNITS else unit
-        if _ORDER[quantity] == orders[base]:
-            kept.append(column)
-    return kept
+    """Leave out derivatives of other columns: a velocity where there is a displacement of the same kind."""
+    kinds = [unit_said(c) for c in columns]
+    ranks = [(UNITS[unit].base if unit in UNITS else unit, _ORDER[quantity]) for unit, quantity in kinds]
+    lowest = {base: min(order for other, order in ranks if other == base) for base, _ in ranks}
+    return [c for c, (base, order) in zip(columns, ranks, strict=True) if order == lowest[base]]
 
 
 def _major(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
     """Of sensors of one unit, those that swing nearly as much as the largest; where no unit is said, the one that
     swings far more than all others."""
-    if not columns:
-        return columns
     sizes = [seen[id(c)].size for c in columns]
     kinds = {unit_said(c) for c in columns}
     if not any(unit for unit, _ in kinds):

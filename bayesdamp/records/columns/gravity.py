@@ -10,8 +10,8 @@ from enum import Enum
 
 import numpy as np
 
+from bayesdamp.records.columns.names import unit_said
 from bayesdamp.records.columns.swings import LARGEST, Swing, swing
-from bayesdamp.records.columns.units_said import unit_said
 from bayesdamp.records.files.contents import Column
 from bayesdamp.units import UNITS
 

@@ -1,4 +1,4 @@
-"""What the names of columns say: which run, which channel, whether they are times, and what a user means by a name."""
+"""What the names of columns say: run, channel, unit, whether they are times, and which columns a user means."""
 
 from __future__ import annotations
 
@@ -7,9 +7,18 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 
 from bayesdamp.records.files.contents import Column
-from bayesdamp.records.files.named_units import TIMES, counts_days, seconds_in, seconds_written
+from bayesdamp.records.files.named_units import (
+    TIMES,
+    counts_days,
+    quantity_of,
+    seconds_in,
+    seconds_written,
+    unit_and_quantity,
+    unit_written,
+)
 from bayesdamp.records.files.stamps import DAY
 from bayesdamp.types import InputError
+from bayesdamp.units import UNITS
 
 _WORD = r"(?:run|trial|take|test|rep|repeat|repetition|lauf|versuch|messung|durchgang|essai|prova|ensayo)"
 _BEHIND = re.compile(
@@ -23,6 +32,7 @@ _ALONE = re.compile(rf"^{_WORD}?\s*[#_.-]?\s*(\d+)$", re.IGNORECASE)
 _INDEX = re.compile(
     r"^(unnamed: 0|index|idx|sample|samples|no|nr|n|i|row|frame|frames|count|counter|#|id)$", re.I
 )
+_BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]{1,12})\s*[)\]}]\s*$")
 MOST = 12
 WIDTH = 110
 """Names that a line lists, and characters that they take."""
@@ -53,6 +63,26 @@ def seconds_of_unit(column: Column) -> float | None:
     if said is None and counts_days(parted(column)[0]):
         return DAY
     return 1.0 if said is None and _SECONDS.match(column.name) else said
+
+
+def unit_said(column: Column) -> tuple[str, str]:
+    """Return the unit and the quantity of a column; each empty where the file does not say.
+
+    The unit is a name in UNITS, that of the displacement itself; one that is in none is given as it is written.
+    """
+    name = parted(column)[0]
+    named = quantity_of(name) or column.quantity
+    if column.unit:
+        written = unit_written(column.unit.strip("()[]"))
+        if written is None:
+            return (column.unit if len(column.unit) < 20 else ""), named
+        unit, quantity = written
+        return unit, (quantity if UNITS[unit].quantity or quantity != "angle" else named or quantity)
+    said = unit_and_quantity(name)
+    if said is not None:
+        return said
+    behind = _BRACKETS.search(name)
+    return (behind[1].strip() if behind and not behind[1].strip().isdigit() else ""), named
 
 
 def names_time(column: Column) -> bool:
@@ -130,32 +160,27 @@ _FORMS = (
 
 
 def runs_asked(text: str, labels: Sequence[str]) -> list[str]:
-    """The labels that `1,3-5` means among those of a file. Raises InputError."""
+    """Return the labels that `1,3-5` means among those of a file. Raises InputError."""
+    more = f" and {len(labels) - MOST} more" if len(labels) > MOST else ""
+    choice = "there are " + (f"runs {', '.join(labels[:MOST])}{more}" if labels else "none to choose from")
     wanted: list[str] = []
     for part in filter(None, (piece.strip() for piece in text.split(","))):
         at = re.fullmatch(r"(\d{1,6})(?:\s*-\s*(\d{1,6}))?", part)
-        if part in labels:
-            wanted.append(part)
-        elif at is None or int(at[2] or at[1]) < int(at[1]):
-            what = f"no runs {text[:40]!r}; give numbers such as 1,3-5; there are {_few(labels)}"
+        if part not in labels and (at is None or int(at[2] or at[1]) < int(at[1])):
+            what = f"no runs {text[:40]!r}; give numbers such as 1,3-5; {choice}"
             raise InputError(what, arguments=["runs"])
-        else:
-            span = [
+        span = (
+            [part]
+            if part in labels or at is None
+            else [
                 label
                 for label in labels
                 if label.isdigit() and int(at[1]) <= int(label) <= int(at[2] or at[1])
             ]
-            if not span:
-                raise InputError(f"no runs {text[:40]!r}; there are {_few(labels)}", arguments=["runs"])
-            wanted += span
+        )
+        if not span:
+            raise InputError(f"no runs {text[:40]!r}; {choice}", arguments=["runs"])
+        wanted += span
     if not wanted:
-        raise InputError(f"runs {text[:40]!r} name none; there are {_few(labels)}", arguments=["runs"])
+        raise InputError(f"runs {text[:40]!r} name none; {choice}", arguments=["runs"])
     return list(dict.fromkeys(wanted))
-
-
-def _few(labels: Sequence[str]) -> str:
-    if not labels:
-        return "none to choose from"
-    return (
-        "runs " + ", ".join(labels[:MOST]) + (f" and {len(labels) - MOST} more" if len(labels) > MOST else "")
-    )

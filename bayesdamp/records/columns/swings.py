@@ -75,7 +75,9 @@ def swing(y: np.ndarray) -> Swing:
     whole = y.size
     spacing, averaged = on_grid(np.arange(whole, dtype=float), y, MOST)
     if whole > MOST and np.var(averaged) < LOST * np.var(y):
-        period, share = coarse_period(np.arange(MOST, dtype=float), _liveliest(y))
+        begins = range(0, y.size - MOST + 1, MOST)  # the samples in a row that vary most
+        at = max(begins, key=lambda begin: float(np.var(y[begin : begin + MOST])))
+        period, share = coarse_period(np.arange(MOST, dtype=float), y[at : at + MOST])
         spacing = 1.0
     else:
         y = averaged
@@ -99,19 +101,15 @@ def _growth(sizes: np.ndarray) -> float:
     return float((falling - np.minimum.accumulate(falling)).max() / smooth.max())
 
 
-def _liveliest(y: np.ndarray) -> np.ndarray:
-    """The MOST samples in a row of y (n,) that vary most."""
-    begins = range(0, y.size - MOST + 1, MOST)
-    at = max(begins, key=lambda begin: float(np.var(y[begin : begin + MOST])))
-    return y[at : at + MOST]
-
-
 def proportional(a: np.ndarray, b: np.ndarray) -> bool:
-    """Whether b (n,) is a (n,) in another unit or with another zero."""
-    if a.size != b.size:
-        return False
+    """Return whether b (n,) is a (n,) in another unit or with another zero."""
+    return a.size == b.size and abs(_correlation(*_finite(a, b))) > ALIKE
+
+
+def _finite(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the values (n,) at which both are finite."""
     both = np.isfinite(a) & np.isfinite(b)
-    return abs(_correlation(a[both], b[both])) > ALIKE
+    return a[both], b[both]
 
 
 def derivative(a: np.ndarray, b: np.ndarray, period: float) -> bool:
@@ -121,8 +119,7 @@ def derivative(a: np.ndarray, b: np.ndarray, period: float) -> bool:
     """
     if a.size != b.size:
         return False
-    both = np.isfinite(a) & np.isfinite(b)
-    a, b = a[both], b[both]
+    a, b = _finite(a, b)
     if a.size < 10:
         return False
     block = int(np.clip(period / 30, 1, max(a.size // 20, 1))) if np.isfinite(period) else 1

@@ -59,7 +59,7 @@ class Swings:
             return "amplitude"
         if not self._in_line(i):
             return "midline"
-        return None if self._shaped(i) else "shape"
+        return None if self._like_later(i, self.misfit(i)) else "shape"
 
     def _in_time(self, i: int) -> bool:
         """Whether swing i lasts as long as the later ones foretell: a hand lets go when it likes."""
@@ -105,10 +105,6 @@ class Swings:
         foretold, slack = _foretold(later)
         off = abs(self.midlines[i] - foretold)
         return bool(off <= max(MIDLINE * self.ranges[i], self.floor) + slack)
-
-    def _shaped(self, i: int) -> bool:
-        """Whether the misfit of swing i is no more than those of the later ones."""
-        return self._like_later(i, self.misfit(i))
 
     def opens_like_later(self, begin: float) -> bool:
         """Whether what is recorded from begin (s) to the first turning point has no more misfit than the swings."""

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from bayesdamp.records.oscillation.turning import Turning
+from bayesdamp.records.oscillation.turning import Turning, local_median, true_runs
 
 RISE = 0.25
 """Share by which a range must grow within a cycle to be a second release or a push; a beat grows as it fell."""
@@ -35,7 +35,7 @@ def stretches(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, in
     for first, last in _in_step(t, turns, floor):  # swings first .. last - 1
         # A spike or a gap spoils one turning point, and with it two ranges.
         ranges = median_filter(np.abs(np.diff(turns.values[first : last + 1])), 5, mode="nearest")
-        across = _across_holes(turns.times[first : last + 1])
+        across = across_holes(turns.times[first : last + 1])
         marks = [0, *_apart(_jumps(ranges, floor), across), ranges.size]
         for a, b in pairwise(marks):
             breaks = (a + c for c in _breaks(ranges[a:b], floor) if a + c < b)
@@ -88,17 +88,15 @@ def _in_step(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, int
     gaps, ranges = np.diff(turns.times), np.abs(np.diff(turns.values))
     if gaps.size == 0:
         return []
-    near = np.lib.stride_tricks.sliding_window_view(np.pad(gaps, 4, constant_values=np.nan), 9)
-    typical = np.nanmedian(near.copy(), axis=1)
+    typical = local_median(gaps)
     width = np.concatenate([typical[:1], typical]) / 4
     begin, end = np.maximum(turns.times - width, t[0]), np.minimum(turns.times + width, t[-1])
     seen = np.searchsorted(t, end, side="right") - np.searchsorted(t, begin)
     sampled = seen >= 0.75 * (end - begin) / float(np.median(np.diff(t))) - 1
     clear = (ranges > 2 * floor) & (median_filter(ranges, 3, mode="nearest") > 2 * floor)
     good = (gaps > 0.7 * typical) & (gaps < 1.6 * typical) & clear & sampled[1:] & sampled[:-1]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
     runs: list[tuple[int, int]] = []
-    for a, b in zip(edges[::2].tolist(), edges[1::2].tolist()):
+    for a, b in true_runs(good):
         if runs and b - a >= 2 and _goes_on(t, turns, runs[-1], (a, b), ranges, floor):
             runs[-1] = (runs[-1][0], b)
         else:
@@ -133,8 +131,8 @@ def _goes_on(
     )
 
 
-def _across_holes(times: np.ndarray) -> np.ndarray:
-    """The swings in which others are missing, for there is no sample of them."""
+def across_holes(times: np.ndarray) -> np.ndarray:
+    """Return the swings between turning points at `times` (k,) that span others, of which there is no sample."""
     gaps = np.diff(times)
     return np.flatnonzero(gaps > 1.6 * np.median(gaps))
 

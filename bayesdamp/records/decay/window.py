@@ -11,8 +11,8 @@ from scipy.ndimage import median_filter
 
 from bayesdamp.provenance import Piece
 from bayesdamp.records.decay.continuation import Reach, Reason, Swings, reach
-from bayesdamp.records.decay.pieces import STILL, Scale, pieces_before
-from bayesdamp.records.decay.stretches import RISE, stretches, unsteadiness, worth
+from bayesdamp.records.decay.pieces import STILL, pieces_before
+from bayesdamp.records.decay.stretches import RISE, across_holes, stretches, unsteadiness, worth
 from bayesdamp.records.oscillation.holes import without_edges
 from bayesdamp.records.oscillation.rough import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_periods, samples_a_cycle
@@ -123,8 +123,8 @@ def free_decay(
     grid, values = grid[grid <= t[-1]], values[grid <= t[-1]]
     series = _Series(t, grid, values, step, found.noise * float(np.sqrt(min(grid.size / t.size, 1.0))))
     head, why = _head(t, y, found, step)
-    if head == 0 and _begins_at_a_break(found):
-        why = "amplitude"
+    if head == 0 and any(end in (found.best[0], found.best[0] + 1) for _, end in found.stretches):
+        why = "amplitude"  # it is cut off from swings before it that are in step with it
     decay = found.turns.cut(found.best[0] + head, found.best[1])
     notes: list[str] = []
     first, tail = 0, _Tail(t.size - 1, "")
@@ -296,14 +296,8 @@ def _onset(found: _Found) -> int:
 
 def _before_a_hole(turns: Turning) -> Turning:
     """The turning points up to the first hole, behind which others are missing; all where these are too few."""
-    gaps = np.diff(turns.times)
-    across = np.flatnonzero(gaps > 1.6 * np.median(gaps))
+    across = across_holes(turns.times)
     return turns.cut(0, int(across[0]) + 1) if across.size and across[0] >= LEAST_BEFORE else turns
-
-
-def _begins_at_a_break(found: _Found) -> bool:
-    """Whether the best stretch is cut off from swings before it that are in step with it."""
-    return any(end in (found.best[0], found.best[0] + 1) for _, end in found.stretches)
 
 
 def _start(
@@ -420,9 +414,10 @@ def _pieces(
     floor: float,
 ) -> list[Piece]:
     """All pieces of the record in their order in time."""
-    middle = midpoints(decay.values)
-    size = 0.5 * float(np.abs(np.diff(decay.values[:4])).max())
-    scale = Scale(found.period, size, float(np.median(middle)), floor)
+    middle, size = (
+        float(np.median(midpoints(decay.values))),
+        0.5 * float(np.abs(np.diff(decay.values[:4])).max()),
+    )
     kept = Piece(float(t[first]), float(t[last]), "free decay", "Used: each swing continues the later ones.")
     used = [kept]
     least = OTHER * worth(found.turns, found.best)
@@ -447,7 +442,7 @@ def _pieces(
                 why = "Friction or rounding holds it: turning points no longer show."
                 out.append(Piece(at, piece.start, "sticking", why))
             else:
-                here = pieces_before(grid[inside], smooth[inside], scale)
+                here = pieces_before(grid[inside], smooth[inside], found.period, size, middle, floor)
                 out += [*here[:-1], *(replace(p, stop=piece.start) for p in here[-1:])]
         if piece.why:
             out.append(piece)

@@ -25,3 +25,12 @@ def allowed_archive(path: Path) -> None:
     if any(member.flag_bits & 1 for member in members):
         raise InputError("is encrypted; save it without a password")
     allowed(sum(member.file_size for member in members))
+
+
+def archive_names(path: Path) -> list[str] | None:
+    """Return the names of a zip archive's members; None if it cannot be opened."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return archive.namelist()
+    except (zipfile.BadZipFile, NotImplementedError, OSError):
+        return None

@@ -53,7 +53,13 @@ def seconds_in(name: str) -> float | None:
     said = [one for one in map(_bare, _said(name)) if one in SECONDS]
     if not said and (joined := _JOINED.search(name.strip())):
         said = [joined[1].lower()]
-    found = {SECONDS[one] for one in said if one not in _OF_TIMES or _of_times(name, one)}
+    found = set[float]()
+    for unit in said:
+        if unit in _OF_TIMES and name.strip().lower() not in ("hours", "days", "stunden", "tage"):
+            rest = re.sub(r"[\s_/(\[{]+(in\s+)?$", "", name[: name.lower().rindex(unit.removesuffix("s"))])
+            if not TIMES.search(rest.rpartition(".")[2].strip()):
+                continue
+        found.add(SECONDS[unit])
     return found.pop() if len(found) == 1 else None
 
 
@@ -79,14 +85,6 @@ def _bare(said: str) -> str:
     return said.lower().replace("(s)", "s").strip(" .")
 
 
-def _of_times(name: str, said: str) -> bool:
-    """Whether what stands before a unit in a name is that of times; `hours` may stand alone."""
-    if name.strip().lower() in ("hours", "days", "stunden", "tage"):
-        return True
-    rest = re.sub(r"[\s_/(\[{]+(in\s+)?$", "", name[: name.lower().rindex(said.removesuffix("s"))])
-    return bool(TIMES.search(rest.rpartition(".")[2].strip()))
-
-
 def unit_and_quantity(name: str) -> tuple[str, str] | None:
     """The unit of the displacement and the recorded quantity that a column is named after; None where it names none, or
     several."""
@@ -110,20 +108,14 @@ def _said(name: str) -> list[str]:
     found = ["".join(groups).strip() for groups in inside]
     behind = re.search(r"(?:^[^/\s]+/|\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
     last = re.search(r"(?:^|\s)([^\W\d_]+)\s*$", name)
-    if not found and not behind and last and _stands_alone(last[1], name):
-        return [last[1]]
+    if not found and not behind and last and (_bare(last[1]) in SECONDS or _plain(last[1]) in _WRITTEN):
+        # A unit though nothing marks it: `Angle degrees`, `adc`.
+        word, whole = last[1], last[1] == name.strip()
+        if (len(word) > 2 and word not in _UNSURE and word != "min") or (word in _SHORT and not whole):
+            return [word]
     if found or not behind or (behind[0][0] == "_" and behind[1] in _UNSURE):
         return found
     return [behind[1].strip("()[]{}")]
-
-
-def _stands_alone(word: str, name: str) -> bool:
-    """Whether the last word of a name, or all of it, is a unit though nothing marks it: `Angle degrees`, `adc`."""
-    known = _bare(word) in SECONDS or _plain(word) in _WRITTEN
-    whole = word == name.strip()
-    return known and (
-        (len(word) > 2 and word not in _UNSURE and word != "min") or (word in _SHORT and not whole)
-    )
 
 
 def unit_written(said: str) -> tuple[str, str] | None:

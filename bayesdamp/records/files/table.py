@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from bayesdamp.records.files.blocks import side_by_side
 from bayesdamp.records.files.named_units import may_be_unit, unit_and_quantity
 from bayesdamp.records.files.stamps import stamp
 
@@ -160,7 +160,8 @@ def find_layout(lines: list[str]) -> Layout | None:
     if names is None and separator != BLANKS and columns > 1:  # a head may have more cells than the rows
         full = [h[:columns] for h in heads if len(h) >= columns]
         names, units = _names(full, columns)
-    groups = _groups(full, names or [])
+    at = full.index(names) if names in full else 0
+    groups = side_by_side(names or [], full[at - 1] if at > 0 else ())
     if columns == 1:
         single = [line.strip('"') for line in top if not _FACT.fullmatch(line)]
         single = [line for line in single if _named(line) and not re.search("[,;\\t]", line)]
@@ -172,10 +173,32 @@ def find_layout(lines: list[str]) -> Layout | None:
     return Layout(separator, decimal, columns, first, tuple(names or [""] * columns), tuple(units), groups)
 
 
-def _groups(heads: list[list[str]], names: list[str]) -> tuple[str, ...]:
-    """The table of several side by side that each column belongs to, by the line above the names."""
-    at = heads.index(names) if names in heads else 0
-    return side_by_side(names, heads[at - 1] if at > 0 else ())
+def side_by_side(names: Sequence[str], above: Sequence[str] = ()) -> tuple[str, ...]:
+    """For each column the table that it belongs to, empty where all of them are one table.
+
+    names: those of the columns, of which the first of a table is that of its times; tables have the same names, and
+    blank columns may stand between them. above: the cells of the line above the names, of which the first in a table is
+    what it is called; where there is none, `part 1` and so on.
+    """
+    first = next((name for name in names if name), "")
+    starts = [i for i, name in enumerate(names) if name == first]
+    if len(starts) < 2:
+        return ()
+    ends = [*starts[1:], len(names)]
+    blocks = [[name for name in names[a:b] if name] for a, b in zip(starts, ends, strict=True)]
+    if (
+        len(blocks[0]) < 2
+        or any(block != blocks[0] for block in blocks)
+        or len(set(blocks[0])) < len(blocks[0])
+    ):
+        return ()
+    labels = [next((cell for cell in above[a:b] if cell), "") for a, b in zip(starts, ends, strict=True)]
+    if len({label for label in labels if label}) < len(labels):
+        labels = [f"part {i}" for i in range(1, len(labels) + 1)]
+    groups = [""] * starts[0]
+    for label, a, b in zip(labels, starts, ends, strict=True):
+        groups += [label] * (b - a)
+    return tuple(groups)
 
 
 def _names(heads: list[list[str]], columns: int) -> tuple[list[str] | None, list[str]]:

@@ -48,7 +48,8 @@ class Walk:
         if len(item) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in item):
             self.vector(path, np.array([float(x) for x in item]), run)
             return
-        held = sum(_holds(x) for x in item)
+        nested = [x for x in item if isinstance(x, np.ndarray | Mapping | list | tuple)]
+        held = sum((x.size if isinstance(x, np.ndarray) else len(x)) > 0 for x in nested)
         for i, below in enumerate(item, start=1):
             self.add(_joined(path, i), below, run or (str(i) if held > 1 else ""), depth + 1)
 
@@ -113,15 +114,6 @@ def _joined(path: str, key: object) -> str:
 def _group(path: str) -> str:
     """What stands before the first dot: a variable with all that is below it."""
     return path.partition(".")[0] if "." in path else ""
-
-
-def _holds(item: Any) -> bool:
-    """Whether an element of a list may hold vectors."""
-    return (
-        item.size > 0
-        if isinstance(item, np.ndarray)
-        else isinstance(item, Mapping | list | tuple) and len(item) > 0
-    )
 
 
 def _single(item: Any) -> Any:

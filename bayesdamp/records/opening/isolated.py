@@ -1,49 +1,52 @@
-"""Foreign readers in a process of their own: a damaged file may crash one, and takes nothing else with it."""
+"""Run foreign readers in a process of their own: a damaged file may crash one, and takes nothing else with it."""
 
 from __future__ import annotations
 
 import json
+import pickle
 import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
-from importlib import import_module
+from collections.abc import Callable
 from pathlib import Path
-
-import numpy as np
+from typing import TypeVar
 
 from bayesdamp.types import InputError
 
+Loaded = TypeVar("Loaded")
 PATIENCE = 300.0
-"""Seconds after which a reader that does not end is ended."""
+"""Seconds after which a reader that has not finished is stopped."""
+_AGAIN = "the file is damaged or of another kind: save it again, or export it as text"
 _CHILD = """
-import json, sys
+import json, pickle, sys
+from importlib import import_module
+from pathlib import Path
 module, function, path, out, options, sys.path[:] = json.loads(sys.argv[1])
-from bayesdamp.records.opening.isolated import serve
-serve(module, function, path, out, options)
+from bayesdamp.types import InputError
+try:
+    result = getattr(import_module(module), function)(Path(path), **options)
+except InputError as error:
+    result = error
+Path(out).write_bytes(pickle.dumps(result))
 """
 
 
 def load_isolated(
-    load: Callable[..., Mapping[str, np.ndarray]],
-    path: Path,
-    patience: float = PATIENCE,
-    **options: float | str,
-) -> dict[str, np.ndarray]:
-    """What a loader makes of a file, run in a child process: arrays by name.
+    load: Callable[..., Loaded], path: Path, patience: float = PATIENCE, **options: float | str
+) -> Loaded:
+    """Load a file in a child process.
 
-    load: a function at the top level of a module that is quick to import, of the path and the options; its arrays hold
-    numbers. patience: in s.
+    load: a function at the top level of a module that is quick to import, of the path and the options. patience: in s.
     Raises InputError, one line, where the loader does, and where it crashes, fails otherwise or does not end.
     """
     with tempfile.TemporaryDirectory(prefix="bayesdamp-") as folder:
-        out = Path(folder)
+        out = Path(folder) / "result"
         given = json.dumps(
-            [load.__module__, load.__qualname__, str(path.resolve()), folder, options, sys.path]
+            [load.__module__, load.__qualname__, str(path.resolve()), str(out), options, sys.path]
         )
         try:
-            done = subprocess.run(
+            child = subprocess.run(
                 [sys.executable, "-c", _CHILD, given],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
@@ -52,37 +55,15 @@ def load_isolated(
             )
         except subprocess.TimeoutExpired:
             raise InputError(f"its reader did not end within {patience:g} s; {_AGAIN}", path.name) from None
-        if not (out / "names.json").is_file():
-            raise InputError(f"{_end(done.returncode, done.stderr)}; {_AGAIN}", path.name)
-        said = json.loads((out / "names.json").read_text(encoding="utf-8"))
-        if "error" in said:
-            raise InputError(**said["error"])
-        return {name: np.load(out / f"{i}.npy", allow_pickle=False) for i, name in enumerate(said["names"])}
-
-
-_AGAIN = "the file is damaged or of another kind: save it again, or export it as text"
-
-
-def _end(code: int, complaint: bytes) -> str:
-    """How a child ended that left nothing, in words."""
-    if code < 0:
-        try:
-            return f"its reader crashed ({signal.Signals(-code).name})"
-        except ValueError:
-            return f"its reader crashed (signal {-code})"
-    lines = complaint.decode(errors="replace").strip().splitlines()
-    return f"cannot be read ({lines[-1] if lines else f'status {code}'})"
-
-
-def serve(module: str, function: str, path: str, out: str, options: Mapping[str, float | str]) -> None:
-    """The child's part: load, and leave the arrays in a folder, or the line that says why there are none."""
-    folder = Path(out)
-    try:
-        found = getattr(import_module(module), function)(Path(path), **options)
-    except InputError as error:
-        said: dict[str, object] = {"error": vars(error)}
+        if child.returncode == 0 and out.is_file():
+            result = pickle.loads(out.read_bytes())
+            if isinstance(result, InputError):
+                raise result
+            return result
+    if child.returncode < 0:
+        names = {number.value: number.name for number in signal.Signals}
+        end = f"its reader crashed ({names.get(-child.returncode, f'signal {-child.returncode}')})"
     else:
-        for i, array in enumerate(found.values()):
-            np.save(folder / f"{i}.npy", array, allow_pickle=False)
-        said = {"names": list(found)}
-    (folder / "names.json").write_text(json.dumps(said), encoding="utf-8")
+        lines = child.stderr.decode(errors="replace").strip().splitlines()
+        end = f"cannot be read ({lines[-1] if lines else f'status {child.returncode}'})"
+    raise InputError(f"{end}; {_AGAIN}", path.name)

@@ -13,12 +13,9 @@ from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-
 from bayesdamp.records.files import limits
 from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.opening.isolated import load_isolated
-from bayesdamp.records.opening.packing import packed, unpacked
 from bayesdamp.records.readers import READERS
 from bayesdamp.types import InputError
 
@@ -57,7 +54,7 @@ def contents(path: Path | str) -> Contents:
     try:
         if getattr(reader_of(path), "foreign", False):  # compiled code that a damaged file may crash
             with _border(None):
-                return unpacked(load_isolated(read_packed, path, largest=limits.LARGEST))
+                return load_isolated(read_for_another, path, largest=limits.LARGEST)
     except InputError as error:
         raise fault(path, error.what, error.arguments) from error.__cause__
     return read_here(path)
@@ -103,35 +100,44 @@ def _border(reader: Reader | None) -> Iterator[None]:
     except MemoryError as error:
         raise InputError("is larger than the memory; give a part of it, or a lower sampling rate") from error
     except ImportError as error:
-        raise InputError(_missing(reader, error)) from error
+        name = error.name or "bayesdamp"
+        what = "cannot be read here"
+        if reader is not None:
+            what, name = f"this is {reader.format}", f"bayesdamp[{reader.extra}]" if reader.extra else name
+        raise InputError(f'{what}: pip install "{name}"') from error
     except Exception as error:  # whatever a format's library does with a damaged file
         if isinstance(error, OSError) and error.errno is not None:
             raise InputError(_refused(error)) from error
-        raise InputError(_unreadable(reader, error)) from error
+        said = " ".join(str(error).split())[:120] or type(error).__name__
+        what = "is damaged or not what its name says"
+        if reader is not None:
+            what = f"not readable as {reader.format}, damaged or cut off"
+        raise InputError(f"{what} ({said}); export it again, or as CSV") from error
 
 
-def read_packed(path: Path, largest: float = limits.LARGEST) -> dict[str, np.ndarray]:
-    """The contents of a file, packed: what a process does that reads for another, whose limit in bytes holds here too.
-    Raises InputError as `contents`."""
+def read_for_another(path: Path, largest: float) -> Contents:
+    """Read a file for another process, whose limit in bytes holds here too. Raises InputError as `contents`."""
     limits.LARGEST = largest
-    return packed(read_here(path))
+    return read_here(path)
 
 
 def reader_of(path: Path) -> Reader:
-    """The reader that a file belongs to. Raises InputError where there is none."""
+    """Return the reader of a file: by its content, else by its extension, else that of text. Raises InputError."""
     head = _head(path)
     with _border(None):
-        return _reader(path, head)
-
-
-def _near(path: Path) -> str:
-    """What to give in place of a file that is not there."""
-    try:
-        names = [one.name for one in islice(path.parent.iterdir(), LISTED)]
-    except (OSError, ValueError):
-        names = []
-    close = get_close_matches(path.name, names, 1)
-    return f"did you mean {close[0]!r}?" if close else "give the path of a record"
+        readers = {name: READERS.get(name) for name in READERS.names() if name != FALLBACK}
+        for reader in readers.values():
+            if reader.claims(head, path):
+                return reader
+        text = READERS.get(FALLBACK)
+        if text.claims(head, path):  # a table under a wrong name is still a table
+            return text
+        named = next((r for r in readers.values() if path.suffix.lower() in r.extensions), None)
+        if named is not None:
+            raise InputError(
+                f"not readable: named {path.suffix}, but its content is not {named.format}; export it again"
+            )
+        raise InputError(f"a binary file of an unknown format; give {_OPEN}")
 
 
 def _inside(path: Path) -> str:
@@ -153,8 +159,14 @@ def _head(path: Path) -> bytes:
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError) as error:
-        missing = isinstance(error, FileNotFoundError)
-        raise InputError(f"no such file; {_near(path)}" if missing else f"cannot be read ({error})") from None
+        if not isinstance(error, FileNotFoundError):
+            raise InputError(f"cannot be read ({error})") from None
+        names: list[str] = []
+        with contextlib.suppress(OSError, ValueError):
+            names = [one.name for one in islice(path.parent.iterdir(), LISTED)]
+        close = get_close_matches(path.name, names, 1)
+        right = f"did you mean {close[0]!r}?" if close else "give the path of a record"
+        raise InputError(f"no such file; {right}") from None
     if stat.S_ISDIR(mode):
         raise InputError(f"is a folder, not a file; give {_inside(path)}")
     if not stat.S_ISREG(mode):
@@ -174,38 +186,6 @@ def _head(path: Path) -> bytes:
     if not head.strip(b" \t\r\n\0\xef\xbb\xbf"):
         raise InputError("holds nothing but blanks; export the record again")
     return head
-
-
-def _reader(path: Path, head: bytes) -> Reader:
-    """The reader of a file: by its content, else by its extension, else the one of text."""
-    readers = {name: READERS.get(name) for name in READERS.names() if name != FALLBACK}
-    for reader in readers.values():
-        if reader.claims(head, path):
-            return reader
-    text = READERS.get(FALLBACK)
-    named = next((r for r in readers.values() if path.suffix.lower() in r.extensions), None)
-    if text.claims(head, path):
-        # A table under a wrong name is still a table; its name promises something else only of binary formats.
-        return text
-    if named is not None:
-        raise InputError(
-            f"not readable: named {path.suffix}, but its content is not {named.format}; export it again"
-        )
-    raise InputError(f"a binary file of an unknown format; give {_OPEN}")
-
-
-def _missing(reader: Reader | None, error: ImportError) -> str:
-    if reader is None:
-        return f'cannot be read here: pip install "{error.name or "bayesdamp"}"'
-    name = f"bayesdamp[{reader.extra}]" if reader.extra else (error.name or "bayesdamp")
-    return f'this is {reader.format}: pip install "{name}"'
-
-
-def _unreadable(reader: Reader | None, error: Exception) -> str:
-    said = " ".join(str(error).split())[:120] or type(error).__name__
-    if reader is None:
-        return f"is damaged or not what its name says ({said}); export it again, or as CSV"
-    return f"not readable as {reader.format}, damaged or cut off ({said}); export it again, or as CSV"
 
 
 def _refused(error: OSError) -> str:

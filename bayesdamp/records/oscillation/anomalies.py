@@ -8,7 +8,7 @@ import numpy as np
 
 from bayesdamp.records.oscillation.features import Features, regular
 from bayesdamp.records.oscillation.spectrum import coarse_period
-from bayesdamp.records.oscillation.turning import turning_points
+from bayesdamp.records.oscillation.turning import true_runs, turning_points
 from bayesdamp.types import Signal
 
 RISE = 5.0
@@ -71,8 +71,7 @@ def clipped(y: np.ndarray, per_cycle: float) -> bool:
     usual = np.arccos(max(1.0 - step / size, -1.0)) / np.pi * per_cycle
     limit = max(FLAT, MARGIN * usual + 1) * _held(y, size)
     for edge in (levels[0], levels[-1]):
-        begins, ends = _runs(np.abs(y - edge) <= 1e-9 * size)
-        for begin, end in zip(begins, ends):
+        for begin, end in true_runs(np.abs(y - edge) <= 1e-9 * size):
             inside = begin > 0 and end < y.size  # at its ends a record may be held, or stick
             if (
                 inside
@@ -111,12 +110,6 @@ def _cornered(y: np.ndarray, begin: int, end: int, per_cycle: float, step: float
     turned = height * (1 - np.cos(min(angle / (1 - 2 * flat / per_cycle), np.pi)))
     fallen = float(np.mean(np.abs(y[begin] - y[[begin - away, end - 1 + away]])))
     return bool(fallen > max(0.5 * (cut + turned), turned + step))
-
-
-def _runs(flags: np.ndarray) -> tuple[list[int], list[int]]:
-    """(first, last + 1) of the runs of true ones in flags (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    return edges[::2].tolist(), edges[1::2].tolist()
 
 
 def rise(signal: Signal, seen: Features) -> float:

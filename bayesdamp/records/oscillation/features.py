@@ -11,11 +11,16 @@ from bayesdamp.records.oscillation.holes import holes, without_edges
 from bayesdamp.records.oscillation.returning import wandering
 from bayesdamp.records.oscillation.rough import roughness as noise_of
 from bayesdamp.records.oscillation.spectrum import coarse_period
-from bayesdamp.records.oscillation.turning import BLOCK, Turning, midpoints, turning_points
+from bayesdamp.records.oscillation.turning import (
+    BLOCK,
+    Turning,
+    local_median,
+    midpoints,
+    true_runs,
+    turning_points,
+)
 from bayesdamp.types import FeaturesSeen, Refusal, Signal
 
-BESIDE = 4
-"""Gaps on either side of one that say what is usual there."""
 BESIDE_IT = 1.5
 """Periods on either side of the turning points in which a record must come back to where it was."""
 LEAST_SHARE = 0.3
@@ -102,56 +107,37 @@ def regular_runs(turns: Turning, noise: float) -> list[Turning]:
         return [turns]
     gaps = np.diff(turns.times)
     ranges = np.abs(np.diff(turns.values))
-    typical = _typical(gaps)
+    typical = local_median(gaps)
     seen = ranges > 4 * noise * np.hypot(turns.gain[:-1], turns.gain[1:])
     least = np.full(gaps.size, 0.7)
     least[[0, -1]] = 0.85  # noise likes to turn at the very end of a record
     good = (gaps > least * typical) & (gaps < 1.5 * typical) & seen
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
-    return [turns.cut(a, b + 1) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)]
+    return [turns.cut(a, b + 1) for a, b in true_runs(good)]
 
 
 def _joined(runs: list[Turning], turns: Turning, t: np.ndarray, period: float) -> list[Turning]:
     """The runs that only holes without samples part from `turns` and from each other, with it, in their order."""
     missing = holes(t, period)
     pieces = [turns]
+
+    def follow(a: Turning, b: Turning) -> bool:
+        """Return whether run b comes after run a, with a hole and not much else between them."""
+        inside = missing[(missing[:, 0] > a.times[-1]) & (missing[:, 1] < b.times[0])]
+        gap = b.times[0] - a.times[-1]
+        return bool(gap > 0 and np.sum(inside[:, 1] - inside[:, 0]) > gap - 2 * period)
+
+    runs = [run for run in runs if run.times.size >= 3]
     for run in runs[::-1]:
-        if (
-            run.times.size >= 3
-            and run.times[-1] < pieces[0].times[0]
-            and _across(missing, run, pieces[0], period)
-        ):
+        if follow(run, pieces[0]):
             pieces.insert(0, run)
     for run in runs:
-        if (
-            run.times.size >= 3
-            and run.times[0] > pieces[-1].times[-1]
-            and _across(missing, pieces[-1], run, period)
-        ):
+        if follow(pieces[-1], run):
             pieces.append(run)
     return pieces
 
 
-def _across(missing: np.ndarray, a: Turning, b: Turning, period: float) -> bool:
-    """Whether what lies between two runs is a hole and not much else."""
-    inside = missing[(missing[:, 0] > a.times[-1]) & (missing[:, 1] < b.times[0])]
-    return bool(np.sum(inside[:, 1] - inside[:, 0]) > b.times[0] - a.times[-1] - 2 * period)
-
-
 def _sizes(turns: Turning) -> np.ndarray:
     return np.abs(turns.values - midpoints(turns.values))
-
-
-def _typical(gaps: np.ndarray) -> np.ndarray:
-    """The median of each gap, (g,), and up to `BESIDE` on either side of it."""
-    ends = [i for i in range(gaps.size) if not BESIDE <= i < gaps.size - BESIDE]
-    found = np.empty(gaps.size)
-    if gaps.size > 2 * BESIDE:
-        around = np.lib.stride_tricks.sliding_window_view(gaps, 2 * BESIDE + 1)
-        found[BESIDE : gaps.size - BESIDE] = np.median(around, axis=1)
-    for i in ends:
-        found[i] = np.median(gaps[max(i - BESIDE, 0) : i + BESIDE + 1])
-    return found
 
 
 def _swing(x: np.ndarray) -> np.ndarray:

@@ -78,13 +78,15 @@ class FirstWords:
         ratio = f"the equivalent viscous damping ratio (95 %) is {at[0]}, {at[1]} and {at[2]}"
         pairs = [(a.ratio - b.ratio, np.hypot(a.stderr, b.stderr)) for a, b in ((top, middle), (top, least))]
         spread, error = max(pairs, key=lambda pair: abs(pair[0]) / pair[1])
+        q = self.quality
+        quality = f" (Q about {float(f'{q:.2g}'):g})" if np.isfinite(q) and q > 0 else ""
         if abs(spread) <= max(3 * error, 0.1 * middle.ratio):
             change = "it does not clearly change with the amplitude (as with viscous damping)"
         elif spread > 0:
             change = "it grows with the amplitude (as with drag)"
         else:
             change = "it grows as the amplitude falls (as with dry friction)"
-        return f"{lead}; {ratio}{_quality(self.quality)}; {change}."
+        return f"{lead}; {ratio}{quality}; {change}."
 
 
 def first_words(signal: Signal) -> FirstWords:
@@ -135,8 +137,3 @@ def _percent(d: DampingAt) -> str:
     half = 100 * TWO_SIDED * d.stderr
     decimals = int(np.clip(1 - np.floor(np.log10(max(half, 1e-9))), 0, 6)) if half else 3
     return f"{100 * d.ratio:.{decimals}f} ± {half:.{decimals}f} %"
-
-
-def _quality(q: float) -> str:
-    """Q in brackets, where there is one."""
-    return f" (Q about {float(f'{q:.2g}'):g})" if np.isfinite(q) and q > 0 else ""

@@ -105,10 +105,8 @@ class LawFree:
         windows, half = self.windows, 0.5 * (self.span[1] - self.span[0])
         with threadpool_limits(1, "blas"):
             fits = _smoothed(windows.places, windows.phases, windows.covariance, 0.0, self._place(times))
-        weights, slopes, sds = (
-            _weights(fits),
-            *(np.array([getattr(f, n) for f in fits]) for n in ("slopes", "sds")),
-        )
+        weights = _weights(fits)
+        slopes, sds = (np.array([getattr(f, n) for f in fits]) for n in ("slopes", "sds"))
         mean = weights @ slopes
         return mean / half, np.sqrt(weights @ (sds**2 + (slopes - mean) ** 2)) / half
 

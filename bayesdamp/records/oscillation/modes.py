@@ -137,8 +137,10 @@ def _searched(t: np.ndarray, y: np.ndarray, begun: np.ndarray) -> _Fit | None:
 
     scale = np.tile([2 * np.pi / t[-1], 1.0 / t[-1]], len(begun))
     highest = np.pi / float(np.median(np.diff(t)))
-    some = slice(None) if t.size <= SEARCHED else _by_chance(t.size)
-    few, values = t[some], y[some]
+    few, values = t, y
+    if t.size > SEARCHED:
+        some = np.sort(np.random.default_rng(0).choice(t.size, SEARCHED, replace=False))
+        few, values = t[some], y[some]
 
     def residual(z: np.ndarray) -> np.ndarray:
         return _left(few, values, (z * scale).reshape(-1, 2))
@@ -154,11 +156,6 @@ def _searched(t: np.ndarray, y: np.ndarray, begun: np.ndarray) -> _Fit | None:
         return None
     points = (found.x * scale).reshape(-1, 2)
     return _Fit(points, _left(t, y, points))
-
-
-def _by_chance(count: int) -> np.ndarray:
-    """Places of `SEARCHED` samples of so many, in order; always the same."""
-    return np.sort(np.random.default_rng(0).choice(count, SEARCHED, replace=False))
 
 
 def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:

@@ -87,7 +87,8 @@ def other_than_one(t: np.ndarray, y: np.ndarray, period: float, harmonics: bool 
 
 def _modes_of(t: np.ndarray, y: np.ndarray, one: Modes, harmonics: bool) -> NotOne | None:
     """What one damped sinusoid that does not decay shows, or two."""
-    if one.left < 1 - EXPLAINED and _grows(one):
+    grows = one.rates[0] < -SIGMAS * one.errors[0] and one.last[0] > GROWN * one.first[0]
+    if one.left < 1 - EXPLAINED and grows:
         return NotOne("growing", one, float(one.last[0] / one.first[0] - 1))
     if one.left < 1 - EXPLAINED and _stays(one, float(t[-1] - t[0])):
         return NotOne("steady", one, 1.0)
@@ -98,7 +99,10 @@ def _modes_of(t: np.ndarray, y: np.ndarray, one: Modes, harmonics: bool) -> NotO
         return None
     largest = np.maximum(two.first, two.last)
     size = float(largest[1] / largest[0])
-    steady = _steady(two, float(t[-1] - t[0]))
+    kept_up, falling = sorted(
+        two.rates.tolist()
+    )  # kept up: it does not halve in the record, while the other decays
+    steady = abs(kept_up) < min(STEADY * falling, np.log(HALVED) / float(t[-1] - t[0]))
     f, g = float(two.frequencies.min()), float(two.frequencies.max())
     if f * float(t[-1] - t[0]) < CYCLES:
         return None
@@ -162,10 +166,6 @@ def _zigzag(logs: np.ndarray) -> list[tuple[int, int, bool]]:
     return found
 
 
-def _grows(one: Modes) -> bool:
-    return bool(one.rates[0] < -SIGMAS * one.errors[0] and one.last[0] > GROWN * one.first[0])
-
-
 def _stays(one: Modes, duration: float) -> bool:
     """Whether no decay is seen where one would be."""
     rate, error = float(one.rates[0]), float(one.errors[0])
@@ -174,12 +174,6 @@ def _stays(one: Modes, duration: float) -> bool:
         and rate < UNSEEN * error
         and (abs(rate) + 2 * error) * duration < KEPT
     )
-
-
-def _steady(two: Modes, duration: float) -> bool:
-    """Whether one is kept up while the other decays: it does not halve in the record."""
-    kept, falling = sorted(two.rates.tolist())
-    return abs(kept) < min(STEADY * falling, np.log(HALVED) / duration)
 
 
 def passing(two: Modes, longest: float) -> float:

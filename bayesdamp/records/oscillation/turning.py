@@ -33,6 +33,18 @@ class Turning:
         return Turning(self.times[first:last], self.values[first:last], self.gain[first:last])
 
 
+def true_runs(flags: np.ndarray) -> list[tuple[int, int]]:
+    """Return (first, last + 1) of the runs of true values in flags (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def local_median(values: np.ndarray, beside: int = 4) -> np.ndarray:
+    """Return the median of each of values (k,) and of up to so many on either side of it, (k,)."""
+    padded = np.pad(values.astype(float), beside, constant_values=np.nan)
+    return np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 2 * beside + 1).copy(), axis=1)
+
+
 def thinned(
     t: np.ndarray, y: np.ndarray, period: float, smooth: bool = True
 ) -> tuple[np.ndarray, np.ndarray, int]:

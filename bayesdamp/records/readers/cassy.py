@@ -9,7 +9,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from bayesdamp.provenance import Fact
-from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.facts import kept
 from bayesdamp.records.files.limits import allowed_archive
 from bayesdamp.records.files.named_units import seconds_written
@@ -21,7 +21,7 @@ _MEMBER = "data.xml"
 _HEAD = 65536
 
 
-class CassyReader:
+class CassyReader(Reader):
     """CASSY Lab 2: a list of values for each quantity and run.
 
     References
@@ -31,7 +31,6 @@ class CassyReader:
 
     format = "a CASSY Lab file"
     extensions = (".labx",)
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """The root element, also of the XML within an archive."""

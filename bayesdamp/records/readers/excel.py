@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import datetime
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.limits import allowed_archive
+from bayesdamp.records.files.limits import allowed_archive, archive_names
 from bayesdamp.records.readers.text import from_lines
 from bayesdamp.types import InputError
 
@@ -33,11 +32,8 @@ class ExcelReader:
             return path.suffix.lower() in self.extensions
         if not head.startswith(b"PK"):
             return False
-        try:
-            with zipfile.ZipFile(path) as archive:
-                return "xl/workbook.xml" in archive.namelist()
-        except (zipfile.BadZipFile, NotImplementedError, OSError):
-            return path.suffix.lower() in self.extensions
+        names = archive_names(path)
+        return path.suffix.lower() in self.extensions if names is None else "xl/workbook.xml" in names
 
     def read(self, path: Path) -> Contents:
         """The tables of all sheets. Raises InputError for a workbook with a password, and for an .xls."""
@@ -66,17 +62,13 @@ class ExcelReader:
                 continue
             held += 1
             facts |= {f"{title}.{name}": value for name, value in found.facts.items()}
-            columns += [_on_sheet(column, title) for column in found.columns]
+            # Of several tables side by side each is its own group.
+            columns += [c if c.group else replace(c, group=title) for c in found.columns]
         if not held:
             raise InputError("no sheet of it has rows of numbers; give a table with a row for each sample")
         if held > 1:
             columns = [replace(c, name=_named(c, i)) for i, c in enumerate(columns, start=1)]
         return Contents("Excel", tuple(columns), facts)
-
-
-def _on_sheet(column: Column, title: str) -> Column:
-    """A column with its sheet as its group, or with its table there where several stand side by side."""
-    return column if column.group else replace(column, group=title)
 
 
 def _named(column: Column, number: int) -> str:

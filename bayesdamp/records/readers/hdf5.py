@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Contents
+from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.files.conventions import unpacked
 from bayesdamp.records.files.facts import kept
 from bayesdamp.records.files.limits import allowed
@@ -18,13 +18,12 @@ from bayesdamp.types import InputError
 _MAGIC = b"\x89HDF\r\n\x1a\n"
 
 
-class Hdf5Reader:
+class Hdf5Reader(Reader):
     """HDF5 by h5py, MATLAB 7.3 among it."""
 
     foreign = True
     format = "an HDF5 or MATLAB 7.3 file"
     extensions = (".h5", ".hdf5", ".hdf", ".he5")
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """The signature at 0, 512, 1024 or 2048 bytes."""
@@ -90,12 +89,9 @@ class _Tree:
         data = item[()]
         if self.h5py.check_string_dtype(item.dtype) is not None:
             if np.size(data) == 1:
-                text = np.ravel(data)[0]
-                self.walk.facts[path] = (
-                    text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text)
-                )
+                self.walk.facts[path] = str(_plain(np.ravel(data)[0]))
             return
-        if _attribute(item, "MATLAB_class") == "char":
+        if _plain(item.attrs.get("MATLAB_class", "")) == "char":
             self.walk.facts[path] = "".join(chr(c) for c in np.ravel(data)[:200])
             return
         if "MATLAB_empty" in item.attrs:
@@ -104,19 +100,12 @@ class _Tree:
         before = len(self.walk.columns)
         array, done, holes = unpacked(np.asarray(data), item.attrs)
         self.walk.add(path, array.T if self.matlab else array, run, depth)
-        if any(said.values()):
-            self.walk.columns[before:] = [replace(c, **said) for c in self.walk.columns[before:]]
-        if done and len(self.walk.columns) > before:
+        new = self.walk.columns[before:]
+        if done and new:
             self.notes.append(f"{path[:60]!r}: {done}.")
-        if holes:
-            self.walk.columns[before:] = [
-                replace(c, empty=np.isnan(c.values)) for c in self.walk.columns[before:]
-            ]
-
-
-def _attribute(item: Any, name: str) -> str:
-    value = item.attrs.get(name, b"")
-    return value.decode("latin-1") if isinstance(value, bytes) else str(value)
+        if any(said.values()):
+            new = [replace(c, **said) for c in new]
+        self.walk.columns[before:] = [replace(c, empty=np.isnan(c.values)) for c in new] if holes else new
 
 
 def _plain(value: Any) -> Any:

@@ -9,23 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.stamps import seconds, stamp
 from bayesdamp.records.files.table import number
 from bayesdamp.records.files.tree import Walk
-from bayesdamp.records.readers.text import decoded
+from bayesdamp.records.readers.text import text_of
 from bayesdamp.types import InputError
 
 LARGEST = 2**28
 """Bytes of a text that is read as JSON (conventional)."""
 
 
-class JsonReader:
+class JsonReader(Reader):
     """JSON and JSON lines."""
 
     format = "a JSON file"
     extensions = (".json", ".jsonl", ".ndjson")
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """An opening bracket in a file of that name, or text that can be nothing else."""
@@ -35,9 +34,7 @@ class JsonReader:
 
     def read(self, path: Path) -> Contents:
         """Lists of numbers by their paths. Raises InputError for a text that is too large."""
-        if path.stat().st_size > LARGEST:
-            raise InputError(f"a JSON text of more than {LARGEST >> 20} MiB; save it as CSV, .npy or HDF5")
-        text = decoded(path.read_bytes())
+        text = text_of(path, LARGEST)
         try:
             data = _loaded(text)
         except json.JSONDecodeError:

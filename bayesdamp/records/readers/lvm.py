@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.facts import kept
 from bayesdamp.records.files.table import number
-from bayesdamp.records.readers.text import LARGEST, column_of, decoded
+from bayesdamp.records.readers.text import column_of, text_of
 from bayesdamp.types import InputError
 
 _MARK = "LabVIEW Measurement"
@@ -34,7 +34,7 @@ class _Segment:
     rows: list[list[str]] = field(default_factory=list)
 
 
-class LvmReader:
+class LvmReader(Reader):
     """LabVIEW measurement files.
 
     References
@@ -44,7 +44,6 @@ class LvmReader:
 
     format = "a LabVIEW measurement file"
     extensions = (".lvm",)
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """The header's first words."""
@@ -52,9 +51,7 @@ class LvmReader:
 
     def read(self, path: Path) -> Contents:
         """Channels of all segments. Raises InputError for a text that is too large or has no rows."""
-        if path.stat().st_size > LARGEST:
-            raise InputError(f"a text of more than {LARGEST >> 20} MiB; give a part of it")
-        said, segments = _parsed(decoded(path.read_bytes()).splitlines())
+        said, segments = _parsed(text_of(path).splitlines())
         if not segments:
             raise InputError("has no rows of numbers behind its header; export the record again")
         axes, decimal = said.get("X_Columns", "One"), said.get("Decimal_Separator", ".")
@@ -71,7 +68,7 @@ def _parsed(lines: Sequence[str]) -> tuple[dict[str, str], list[_Segment]]:
     segments = [_Segment()]
     ended = False
     for cells in _cells(lines, separator):
-        tag, now = cells[0], segments[-1]
+        tag, now, decimal = cells[0], segments[-1], said.get("Decimal_Separator", ".")
         if tag == _END:
             ended = True
         elif not ended:
@@ -81,7 +78,7 @@ def _parsed(lines: Sequence[str]) -> tuple[dict[str, str], list[_Segment]]:
                 now = _Segment()
                 segments.append(now)
             now.tags[tag] = cells[1:]
-        elif tag == "X_Value" or not (now.rows or _is_row(cells, said.get("Decimal_Separator", "."))):
+        elif tag == "X_Value" or not (now.rows or any(number(cell, decimal) is not None for cell in cells)):
             now.names = cells
         else:
             now.rows.append(cells)
@@ -96,10 +93,6 @@ def _cells(lines: Sequence[str], separator: str) -> Iterator[list[str]]:
         special = cells[0] == _SPECIAL[0] or (special and cells[0] != _SPECIAL[1])
         if any(cells) and not special and cells[0] != _SPECIAL[1]:
             yield cells
-
-
-def _is_row(cells: Sequence[str], decimal: str) -> bool:
-    return any(number(cell, decimal) is not None for cell in cells)
 
 
 def _columns(segment: _Segment, said: Mapping[str, str], axes: str, decimal: str, run: str) -> list[Column]:

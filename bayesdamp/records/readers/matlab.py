@@ -6,7 +6,7 @@ import zlib
 from pathlib import Path
 
 from bayesdamp.records.files import limits
-from bayesdamp.records.files.contents import Contents
+from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.files.tree import Walk
 from bayesdamp.types import InputError
 
@@ -14,13 +14,12 @@ _COMPRESSED = 15
 """Data type of a compressed element, in MathWorks' MAT-File Format, table 1-1."""
 
 
-class MatlabReader:
+class MatlabReader(Reader):
     """MATLAB files of version 4 to 7 by SciPy."""
 
     foreign = True
     format = "a MATLAB file"
     extensions = (".mat",)
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """The header of version 5 to 7, or a matrix header of version 4; not 7.3, which is HDF5."""

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import math
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Contents
-from bayesdamp.records.files.limits import allowed, allowed_archive
+from bayesdamp.records.files.contents import Contents, Reader
+from bayesdamp.records.files.limits import allowed, allowed_archive, archive_names
 from bayesdamp.records.files.tree import Walk
 from bayesdamp.types import InputError
 
 _MAGIC = b"\x93NUMPY"
 
 
-class NumpyReader:
+class NumpyReader(Reader):
     """`.npy` and `.npz`, without pickles."""
 
     format = "a NumPy file"
     extensions = (".npy", ".npz")
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """NumPy's signature, or a ZIP archive of such arrays."""
@@ -29,12 +27,10 @@ class NumpyReader:
             return True
         if not head.startswith(b"PK"):
             return False
-        try:
-            with zipfile.ZipFile(path) as archive:
-                names = archive.namelist()
-            return bool(names) and all(name.endswith(".npy") for name in names)
-        except (zipfile.BadZipFile, NotImplementedError, OSError):
+        names = archive_names(path)
+        if names is None:
             return path.suffix.lower() == ".npz"
+        return bool(names) and all(name.endswith(".npy") for name in names)
 
     def read(self, path: Path) -> Contents:
         """Arrays, and fields of structured ones, by their names."""

@@ -10,18 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.facts import kept, sampling_rate
 from bayesdamp.records.files.limits import allowed
 from bayesdamp.records.files.tree import seconds_of
 
 
-class TdmsReader:
+class TdmsReader(Reader):
     """National Instruments' TDMS by npTDMS."""
 
     format = "a TDMS file"
     extensions = (".tdms",)
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """The tag of its first segment."""
@@ -42,18 +41,16 @@ class TdmsReader:
                 for channel in group.channels():
                     column = _column(channel, group.name, len(groups) > 1)
                     columns += [column] if column is not None else []
-            warnings = _cut(file)
+            status = getattr(file, "file_status", None)
+        warnings = ()
+        if status is not None and status.incomplete_final_segment:
+            lost = [one.expected_length - one.read_length for one in (status.channel_statuses or {}).values()]
+            many = f", {max(lost)} samples of a channel are missing" if lost and max(lost) > 0 else ""
+            what = (
+                f"the file is cut off within its last segment{many}: it was not closed, or not copied whole."
+            )
+            warnings = (what,)
         return Contents("TDMS", tuple(columns), kept(facts), warnings=warnings, channels=True)
-
-
-def _cut(file: Any) -> tuple[str, ...]:
-    """A warning where the file ends before its last segment does."""
-    status = getattr(file, "file_status", None)
-    if status is None or not status.incomplete_final_segment:
-        return ()
-    lost = [one.expected_length - one.read_length for one in (status.channel_statuses or {}).values()]
-    many = f", {max(lost)} samples of a channel are missing" if lost and max(lost) > 0 else ""
-    return (f"the file is cut off within its last segment{many}: it was not closed, or not copied whole.",)
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.records.files import oscilloscope
-from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.facts import header_facts
 from bayesdamp.records.files.stamps import seconds, stamp
 from bayesdamp.records.files.table import BLANKS, Layout, find_layout, number, without_arrows
@@ -22,12 +22,11 @@ _WORD = 40
 """Characters of a cell without a number that are kept."""
 
 
-class TextReader:
+class TextReader(Reader):
     """Text of loggers and phones: delimiter, decimal mark, header and encoding are found."""
 
     format = "a text table"
     extensions = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """Text in an encoding that is known, without control characters."""
@@ -38,15 +37,16 @@ class TextReader:
 
     def read(self, path: Path) -> Contents:
         """The table's columns. Raises InputError for a text that is too large."""
-        if path.stat().st_size > LARGEST:
-            raise InputError(
-                f"a text of more than {LARGEST >> 20} MiB; give a part of it, or save it as .npy or HDF5"
-            )
-        return from_lines(decoded(path.read_bytes()).splitlines())
+        return from_lines(text_of(path).splitlines())
 
 
-def decoded(data: bytes) -> str:
-    """The text of bytes in UTF-8, UTF-16 with a mark, or else Latin-1."""
+def text_of(path: Path, largest: int = LARGEST) -> str:
+    """Read a text file in UTF-8, UTF-16 with a mark, or else Latin-1. Raises InputError for one that is too large."""
+    if path.stat().st_size > largest:
+        raise InputError(
+            f"a text of more than {largest >> 20} MiB; give a part of it, or save it as .npy or HDF5"
+        )
+    data = path.read_bytes()
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")
     try:
@@ -77,6 +77,12 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
             f"has {layout.columns:,} columns; a record has a row for each sample: give a table that is turned round"
         )
     first = layout.first - (len(lines) - given)
+    head = [(line, _named_columns(line, layout)) for line in lines[: layout.first]]
+    beyond: tuple[str, ...] = ()
+    most = max((names for _, names in head), default=0)
+    if most > layout.columns and layout.separator != BLANKS:
+        what = f"its head names {most} columns and its rows have {layout.columns}: names are taken from the left."
+        beyond = (what,)
     table, uneven, again = _plain(body, layout), (), []
     if table is not None:
         at = np.arange(len(table))
@@ -98,7 +104,7 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
     return Contents(
         form,
         tuple(columns),
-        settings or header_facts(line for line in lines[: layout.first] if not _names_columns(line, layout)),
+        settings or header_facts(line for line, names in head if not names),
         tuple(
             f"Line {first + 1 + i} repeats the names of the columns and is left out."
             for i in again[:MOST_NOTES]
@@ -109,7 +115,7 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         },
         first + 1,
         at,
-        warnings=(*_names_beyond(lines[: layout.first], layout), *uneven),
+        warnings=(*beyond, *uneven),
     )
 
 
@@ -130,27 +136,12 @@ def _uneven(rows: list[list[str]], lines: np.ndarray, columns: int) -> tuple[str
     return (f"{first} where the table has {columns}{more}: {what}.",)
 
 
-def _names_columns(line: str, layout: Layout) -> bool:
-    """Whether a line above the table is that of its columns' names, or of what tables side by side are called."""
-    said = _said(line, layout)
+def _named_columns(line: str, layout: Layout) -> int:
+    """Return how many columns a line above the table names, or how many tables side by side; 0 for other lines."""
+    cells = [cell for cell in layout.cells(line.strip().lstrip("#% ")) if cell]
     names = [name for name in layout.names if name]
-    longer = len(names) > 1 and said[: len(names)] == names
-    return longer or said in (names, list(dict.fromkeys(layout.groups)))
-
-
-def _said(line: str, layout: Layout) -> list[str]:
-    """The cells of a line above the table that hold anything."""
-    return [cell for cell in layout.cells(line.strip().lstrip("#% ")) if cell]
-
-
-def _names_beyond(head: list[str], layout: Layout) -> tuple[str, ...]:
-    """Say that a head names more columns than the rows have; empty where it does not."""
-    many = max((len(_said(line, layout)) for line in head if _names_columns(line, layout)), default=0)
-    if many <= layout.columns or layout.separator == BLANKS:
-        return ()
-    return (
-        f"its head names {many} columns and its rows have {layout.columns}: names are taken from the left.",
-    )
+    longer = len(names) > 1 and cells[: len(names)] == names
+    return max(len(cells), 1) if longer or cells in (names, list(dict.fromkeys(layout.groups))) else 0
 
 
 def _heads(layout: Layout) -> list[tuple[str, str, str]]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.provenance import Fact
-from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.facts import kept
 from bayesdamp.types import InputError
 
@@ -25,12 +25,11 @@ _DIRECTIONS = dict(
 )
 
 
-class UffReader:
+class UffReader(Reader):
     """Universal files, data set 58, by pyuff."""
 
     format = "a universal file (UFF)"
     extensions = (".uff", ".unv", ".uf", ".58", ".bunv")
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """A data set's opening lines."""
@@ -102,8 +101,7 @@ def _names(sets: list[Any]) -> list[str]:
 def _columns(data: Any, name: str, group: str) -> list[Column]:
     unit, quantity = _ORDINATES.get(int(data.get("ordinate_spec_data_type", 0)), ("", ""))
     written = str(data.get("ordinate_axis_units_lab", "")).strip()
-    if written and written.upper() != "NONE":
-        unit, quantity = written, quantity
+    unit = written if written.upper() not in ("", "NONE") else unit
     values, x = np.asarray(data["data"], float), np.asarray(data["x"], float)
     if int(data["abscissa_spacing"]) == 1:
         step = float(data["abscissa_inc"])

@@ -6,16 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.types import InputError
 
 
-class WavReader:
+class WavReader(Reader):
     """WAV by SciPy, the sampling rate from its header."""
 
     format = "a WAV file"
     extensions = (".wav", ".wave")
-    extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """RIFF, RIFX or RF64, of kind WAVE."""

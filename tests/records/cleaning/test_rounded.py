@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.cleaning.clock import clock_times
-from bayesdamp.records.cleaning.rounded import even
+from bayesdamp.records.cleaning.clock import clock_times, rounded_sampling
 from bayesdamp.records.record import RawRecord
+from bayesdamp.types import InputError
 
 THIRTIETH = 1 / 30
 
@@ -20,30 +18,28 @@ def digits(t: np.ndarray, many: int) -> np.ndarray:
 
 
 STAMPS = {
-    "whole seconds, cut off": (np.floor(0.02 * np.arange(400) + 0.313), 0.02),
-    "whole seconds, rounded": (np.round(np.arange(946) / 47.3 + 0.31), 1 / 47.3),
-    "whole minutes": (60 * np.floor(np.arange(2600) / 4.3 / 60 + 0.31), 1 / 4.3),
     "two decimals": (np.round(THIRTIETH * np.arange(300), 2), THIRTIETH),
+    "cut off": (np.floor(1e3 * (np.arange(500) / 47.3 + 0.0017)) / 1e3, 1 / 47.3),
     "six digits": (digits(THIRTIETH * np.arange(20_000), 6), THIRTIETH),
+    "hundredths of a minute": (60 * np.round(np.arange(2600) / 1.3 / 60 + 0.31, 2), 1 / 1.3),
     "long after midnight": (51_234.0 + np.round(THIRTIETH * np.arange(3_000), 3), THIRTIETH),
 }
 
 
 @pytest.mark.parametrize("name", STAMPS)
-def test_the_sampling_is_found(name: str):
-    """Within a step from end to end; a line by least squares is off by 1.6 % where eight stamps of seconds are."""
+def test_the_sampling_is_rebuilt(name: str):
+    """Within a fiftieth of a step from end to end."""
     t, step = STAMPS[name]
-    found = even(np.arange(t.size), t)
-    assert found is not None
-    assert abs(found.step - step) * t.size < step
-    assert found.off <= found.digit / 2 * (1 + 1e-5)
+    clock = clock_times(RawRecord(t, np.sin(0.1 * np.arange(t.size))), "auto", "x")
+    assert clock.used == "uniform"
+    assert abs(clock.t[-1] - clock.t[0] - (t.size - 1) * step) < 0.02 * step
 
 
 def test_rows_that_are_missing():
     rows = np.r_[0:1500, 1600:3000]
-    found = even(rows, np.round(rows / 30.3, 2))
-    assert found is not None
-    assert found.step == pytest.approx(1 / 30.3, rel=1e-6)
+    digit, step, off = rounded_sampling(rows, np.round(rows / 30.3, 2))
+    assert step == pytest.approx(1 / 30.3, rel=1e-6)
+    assert off < 0.6 * digit
 
 
 def test_no_even_sampling():
@@ -56,9 +52,23 @@ def test_no_even_sampling():
         "with a pause": np.round(exact + 0.5 * (i > 1500), 2),
         "as many digits as a double has": exact,
         "a row that is missing": 0.01 * np.delete(i, 1_000),
-        "a row that stands twice": 0.01 * np.insert(i, 1_000, 1_000),
     }
-    assert [name for name, t in others.items() if even(np.arange(t.size), t) is not None] == []
+    for t in others.values():
+        assert clock_times(RawRecord(t, t), "auto", "x").used == "as_logged"
+
+
+@pytest.mark.parametrize(
+    "t",
+    [np.floor(0.02 * np.arange(400) + 0.313), np.round(np.arange(946) / 47.3 + 0.31)],
+    ids=["cut", "rounded"],
+)
+def test_stamps_coarser_than_a_step_are_refused(t: np.ndarray):
+    """A line by least squares is off by 1.6 % where eight stamps of seconds are."""
+    with pytest.raises(
+        InputError, match=r"written to 1 s, more than the step .* give the rate.*\(--clock, --rate\)"
+    ):
+        clock_times(RawRecord(t, t), "auto", "x")
+    assert clock_times(RawRecord(t, t), "uniform", "x").used == "uniform"
 
 
 def test_clocks():
@@ -74,14 +84,6 @@ def test_clocks():
         kept = clock_times(RawRecord(t, y), clock, "x")
         assert (kept.used, kept.notes) == ("as_logged", ())
         assert np.array_equal(kept.t, t)
-
-
-def test_few_that_repeat():
-    """Stamps of six digits that begin to repeat late in a record were refused."""
-    t = digits(0.06 * np.arange(18_000), 5)
-    share = np.mean([a == b for a, b in pairwise(t)])
-    assert 0 < share < 0.05
-    assert clock_times(RawRecord(t, t), "auto", "x").used == "uniform"
 
 
 def test_no_scatter_is_left():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bayesdamp.records.columns.choice import Choice, Why
+from bayesdamp.records.columns.choosing import DIES_FOR_GOOD, Choice
 from bayesdamp.records.columns.names import parted
 from bayesdamp.records.files.contents import Column
 from bayesdamp.records.read import read_record, read_records
@@ -81,7 +81,7 @@ def test_where_a_run_has_one_column_there_is_no_choice(tmp_path: Path) -> None:
 
 
 def test_a_choice_s_sentence_is_made_of_its_values() -> None:
-    dies, for_good = Choice("'x'", changing=3), Choice("'x'", Why.DIES_FOR_GOOD, 2, still=4)
+    dies, for_good = Choice("'x'", changing=3), Choice("'x'", DIES_FOR_GOOD, 2, still=4)
     assert "of 3 that change it alone swings and dies down, but for" in str(dies)
     assert "of 2 that change it alone swings and dies down for good, but for" in str(for_good)
     assert "beside it is only one column that does not change" in str(Choice("'x'", still=1))

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.columns.names import asked_for
-from bayesdamp.records.columns.units_said import unit_said
+from bayesdamp.records.columns.names import asked_for, unit_said
 from bayesdamp.records.files.named_units import seconds_in, unit_and_quantity
 from bayesdamp.records.files.table import find_layout
 from bayesdamp.records.opening.opening import contents

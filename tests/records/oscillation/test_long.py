@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.oscillation import modes
-from bayesdamp.records.oscillation.features import _typical
 from bayesdamp.records.oscillation.modes import damped_modes
 from bayesdamp.records.oscillation.one import other_than_one
+from bayesdamp.records.oscillation.turning import local_median
 
 
 def two(cycles: float, second: float, samples: int = 13) -> tuple[np.ndarray, np.ndarray]:
@@ -48,4 +48,4 @@ def test_the_search_costs_no_more_for_a_longer_record(monkeypatch: pytest.Monkey
 def test_the_usual_gap_is_the_median_of_the_gaps_about_it(count: int) -> None:
     gaps = np.random.default_rng(0).uniform(size=count)
     plain = [np.median(gaps[max(i - 4, 0) : i + 5]) for i in range(count)]
-    assert np.array_equal(_typical(gaps), plain)
+    assert np.array_equal(local_median(gaps), plain)

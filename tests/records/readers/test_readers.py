@@ -12,8 +12,8 @@ import pytest
 from scipy.io import savemat
 
 from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.opening.opening import contents, read_packed
-from bayesdamp.records.opening.packing import unpacked
+from bayesdamp.records.opening.isolated import load_isolated
+from bayesdamp.records.opening.opening import contents, read_here
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.records.readers import READERS
 from bayesdamp.records.record import RawRecord
@@ -298,7 +298,7 @@ def test_a_wav_of_one_channel_is_one_record(tmp_path: Path) -> None:
 def test_contents_pass_from_one_process_to_another(tmp_path: Path, what: str) -> None:
     name, write, *_ = FORMATS[what]
     write(tmp_path / name)
-    there, here = unpacked(read_packed(tmp_path / name)), contents(tmp_path / name)
+    there, here = load_isolated(read_here, tmp_path / name), contents(tmp_path / name)
     assert [c.name for c in there.columns] == [c.name for c in here.columns]
     for a, b in zip(there.columns, here.columns, strict=True):
         np.testing.assert_array_equal(a.values, b.values)
@@ -311,7 +311,7 @@ def test_words_and_empty_cells_pass_too(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(
         "\n".join(["t,x", *rows[:50], "9,oops", ",", *rows[50:]]), encoding="utf-8"
     )
-    there, here = unpacked(read_packed(tmp_path / "a.csv")), contents(tmp_path / "a.csv")
+    there, here = load_isolated(read_here, tmp_path / "a.csv"), contents(tmp_path / "a.csv")
     assert there.columns[1].words == here.columns[1].words == {50: "oops"}
     np.testing.assert_array_equal(there.columns[0].empty, here.columns[0].empty)
     np.testing.assert_array_equal(there.lines, here.lines)
