@@ -135,7 +135,8 @@ def adapted(
     """
     if tuple(names) == (GAUSSIAN,):
         return None
-    if data.record is None:
+    record, variance = data.record, 0.0
+    if record is None:
         if GAUSSIAN in names:
             return None
         raise Refusal(
@@ -145,23 +146,22 @@ def adapted(
     motion = _at_samples(solver, data, at)
     if motion is None:
         return None
-    weighed = _weighed(names, data.record.y - motion, data, known, priors)
+    weighed = _weighed(names, record.y - motion, data, known, priors)
     by_name = {one.name: one for one in weighed}
     noise, plain = max(weighed, key=lambda one: one.log_evidence), by_name.get(GAUSSIAN)
-    found, gaps = at.fit, np.diff(data.record.t)
+    found, gaps = at.fit, np.diff(record.t)
     ahead = np.inf if plain is None else noise.log_evidence - plain.log_evidence
-    predictable = _predictable(data.record.y - motion)
+    predictable = _predictable(record.y - motion)
     if plain is not None and (ahead < LEAD or predictable > ahead):
         # What can be predicted may not be noise, but a second mode, or what a law leaves that does not hold. It is left
         # to the power of the residual near the oscillation (`inflation`), which is at least that of correlated noise
         # where this explains as much as any autoregression.
         other = by_name.get(CORRELATED, plain)
-        variance = 0.0
         if other.log_evidence - plain.log_evidence > max(LEAD, predictable - LEAD):
-            variance = other.variance(data.record.y - motion, motion - motion.mean(), gaps) / data.thinned
+            variance = other.variance(record.y - motion, motion - motion.mean(), gaps) / data.thinned
         return Adapted(data, SampleNoise(plain, weighed), variance)
     for _ in range(ROUNDS):
-        residual = data.record.y - motion
+        residual = record.y - motion
         variance = noise.variance(residual, motion - motion.mean(), gaps)
         working = noise.working_residuals(residual, gaps, variance)
         data = data.working(working - residual)
@@ -173,7 +173,7 @@ def adapted(
         motion = _at_samples(solver, data, at)
         if motion is None or moved < SETTLED:
             break
-        noise = fit_noise(noise.name, data.record.y - motion, data.record, data.features, known, priors)
+        noise = fit_noise(noise.name, record.y - motion, record, data.features, known, priors)
     return Adapted(data, SampleNoise(noise, weighed), data.least_variance + variance / data.thinned)
 
 
