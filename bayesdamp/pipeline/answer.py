@@ -314,14 +314,20 @@ def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) 
 
 
 def _on_noise(noise: SampleNoise) -> str:
-    """Return what is to be said of a noise that is not Gaussian, "" of one that is."""
+    """Return a sentence on noise that is not Gaussian, "" on noise that is."""
     if noise.name == GAUSSIAN:
         return ""
-    values = noise.fitted.values
-    size = f", {values['noise_dof']:.2g} degrees of freedom" if "noise_dof" in values else ""
     if not np.isfinite(noise.ahead):
-        return f"The noise model is {noise.name}{size}."
-    return f"The noise model is {noise.name}{size}: {noise.ahead:.3g} nats ahead of Gaussian noise."
+        return f"The noise model is {noise.name}, as specified."
+    ahead = f"is {noise.ahead:.0f} nats ahead of Gaussian noise"
+    match noise.name:
+        case "student_t":
+            freedom = f"{noise.fitted.values['noise_dof']:.2g} degrees of freedom"
+            return f"The record has outliers, which count for little: Student's t noise (student_t, {freedom}) {ahead}."
+        case "quantised":
+            return f"The record is rounded to coarse steps, which is allowed for: rounded noise (quantised) {ahead}."
+        case _:
+            return f"The noise model is {noise.name}, which {ahead}."
 
 
 def _not_weighed(weighing: Weighing) -> list[str]:

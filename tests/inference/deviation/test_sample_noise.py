@@ -90,7 +90,7 @@ def test_gaussian_noise_stays_gaussian():
     signal = bd.simulate({"viscous": 0.05}, "linear", seed=4, theta0=0.3, **MADE)
     verdict, own = first_ratio(signal)
     _, plain = first_ratio(signal, noise="gaussian")
-    assert not any("noise model" in remark for remark in verdict.remarks)
+    assert not any("ahead of Gaussian noise" in remark for remark in verdict.remarks)
     assert (own.value, own.low, own.high) == (plain.value, plain.low, plain.high)
 
 
@@ -98,7 +98,7 @@ def test_what_a_wrong_law_leaves_is_no_heavy_tail():
     """A record of a stiffening spring under a linear one: residuals are large at first only, and smooth."""
     signal = bd.simulate({"viscous": 0.05}, "duffing", cubic=3.0, seed=5, theta0=0.5, **MADE)
     verdict, _ = first_ratio(signal)
-    assert not any("noise model" in remark for remark in verdict.remarks)
+    assert not any("ahead of Gaussian noise" in remark for remark in verdict.remarks)
 
 
 def test_coarse_steps_are_rounding_and_not_noise():
