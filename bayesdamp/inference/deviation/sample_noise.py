@@ -151,13 +151,13 @@ def adapted(
     noise, plain = max(weighed, key=lambda one: one.log_evidence), by_name.get(GAUSSIAN)
     found, gaps = at.fit, np.diff(record.t)
     ahead = np.inf if plain is None else noise.log_evidence - plain.log_evidence
-    predictable = _predictable(record.y - motion)
-    if plain is not None and (ahead < LEAD or predictable > ahead):
+    gain = predictable(record.y - motion)
+    if plain is not None and (ahead < LEAD or gain > ahead):
         # What can be predicted may not be noise, but a second mode, or what a law leaves that does not hold. It is left
         # to the power of the residual near the oscillation (`inflation`), which is at least that of correlated noise
         # where this explains as much as any autoregression.
         other = by_name.get(CORRELATED, plain)
-        if other.log_evidence - plain.log_evidence > max(LEAD, predictable - LEAD):
+        if other.log_evidence - plain.log_evidence > max(LEAD, gain - LEAD):
             variance = other.variance(record.y - motion, motion - motion.mean(), gaps) / data.thinned
         return Adapted(data, SampleNoise(plain, weighed), variance)
     for _ in range(ROUNDS):
@@ -204,7 +204,7 @@ def _at_samples(solver: Solver, data: Data, at: Linearised) -> np.ndarray | None
     return None if motion is None else motion.y
 
 
-def _predictable(residual: np.ndarray) -> float:
+def predictable(residual: np.ndarray) -> float:
     """Compute how many nats an autoregression of residuals (m,) is ahead of white Gaussian noise, never less than 0, by
     least squares and Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978))."""
     rows = np.lib.stride_tricks.sliding_window_view(residual, ORDER + 1)

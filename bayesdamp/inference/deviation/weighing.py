@@ -26,7 +26,14 @@ from bayesdamp.inference.deviation.gaussian.noise import inflation
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
 from bayesdamp.inference.deviation.least_squares import Fit, fit
 from bayesdamp.inference.deviation.orbit import rest_of
-from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, GAUSSIAN, SampleNoise, adapted, inflated
+from bayesdamp.inference.deviation.sample_noise import (
+    AUTOMATIC,
+    GAUSSIAN,
+    SampleNoise,
+    adapted,
+    inflated,
+    predictable,
+)
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS
@@ -203,7 +210,7 @@ def weigh_all(
         variance, kappa = inflated(data, wholes[law][0], other.variance)
         stated = float(np.sqrt(other.variance))
     elif stated is None:
-        variance, kappa = _noise(data, wholes)
+        variance, kappa = _noise(data, wholes, approximate)
         if other is not None and other.variance > variance:
             variance, kappa = other.variance, kappa * other.variance / variance
     else:
@@ -433,9 +440,15 @@ def _stated(data: Data, noise_sd: float) -> float:
     return data.least_variance + noise_sd**2 / data.thinned
 
 
-def _noise(data: Data, wholes: Mapping[str, tuple[Linearised, float]]) -> tuple[float, float]:
-    """The variance that counts, and κ in it, from the sum of all terms under the law that leaves least."""
+def _noise(
+    data: Data, wholes: Mapping[str, tuple[Linearised, float]], approximate: bool
+) -> tuple[float, float]:
+    """The variance that counts, and κ in it, from the sum of all terms under the law that leaves least.
+
+    Amplitudes and phases have the noise near the oscillation alone. Where laws hold exactly and nothing of the residual
+    can be predicted it is white, and κ, which a short record tells to a few ten per cent only, is 1.
+    """
     at, variance = min(wholes.values(), key=lambda found: found[1])
-    # Amplitudes and phases have the noise near the oscillation alone.
-    kappa = 1.0 if data.averaged else inflation(data.t, at.left, data.frequency, at.u.size)
+    white = bool(data.averaged) or (not approximate and predictable(at.left) == 0.0)
+    kappa = 1.0 if white else inflation(data.t, at.left, data.frequency, at.u.size)
     return kappa * variance, kappa

@@ -5,7 +5,10 @@ import pytest
 from scipy import optimize, stats
 
 import bayesdamp as bd
+from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.sample_noise import noises_of
+from bayesdamp.inference.deviation.weighing import weigh_all
 from bayesdamp.inference.noise import NOISES, IndependentNoise
 from bayesdamp.inference.noise._residuals import FittedNoise
 from bayesdamp.types import InputError
@@ -92,6 +95,18 @@ def test_gaussian_noise_stays_gaussian():
     _, plain = first_ratio(signal, noise="gaussian")
     assert not any("ahead of Gaussian noise" in remark for remark in verdict.remarks)
     assert (own.value, own.low, own.high) == (plain.value, plain.low, plain.high)
+
+
+@pytest.mark.parametrize(("noise_time", "white"), [(None, True), (0.1, False)])
+def test_white_noise_is_white_under_exact_laws(noise_time: float | None, white: bool):
+    """Of four records each; with correlated noise, the control, the variance near the oscillation is larger."""
+    own = {} if noise_time is None else {"noise": "correlated", "noise_time": noise_time}
+    factors = []
+    for seed in range(4):
+        signal = bd.simulate({"viscous": 0.05}, "linear", seed=seed, theta0=0.3, **MADE, **own)
+        asked = [Candidate(("viscous",), "linear")]
+        factors.append(weigh_all(prepared(signal), asked, approximate=False).inflation)
+    assert all((one == 1.0) == white for one in factors)
 
 
 def test_what_a_wrong_law_leaves_is_no_heavy_tail():
