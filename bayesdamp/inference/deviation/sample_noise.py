@@ -152,7 +152,7 @@ def adapted(
     found, gaps = at.fit, np.diff(record.t)
     ahead = np.inf if plain is None else noise.log_evidence - plain.log_evidence
     gain = predictable(record.y - motion)
-    if plain is not None and (ahead < LEAD or gain > ahead):
+    if plain is not None and (ahead < LEAD or noise.name == CORRELATED or gain > ahead):
         # What can be predicted may not be noise, but a second mode, or what a law leaves that does not hold. It is left
         # to the power of the residual near the oscillation (`inflation`), which is at least that of correlated noise
         # where this explains as much as any autoregression.
