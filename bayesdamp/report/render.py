@@ -42,7 +42,7 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     """
     info = read_description(folder)
     if info.get("kind") == ENVELOPES:
-        page = _page(folder, info, envelopes.sections(folder, info))
+        page = _page(info, envelopes.sections(folder, info), folder.resolve().name)
     else:
         run = Run(folder)
         claim(run.folder)
@@ -64,17 +64,18 @@ def page_of(run: Run, pool: Executor | None = None) -> tuple[str, set[str]]:
         {"name": section.name, "title": section.title, "body": Markup(done.body)}
         for section, done in zip(wanted, bodies, strict=True)
     ]
-    return _page(run.folder, run.info, sections), {name for done in bodies for name in done.figures}
+    name = "" if run.info.get("name") else run.folder.resolve().name
+    return _page(run.info, sections, name), {name for done in bodies for name in done.figures}
 
 
-def _page(folder: Path, info: Mapping[str, Any], sections: Sequence[Mapping[str, object]]) -> str:
-    """Return the HTML of a page of these sections."""
+def _page(info: Mapping[str, Any], sections: Sequence[Mapping[str, object]], name: str) -> str:
+    """Return the HTML of a page of these sections. name: where `info` has none."""
     css, script = (
         Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("style.css", "page.js")
     )
     return fill(
         "report.html",
-        name=info.get("name") or folder.resolve().name,
+        name=info.get("name") or name,
         description=info.get("description") or "",
         css=css,
         script=script,

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+NAN = float("nan")
+"""One object for all that is not known, so that verdicts with such fields can be equal."""
+
 
 class Grade(StrEnum):
     """How well a law of damping describes the record."""
@@ -143,7 +146,7 @@ class Window:
     stop: float
     cycles: float
     why: str
-    floor_db: float = float("nan")
+    floor_db: float = NAN
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from bayesdamp.calls import Told
 from bayesdamp.store.files import write_json
 from bayesdamp.types import VERDICT_SCHEMA, InputError
 from bayesdamp.verdict.parts import (
+    NAN,
     AtAmplitude,
     Averages,
     Bound,
@@ -72,7 +73,7 @@ class Verdict(Told):
     probability: float
     rivals: tuple[Rival, ...] = ()
     restoring: str = ""
-    restoring_probability: float = float("nan")
+    restoring_probability: float = NAN
     frequency: Interval | None = None
     exponent: Interval | None = None
     damping_ratio: tuple[DampingRatio, ...] = ()
@@ -82,9 +83,9 @@ class Verdict(Told):
     other_forms: tuple[Bound, ...] = ()
     deviation: Interval | None = None
     unnamed: Interval | None = None
-    unexplained_pct: float = float("nan")
-    noise_pct: float = float("nan")
-    midline_drift_pct: float = float("nan")
+    unexplained_pct: float = NAN
+    noise_pct: float = NAN
+    midline_drift_pct: float = NAN
     frequency_at: FrequencyAt | None = None
     restoring_deviation: Interval | None = None
     law_free: bool = False
@@ -100,10 +101,10 @@ class Verdict(Told):
     quality_factor: Estimate | None = None
     decay_rate: tuple[AtAmplitude, ...] = ()
     quality_factor_at: tuple[AtAmplitude, ...] = ()
-    probability_exact: float = float("nan")
-    power_law: float = float("nan")
+    probability_exact: float = NAN
+    power_law: float = NAN
     next_value: Interval | None = None
-    standardised: float = float("nan")
+    standardised: float = NAN
     remarks: tuple[str, ...] = ()
     records: int = 1
     sentence: str = ""
@@ -228,7 +229,7 @@ def _read(kind: Any, value: Any) -> Any:
     if isinstance(value, list | tuple):
         return tuple(_read(each[0], one) for one in value)
     if value is None:
-        return None if NoneType in each else float("nan")
+        return None if NoneType in each else NAN
     one = each[0] if each else kind
     if isinstance(value, dict):
         return one(**{name: _read(_hints(one)[name], part) for name, part in value.items()})

@@ -120,7 +120,6 @@ def test_the_page_has_them_and_says_what_is_not_computed() -> None:
     assert "NUTS, with white noise of the size that no deviation takes" in page
     assert "All of it is of fits under laws that hold exactly" in page
     assert "o model fits" not in page  # which is what exact laws say
-    assert "the record does not decide between" in page.lower()
     assert f"sensitivity/swell/0/{SMALL}/noises" not in Store(ran()).names()
 
 

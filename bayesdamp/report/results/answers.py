@@ -26,9 +26,10 @@ class Answer:
 
 
 def content_of(run: Run, signal: str, repeat: int) -> AnswerContent | None:
-    """Return what is stored of the answer on one record before sampling; None where there is none."""
+    """Return what is stored of the answer on one record before sampling; None where no law is the answer."""
     cell = run.cell("answer", signal, repeat)
-    return AnswerContent.of(cell) if cell is not None and cell.outcome == OK else None
+    content = AnswerContent.of(cell) if cell is not None and cell.outcome == OK else None
+    return None if content is None or content.verdict.get("law_free") else content
 
 
 def answer_of(run: Run, signal: str, repeat: int) -> Answer | None:

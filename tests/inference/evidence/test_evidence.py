@@ -68,7 +68,7 @@ def test_against_quadrature(case, method):
 def test_nested_sampling_around_the_mode_against_quadrature(case, monkeypatch):
     """As where from the prior it would take too long. Negative control: with the half-normal priors' two left out."""
     monkeypatch.setattr(nested, "LEG", 1)  # it asks at once
-    monkeypatch.setattr(nested, "log_evidence_near", lambda *_: -1e9)  # and has a billion nats to go
+    monkeypatch.setattr(nested, "log_evidence_about", lambda *_: -1e9)  # and has a billion nats to go
     monkeypatch.setattr(nested, "EFFECTIVE", 10_000)
     target, mode = problem(case)
     found = EVIDENCES.get("nested").evidence("model", target, mode, 1)
