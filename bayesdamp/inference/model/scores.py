@@ -21,6 +21,8 @@ class Scores(ABC):
     """The prior is N(0, 1) in each score, but for coefficients whose priors share an unknown scale."""
 
     known: Mapping[str, float]
+    scales: tuple[float, ...] = tuple(map(float, SHARED_SIGMAS))
+    """Scales that coefficients may share, in scores, all equally probable."""
 
     @cached_property
     @abstractmethod
@@ -51,13 +53,11 @@ class Scores(ABC):
             found[shared] = shared_precision(squares, int(shared.sum()), np.asarray(scales))
         return found
 
-    def prior_draws(
-        self, count: int, rng: np.random.Generator, scales: Sequence[float] | np.ndarray = SHARED_SIGMAS
-    ) -> np.ndarray:
+    def prior_draws(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """Draw scores from the prior, (n, d), not negative where they are reflected."""
         z = rng.standard_normal((count, len(self.inferred)))
         if self.shared.any():
-            z[:, self.shared] *= rng.choice(scales, count)[:, None]
+            z[:, self.shared] *= rng.choice(self.scales, count)[:, None]
         z[:, self.reflected] = np.abs(z[:, self.reflected])
         return z
 
