@@ -130,9 +130,11 @@ def test_coarse_steps_are_rounding_and_not_noise():
 
 def test_a_fit_with_deviations_has_the_noise_too(tmp_path):
     """Its interval holds the truth and is narrower than under Gaussian noise; what is read from a file is the same."""
-    signal, asked = spoilt(), {"restoring": "linear", "deviation": "law"}
-    own = bd.fit(signal, bd.Model("viscous", noise="student_t", **asked))
-    plain = bd.fit(signal, bd.Model("viscous", noise="gaussian", **asked))
+    signal = spoilt()
+    own, plain = (
+        bd.fit(signal, bd.Model("viscous", restoring="linear", deviation="law", noise=noise))
+        for noise in ("student_t", "gaussian")
+    )
     (low, high), (plain_low, plain_high) = own.intervals["zeta"], plain.intervals["zeta"]
     assert own.noise == "student_t"
     assert low < 0.05 < high
