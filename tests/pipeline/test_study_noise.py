@@ -64,7 +64,16 @@ def test_one_noise_is_chosen_and_shown(tmp_path):
     assert all(c.mode == 0 for c in searches[:3])
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert 'id="noise"' in report
+    assert "noise model of the answer" in report
     assert 'id="seeds"' in report
+
+
+def test_the_page_refers_to_no_choice_where_there_was_none(tmp_path):
+    made = study(tmp_path, '"gaussian"')
+    assert run_study(made, tmp_path / "out", workers=1) == 0
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "noise model of the answer" not in report
+    assert 'id="noise"' not in report
 
 
 def test_a_noise_that_is_none_for_the_record_is_refused(tmp_path):

@@ -113,7 +113,7 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
         "Probability of viscous among the compared damping models: 0.99 by importance sampling; the answer gives "
         "> 0.999.",
         "Residuals: viscous fits.",
-        "2 trajectory fits of ζ: 0.0500000.",
+        "2 trajectory fits give ζ = 0.0500000.",
         "Truth: the record was simulated with viscous damping, as the answer says.",
         "Truth: ζ = 0.05, inside the 95 % interval.",
     ]
@@ -144,7 +144,7 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
         ),
         (
             {"estimates": [fitted(0.06)]},
-            "1 trajectory fit of ζ: 0.0600000; 1 of them outside the answer's 95 % interval.",
+            "1 trajectory fit gives ζ = 0.0600000; 1 of them outside the answer's 95 % interval.",
         ),
         ({"truth": "coulomb", "posteriors": chain()}, "with Coulomb damping, to which the answer gives 0.02."),
         (

@@ -47,7 +47,7 @@ def run_info(study: Study, store: Store) -> Row:
             "restoring": list(spec.restoring),
             "outcome": seen.outcome,
             "bound": dict(content.bound),
-            **({"noise": answer.noise} if answer and answer.noise else {}),
+            **({"noise": answer.noise} if answer and len(answer.noises) > 1 else {}),
             **(_scales(oscillation) if oscillation else {}),
         }
         cells = {m: store.find(f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}

@@ -359,9 +359,9 @@ class Checks:
             values = self._fits(name)
             if not values:
                 continue
-            count = f"{len(values)} trajectory fit{'s' if len(values) > 1 else ''}"
+            count = f"{len(values)} trajectory fits give" if len(values) > 1 else "1 trajectory fit gives"
             outside = [x for x in values if name in own and not own[name].low <= x <= own[name].high]
-            text = f"{count} of {words.symbol(name).text}: {_range(values)}"
+            text = f"{count} {words.symbol(name).text} = {_range(values)}"
             if outside and not self.exact_only:
                 text += f"; {len(outside)} of them outside the answer's 95 % interval"
             found.append(Check(f"{text}.", fails=bool(outside) and not self.exact_only))
