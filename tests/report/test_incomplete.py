@@ -43,7 +43,7 @@ def without(folder: Path, *kinds: str) -> None:
         (
             [],
             ["posterior", "estimate", "evidence", "mode", "signal"],
-            "Probability of viscous among the compared damping models: 0.80",
+            "Probability of viscous among the compared damping models, other forms left out: 0.80",
         ),
         (
             ["estimates.csv", "posteriors.csv", "evidence.csv", "fits.csv"],

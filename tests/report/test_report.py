@@ -60,10 +60,13 @@ def test_every_section_is_there_in_order(page):
 def test_the_verdict_comes_first_and_warns(page):
     words = Page(page).words
     verdict = words.index(
-        "Probability of viscous + Coulomb among the compared damping models: > 0.999 by bridge"
+        "Probability of viscous + Coulomb among the compared damping models, other forms left out: > 0.999 by bridge"
     )
     assert verdict < words.index("What was asked")
-    assert "Probability of viscous among the compared damping models: 0.80 by bridge sampling" in words
+    assert (
+        "Probability of viscous among the compared damping models, other forms left out: 0.80 by bridge sampling"
+        in words
+    )
     assert "Most probable by evidence in 2 repeats of this record: viscous in 2 (at least 0.80)." in words
     assert "move by 4.1 of the standard deviations that chance allows them" in words
     assert "predictive p 0.0030" in words

@@ -281,7 +281,10 @@ class Checks:
             compared = _among(self.verdict, list(chosen.dampings)) if self.verdict else math.nan
             own = f"; the answer gives {fmt.probability(compared)}" if math.isfinite(compared) else ""
             found.append(
-                Check(f"Probability of {words.model(named)} among the compared damping models: {by}{own}.")
+                Check(
+                    f"Probability of {words.model(named)} among the compared damping models, other forms left out: "
+                    f"{by}{own}."
+                )
             )
         for method, p in shares.items():
             first = max(p, key=lambda damping: p[damping])
