@@ -9,8 +9,9 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.envelope.model.candidates import Blocks, Candidate
-from bayesdamp.envelope.model.deviation import weights
-from bayesdamp.envelope.model.marginal import Marginal
+from bayesdamp.envelope.model.deviation import KNOTS
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 
 ALONG = 33
 """Amplitudes, evenly in their logarithm, at which the loss of each term is stored."""
@@ -30,7 +31,7 @@ class RateLikelihood:
     Attributes
     ----------
     log
-        Nats, (c,), in the order of `bayesdamp.envelope.model.deviation.weights`.
+        Nats, (c,), in the order of `grid_of`.
     slope, information
         Of the rates at the reference amplitude, in s, (c, d), and in s², (c, d, d).
     reference
@@ -114,7 +115,9 @@ def likelihood_of(candidate: Candidate, blocks: Blocks, reference: float, unit: 
     unit
         Of the record's readings.
     """
-    log, slope, information = merged(candidate.marginal, candidate.rates)
+    scale = WIDE * float(candidate.rates.sum()) / candidate.unit
+    log, slope, information = merged(candidate.likelihood, grid_of(KNOTS, phases=False).log_prior.size, scale)
+    slope, information = slope / candidate.unit, information / candidate.unit**2
     x = np.linspace(float(blocks.x.min()), blocks.ends[0], ALONG)
     shapes = candidate.law.shapes(np.append(x, 0.0))
     losses = np.log(np.maximum(shapes[:, :-1] / shapes[:, -1:], 1e-300))
@@ -123,37 +126,35 @@ def likelihood_of(candidate: Candidate, blocks: Blocks, reference: float, unit: 
     )
 
 
-def merged(marginal: Marginal, fit: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def merged(likelihood: DampingLikelihood, sizes: int, sd: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Merge the likelihoods under all noises into one Gaussian for each size and length of the deviation.
 
     It has the evidence, the mean and the covariance of their mixture under a wide normal prior.
 
     Parameters
     ----------
-    marginal
-        Likelihood of the rates less `fit` under all noises.
-    fit
-        Rates of the fit in 1/s, (d,).
+    likelihood
+        Of the rates' scores under all noises, the size and length of the deviation running fastest.
+    sizes
+        How many sizes and lengths there are, c.
+    sd
+        Of the wide prior.
 
     Returns
     -------
     log, slope, information
-        Of the rates themselves, (c,), (c, d) and (c, d, d), without the prior probability of size and length.
+        Of the scores, (c,), (c, d) and (c, d, d).
     """
-    log_prior = weights()[2]
-    d, pairs = fit.size, log_prior.size
-    sd = WIDE * float(fit.sum())
+    d = likelihood.slope.shape[1]
     wide = np.eye(d) / sd**2
-    shift = marginal.information @ fit
-    slope = marginal.slope + shift
-    log = marginal.log - marginal.slope @ fit - 0.5 * shift @ fit
-    covariance = np.linalg.inv(marginal.information + wide)
-    mean = (covariance @ slope[:, :, None])[:, :, 0]
-    log = log + 0.5 * np.sum(slope * mean, axis=1) + 0.5 * np.linalg.slogdet(covariance)[1] - d * np.log(sd)
-    log = log.reshape(-1, pairs)
+    covariance = np.linalg.inv(likelihood.information + wide)
+    mean = (covariance @ likelihood.slope[:, :, None])[:, :, 0]
+    log = likelihood.log + 0.5 * np.sum(likelihood.slope * mean, axis=1)
+    log = log + 0.5 * np.linalg.slogdet(covariance)[1] - d * np.log(sd)
+    log = log.reshape(-1, sizes)
     total = logsumexp(log, axis=0)
     share = np.exp(log - total)
-    mean, covariance = mean.reshape(-1, pairs, d), covariance.reshape(-1, pairs, d, d)
+    mean, covariance = mean.reshape(-1, sizes, d), covariance.reshape(-1, sizes, d, d)
     centre = np.einsum("np,npi->pi", share, mean)
     off = mean - centre
     spread = np.einsum("np,npij->pij", share, covariance) + np.einsum("np,npi,npj->pij", share, off, off)
@@ -161,5 +162,5 @@ def merged(marginal: Marginal, fit: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     slope = (precision @ centre[:, :, None])[:, :, 0]
     gained, axes = np.linalg.eigh(precision - wide)
     information = (axes * np.maximum(gained, 0.0)[:, None, :]) @ np.swapaxes(axes, 1, 2)
-    log = total - log_prior - 0.5 * np.sum(slope * centre, axis=1)
+    log = total - 0.5 * np.sum(slope * centre, axis=1)
     return log - 0.5 * np.linalg.slogdet(spread)[1] + d * np.log(sd), slope, information

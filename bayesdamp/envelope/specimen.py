@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesdamp.envelope.answer.answer import Answer
-from bayesdamp.envelope.model.deviation import weights
+from bayesdamp.envelope.model.deviation import KNOTS
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
 from bayesdamp.odds import odds
@@ -90,7 +91,7 @@ def joint_damping(answers: Sequence[Answer], seed: int = 0) -> JointDamping | No
             RunLikelihood.of_scores(priors, terms, np.ones(len(terms)), likelihood)
             for likelihood in likelihoods
         ]
-        repeats[name] = joined(runs, priors, weights()[2], seed=seed)
+        repeats[name] = joined(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=seed)
         logs[name] = repeats[name].log_evidence + float(np.log(odds(terms)))
     top = max(logs.values())
     share = {name: float(np.exp(v - top)) for name, v in logs.items()}

@@ -9,7 +9,6 @@ import numpy as np
 
 from bayesdamp.envelope.model.candidates import Blocks, Candidate
 from bayesdamp.envelope.model.deviation import KNOTS, hats
-from bayesdamp.numerics.orthant import truncated
 from bayesdamp.verdict.parts import Estimate, Interval
 
 DRAWS = 1600
@@ -18,11 +17,8 @@ SENSOR = 0.002
 DRIFT = 0.1
 """dB (sd) by which the gain of a detector that reads dB drifts, or bends, over half of a decay and leaves no trace:
 conventional, makers of analysers state 0.1 to 0.2."""
-LEAST_WEIGHT = 1e-4
 ALONG = 257
 """Points of a fit, evenly in ln A, over which means are taken."""
-SWEEPS = 40
-"""Of Gibbs sampling."""
 
 
 @dataclass(frozen=True)
@@ -67,15 +63,12 @@ def draw(
 
     terms: of all sums; amplitudes: x = ln(A/A_ref) at which rates are asked for; sensor: relative sd of any rate.
     """
-    logs = [np.where(c.exact, c.log_evidence, -np.inf) if exact else c.log_evidence for c in candidates]
-    log_z = np.array(
-        [np.logaddexp.reduce(one) + c.log_share for one, c in zip(logs, candidates, strict=True)]
-    )
+    log_z = np.array([(c.total_exact if exact else c.total) + c.log_share for c in candidates])
     probability = np.exp(log_z - log_z.max())
     counts = _shared(probability / probability.sum(), rng)
     parts = [
-        (*_draws(blocks, c, one, n, terms, amplitudes, sensor, rng), np.full(n, i))
-        for i, (c, one, n) in enumerate(zip(candidates, logs, counts, strict=True))
+        (*_draws(blocks, c, *c.draws(exact, n, rng), terms, amplitudes, sensor, rng), np.full(n, i))
+        for i, (c, n) in enumerate(zip(candidates, counts, strict=True))
         if n
     ]
     at, whole, energy, rms, rates, candidate = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -92,28 +85,14 @@ def _shared(probability: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def _draws(
     blocks: Blocks,
     c: Candidate,
-    log_weight: np.ndarray,
-    count: int,
+    rates: np.ndarray,
+    g: np.ndarray,
     names: Sequence[str],
     amplitudes: np.ndarray,
     sensor: float,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, ...]:
-    weight = np.exp(log_weight - log_weight.max())
-    weight[weight < LEAST_WEIGHT] = 0.0
-    chosen = np.minimum(np.searchsorted(np.cumsum(weight / weight.sum()), rng.random(count)), weight.size - 1)
-    used, of = np.unique(chosen, return_inverse=True)
-    d = len(c.terms)
-    mean, covariance = c.posterior(used)
-    triangles = np.linalg.cholesky(covariance)
-    noise = rng.standard_normal((count, d + KNOTS))
-    both = mean[of] + (triangles[of] @ noise[..., None])[..., 0]
-    inner = covariance[:, :d, :d]
-    kept = positive_draws(mean[of, :d], inner[of], np.tile(c.rates, (count, 1)), rng)
-    gain = covariance[:, d:, :d] @ np.linalg.inv(inner)
-    rates = kept
-    g = both[:, d:] + (gain[of] @ (kept - both[:, :d])[..., None])[..., 0]
-
+    count = len(rates)
     s = blocks.t / blocks.duration
     basis = hats(s, KNOTS)
     # Along the fit, on which time passes as dx/f: a decay that is steep at first has few readings there.
@@ -134,26 +113,6 @@ def _draws(
     places = [list(names).index(term) for term in c.terms]
     energy[:, places] = losses / losses.sum(axis=1, keepdims=True)
     terms[:, places] = rates
-    rms = np.where(c.exact[chosen], 0.0, np.sqrt(np.mean((g @ basis.T) ** 2, axis=1)))
+    rms = np.sqrt(np.mean((g @ basis.T) ** 2, axis=1))
     off = 1.0 + sensor * rng.standard_normal((count, 1))
     return at * off, whole * off[:, 0], energy, rms, terms * off
-
-
-def positive_draws(
-    mean: np.ndarray, covariance: np.ndarray, start: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
-    """One draw with no negative coordinate from each of b normals of few, (b, d), by Gibbs sampling (Geweke 1991).
-
-    mean (b, d), covariance (b, d, d), start (b, d): where the chains begin.
-    """
-    precision = np.linalg.inv(covariance)
-    x = np.maximum(start, 0.0)
-    d = mean.shape[1]
-    diagonal = np.einsum("bii->bi", precision)
-    sd = 1.0 / np.sqrt(diagonal)
-    for _ in range(1 if d == 1 else SWEEPS):
-        for i in range(d):
-            pull = np.einsum("bj,bj->b", precision[:, i], x - mean) - diagonal[:, i] * (x[:, i] - mean[:, i])
-            centre = mean[:, i] - pull / diagonal[:, i]
-            x[:, i] = truncated(centre, sd[:, i], 1.0 - rng.random((x.shape[0], 1)))[:, 0]
-    return x

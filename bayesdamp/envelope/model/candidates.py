@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from functools import cache, cached_property
 
 import numpy as np
 from scipy.optimize import nnls
 from scipy.special import ndtr
 
-from bayesdamp.envelope.model.deviation import KNOTS, knot_precisions, warp_integrals, weights
+from bayesdamp.envelope.model.deviation import KNOTS, warp_integrals
 from bayesdamp.envelope.model.floor import SeenFloor
 from bayesdamp.envelope.model.law import Law
 from bayesdamp.envelope.model.laws import RESTED, power_decay
-from bayesdamp.envelope.model.marginal import Marginal, weigh_scales
 from bayesdamp.envelope.model.noise import Noise, whiten
+from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
+from bayesdamp.inference.deviation.gaussian.linear import (
+    DampingLikelihood,
+    Normals,
+    Weighed,
+    condensed,
+    damping_likelihood,
+    normals,
+    with_priors,
+)
+from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, shared_log_density
 
 HOLD = 30.0
@@ -30,8 +41,6 @@ SCALES, SCALES_MANY = (
 MANY = 40
 POWER_MOST = 3.0
 STEPS = 25
-_ZERO = 1e-5
-"""Stands for τ = 0."""
 
 
 @dataclass(frozen=True)
@@ -78,14 +87,12 @@ class Candidate:
         The sum.
     x0, rates, fit
         The fit: ln(A/A_ref) at the start, rates in 1/s at the reference amplitude, (d,), and ln(A/A_ref), (n,).
-    marginal
-        Likelihood of the rates under each of c combinations of noise, its scale, τ and ℓ.
-    log_evidence
-        Nats under each pair of a combination and a scale of the prior that counts, (m,).
-    combination
-        Place of each pair's combination, (m,).
-    centre, spread
-        Mean and covariance of the rates before these are cut off at 0, (m, d) and (m, d, d).
+    about
+        The posterior of the model that is linear about the fit.
+    weighed
+        The same under half-normal priors of the rates.
+    unit
+        Rate in 1/s at a score of 1.
     scores
         Of the terms' further parameters, at one point of their posterior.
     log_share
@@ -96,47 +103,26 @@ class Candidate:
     x0: float
     rates: np.ndarray
     fit: np.ndarray
-    marginal: Marginal
-    log_evidence: np.ndarray
-    combination: np.ndarray
-    centre: np.ndarray
-    spread: np.ndarray
+    about: About
+    weighed: Weighed
+    unit: float
     scores: tuple[float, ...] = ()
     log_share: float = 0.0
 
-    @property
-    def exact(self) -> np.ndarray:
-        """Whether τ is 0 in each pair, (m,)."""
-        return self.marginal.tau[self.combination] == 0.0
+    @cached_property
+    def exact(self) -> Weighed:
+        """The posterior given that the law holds exactly, times its prior probability."""
+        return self.about.under_priors(self.about.size == 0.0)
+
+    def draws(self, exact: bool, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Draw rates in 1/s, (n, d), and the deviation at the knots, (n, KNOTS)."""
+        u = scores_of(self.exact if exact else self.weighed, self.about.positive, count, rng)
+        return self.unit * u[:, : len(self.terms)], u[:, -KNOTS:]
 
     @property
-    def log_by_combination(self) -> np.ndarray:
-        """Log evidence of each combination of hyperparameters, (c,); −∞ where it was left out."""
-        found = np.full(self.marginal.log.size, -np.inf)
-        np.logaddexp.at(found, self.combination, self.log_evidence)
-        return found
-
-    def posterior(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean and covariance of (rates, deviation) before rates are cut off at 0.
-
-        Parameters
-        ----------
-        places
-            Of the pairs, (k,).
-
-        Returns
-        -------
-        mean, covariance
-            (k, d + KNOTS) and (k, d + KNOTS, d + KNOTS).
-        """
-        of, known = self.combination[places], self.marginal
-        gain, centre, spread = known.gain[of], self.centre[places], self.spread[places]
-        deviation = known.mean[of] + (gain @ (centre - self.rates)[:, :, None])[:, :, 0]
-        cross = gain @ spread
-        own = known.covariance[of] + cross @ np.swapaxes(gain, 1, 2)
-        above = np.concatenate([spread, np.swapaxes(cross, 1, 2)], axis=2)
-        covariance = np.concatenate([above, np.concatenate([cross, own], axis=2)], axis=1)
-        return np.concatenate([centre, deviation], axis=1), covariance
+    def likelihood(self) -> DampingLikelihood:
+        """Of the rates' scores alone, under each combination."""
+        return damping_likelihood(self.about.normals, np.arange(len(self.terms)), self.about.log_sizes)
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -151,12 +137,12 @@ class Candidate:
     @property
     def total(self) -> float:
         """Log evidence over the whole grid."""
-        return float(np.logaddexp.reduce(self.log_evidence))
+        return self.weighed.log_evidence
 
     @property
     def total_exact(self) -> float:
         """Log evidence, times its prior probability, of the law that holds exactly."""
-        return float(np.logaddexp.reduce(self.log_evidence[self.exact]))
+        return self.exact.log_evidence
 
 
 def fit_rates(
@@ -249,12 +235,9 @@ def weigh(
     fit = law.decay(blocks.t, x0, rates)
     h0, h = derivatives(blocks, law, x0, rates)
     warp = warp_columns(blocks, speed(law, fit, rates))
-    marginal = _marginal(blocks, blocks.x - fit, h0, h, fit, warp, noises)
-    found = weigh_scales(marginal, rates, blocks.omega)
-    spread = found.factors @ np.swapaxes(found.factors, 1, 2)
-    return Candidate(
-        law, x0, rates, fit, marginal, found.log_each, found.combos, found.means, spread, scores, log_share
-    )
+    unit = SCORE_RATIO * blocks.omega
+    about = _about(blocks.x - fit + h @ rates, h * unit, True, h0, fit, warp, noises)
+    return Candidate(law, x0, rates, fit, about, about.under_priors(), unit, scores, log_share)
 
 
 def weigh_power(
@@ -300,100 +283,83 @@ def weigh_power(
     fit = model(x0, values)
     h0, h = columns(x0, values)
     warp = warp_columns(blocks, np.exp(values[0] + (values[1] - 1.0) * fit))
-    found = _marginal(blocks, blocks.x - fit, h0, h, fit, warp, noises)
     # Wide normals stand for the priors of ln c and p, whose heights are put right below.
-    covariance = np.linalg.inv(found.information + 1e-4 * np.eye(2))
-    move = (covariance @ found.slope[:, :, None])[:, :, 0]
-    log_z = found.log + 0.5 * np.sum(move * found.slope, axis=1) + 0.5 * np.linalg.slogdet(covariance)[1]
-    power, variance = move[:, 1] + values[1], covariance[:, 1, 1]
+    found = _about(blocks.x - fit, h * START_SD, False, h0, fit, warp, noises).normals
+    power = START_SD * found.means[:, 1] + values[1]
+    sd = START_SD * np.linalg.norm(found.factors[:, 1], axis=1)
     score = np.exp(values[0]) / (SCORE_RATIO * blocks.omega)
     density = float(shared_log_density(score**2, 1) + np.log(score))  # of ln c
-    log_z = log_z + density - np.log(POWER_MOST) + np.log(2 * np.pi)
-    sd = np.sqrt(variance)
+    log_z = found.log + density - np.log(POWER_MOST) + np.log(2 * np.pi * START_SD**2)
     inside = ndtr((POWER_MOST - power) / sd) - ndtr(-power / sd)
-    return log_z + np.log(np.maximum(inside, 1e-300)), power, variance
+    return log_z + np.log(np.maximum(inside, 1e-300)), power, sd**2
 
 
-def _marginal(
-    blocks: Blocks,
-    residual: np.ndarray,
+@dataclass(frozen=True)
+class About:
+    """Normal posteriors about a fit under each of c combinations of a noise, its scale, and the deviation's size and
+    length, the last running fastest: of scores of the law, start and floor with priors N(0, 1), and of the deviation.
+
+    Attributes
+    ----------
+    normals
+        The posteriors, their logarithms with the prior probability of the combination.
+    size
+        Of the deviation, (c,).
+    log_sizes
+        Log prior probability of its size and length, (c,).
+    positive
+        Which scores are rates of damping, (d,).
+    """
+
+    normals: Normals
+    size: np.ndarray
+    log_sizes: np.ndarray
+    positive: np.ndarray
+
+    def under_priors(self, which: np.ndarray | None = None) -> Weighed:
+        """Under half-normal priors of the rates that share one unknown scale. which: of the combinations, (c,)."""
+        found = self.normals
+        if which is not None:
+            found = Normals(found.log[which], found.means[which], found.factors[which])
+        return with_priors(found, self.positive, self.positive)
+
+
+def _about(
+    y: np.ndarray,
+    law: np.ndarray,
+    rates: bool,
     h0: np.ndarray,
-    h: np.ndarray,
     fit: np.ndarray,
     warp: np.ndarray,
     noises: Sequence[tuple[Noise, np.ndarray]],
-) -> Marginal:
-    """The likelihood of the parameters over noises, their scales, τ and ℓ.
+) -> About:
+    """The posteriors of a linear model of y, (n,).
 
-    residual: the readings less the fit; h0, h: its derivatives by its start and by the parameters, (n,) and (n, d);
-    warp: by the deviation at the knots.
+    law: columns by the law's scores, (n, d); rates: whether these are rates of damping; h0, warp: by the start and by
+    the deviation at the knots; fit: ln(A/A_ref), (n,).
     """
-    parts = [_grid(blocks, residual, h0, h, fit, warp, *one) for one in noises]
-    log, *rest = (np.concatenate(part) for part in zip(*parts, strict=True))
+    n, d = law.shape
+    scales = SCALES if n < MANY else SCALES_MANY
+    grid = _grid(scales.size)
+    variance = np.repeat(scales**2, grid.log_prior.size // scales.size)
     weight = np.array([noise.log_weight for noise, _ in noises])
-    weight = np.repeat(weight - np.logaddexp.reduce(weight), log.size // weight.size)
-    return Marginal(log + weight, *rest)
+    weight = weight - np.logaddexp.reduce(weight) - np.log(scales.size)
+    floors = [0.5 * noise.constant * np.exp(-2.0 * fit) for noise, _ in noises]
+    sure = [noise.constant_sd / noise.constant if noise.constant > 0 else 0.0 for noise, _ in noises]
+    positive = np.array([rates] * d + [False, False])
+    parts = []
+    for (_, covariance), log_weight, floor, unsure in zip(noises, weight, floors, sure, strict=True):
+        # The floor's constant part, as seen behind the decay, is in the mean; its error is a score.
+        white, log_det = whiten(covariance, [law, START_SD * h0, unsure * floor, warp, y - floor])
+        one = normals(condensed(white[:, :-1], white[:, -1], positive), grid, variance, n)
+        parts.append(replace(one, log=one.log + log_weight - log_det))
+    every = Normals(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Normals)))
+    times = len(noises)
+    return About(every, np.tile(grid.size_g, times), np.tile(grid.log_prior, times), positive)
 
 
-def _grid(
-    blocks: Blocks,
-    residual: np.ndarray,
-    h0: np.ndarray,
-    h: np.ndarray,
-    fit: np.ndarray,
-    warp: np.ndarray,
-    noise: Noise,
-    covariance: np.ndarray,
-) -> tuple[np.ndarray, ...]:
-    """The fields of `Marginal` under one noise, over its scales, τ and ℓ."""
-    tau, _, log_prior = weights()
-    n, d = h.shape
-    extra = [0.5 * noise.constant * np.exp(-2.0 * fit)] if noise.constant > 0 else []
-    white, log_det = whiten(covariance, [h0, *extra, warp, h, residual])
-    e = len(extra)
-    q = 1 + e + KNOTS  # all but the parameters
-    gram = white.T @ white
-    places, log_dets = knot_precisions()
-    width = np.where(tau > 0, tau, _ZERO)
-    precision = np.zeros((tau.size, q, q))
-    precision[:, 0, 0] = START_SD**-2
-    mu = np.zeros(q)
-    sure = (noise.constant / noise.constant_sd) ** 2 if e else 1.0
-    if e:  # the constant part of the floor, as seen behind the decay
-        precision[:, 1, 1] = sure
-        mu[1] = 1.0
-    precision[:, 1 + e :, 1 + e :] = places / width[:, None, None] ** 2
-    log_det_prior = -2 * np.log(START_SD) + np.log(sure) + log_dets - 2 * KNOTS * np.log(width)
-    pull = precision @ mu
-    quiet = 0.5 * np.einsum("i,bi->b", mu, pull)
-    every = SCALES if n < MANY else SCALES_MANY
-    scales = every[:, None, None, None]
-    whole = gram[:q, :q] / scales**2 + precision
-    side = gram[:q, -1] / scales[..., 0] ** 2 + pull
-    across = np.broadcast_to(gram[:q, q : q + d] / scales**2, (*whole.shape[:2], q, d))
-    inverse = np.linalg.inv(whole)
-    mean = (inverse @ side[..., None])[..., 0]
-    gain = -inverse @ across
-    log_det_whole = 2.0 * np.log(np.einsum("sbii->sbi", np.linalg.cholesky(whole))).sum(axis=-1)
-    s = every[:, None]
-    log = -n * np.log(s) - log_det - 0.5 * gram[-1, -1] / s**2 - quiet + 0.5 * log_det_prior
-    log = (
-        log
-        - 0.5 * log_det_whole
-        + 0.5 * np.einsum("sbi,sbi->sb", mean, side)
-        + log_prior
-        - np.log(every.size)
-    )
-    turned = np.swapaxes(across, 2, 3)
-    slope = gram[q : q + d, -1] / scales[..., 0] ** 2 - (turned @ mean[..., None])[..., 0]
-    information = gram[q : q + d, q : q + d] / scales**2 + turned @ gain
-    information = 0.5 * (information + np.swapaxes(information, 2, 3))
-
-    def flat(array: np.ndarray) -> np.ndarray:
-        return array.reshape(-1, *array.shape[2:])
-
-    knots = slice(1 + e, q)
-    return (
-        log.ravel(), flat(slope), flat(information), flat(mean[..., knots]), flat(gain[..., knots, :]),
-        flat(inverse[..., knots, knots]), np.tile(tau, every.size),
-    )  # fmt: skip
+@cache
+def _grid(times: int) -> Grid:
+    """Sizes and lengths of the deviation, so many times."""
+    grid = grid_of(KNOTS, phases=False)
+    return Grid(*(np.concatenate([getattr(grid, f.name)] * times) for f in fields(Grid)))

@@ -16,9 +16,8 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import minimize
 
-from bayesdamp.envelope.model.deviation import knot_covariance
 from bayesdamp.envelope.model.floor import SeenFloor
-from bayesdamp.inference.deviation.gaussian.hyperparameters import MEAN_G
+from bayesdamp.inference.deviation.gaussian.hyperparameters import MEAN_G, smooth_root
 
 LONGEST_SCATTER = 0.04
 """Correlation time of the multiplicative scatter at most, in durations: what is slower is a deviation of the law."""
@@ -143,7 +142,8 @@ def infer_noise(
     centre[1], centre[3] = np.log(step * longest_u) / 2, np.log(step)
     width = np.array([WIDE, np.inf, floor_sd, np.inf, WIDE, np.inf])
     extra = np.zeros_like(lag)
-    kernel = warp @ knot_covariance(warp.shape[1], SLOW) @ warp.T
+    smooth = warp @ smooth_root(warp.shape[1], SLOW)
+    kernel = smooth @ smooth.T
     if constant > 0:
         residual = residual - 0.5 * constant * inverse**2
         extra = (0.5 * constant_sd) ** 2 * np.outer(inverse, inverse) ** 2

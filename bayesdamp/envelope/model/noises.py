@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from bayesdamp.envelope.model.candidates import Blocks, derivatives, warp_columns
-from bayesdamp.envelope.model.deviation import KNOTS, knot_covariance
+from bayesdamp.envelope.model.deviation import KNOTS
 from bayesdamp.envelope.model.floor import ABOVE_FLOOR
 from bayesdamp.envelope.model.law import Law
 from bayesdamp.envelope.model.noise import SHARES, SLOW, Noise, infer_noise
 from bayesdamp.envelope.model.sums import Sum, loosest_fit
+from bayesdamp.inference.deviation.gaussian.hyperparameters import smooth_root
 
 CHECKED = 0.1
 """Share of the decay at its start that is held against the rest."""
@@ -50,7 +51,8 @@ def noises(
     loose = infer_noise(*given, best.slow, slow_time, b.each, with_deviation=True, begin=best)
     rivals += [loose, best.slower(b.duration)]
     covariances = [(one, one.covariance(b.t, fit)) for one in rivals]
-    whole = best.covariance(b.t, fit) + loose.deviation**2 * warp @ knot_covariance(KNOTS, SLOW) @ warp.T
+    smooth = loose.deviation * warp @ smooth_root(KNOTS, SLOW)
+    whole = best.covariance(b.t, fit) + smooth @ smooth.T
     if best.constant > 0:
         one = 0.5 * best.constant * np.exp(-2.0 * fit)
         whole = whole + np.outer(one, one)

@@ -36,11 +36,15 @@ def knots_of(duration: float, cycles: float) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def grid_of(
-    knots: int, exact: bool = False, coarse: bool = False, absorbed: tuple[bool, bool] = (False, False)
+    knots: int,
+    exact: bool = False,
+    coarse: bool = False,
+    absorbed: tuple[bool, bool] = (False, False),
+    phases: bool = True,
 ) -> Grid:
     """The grid for so many knots.
 
-    exact: only that both laws hold exactly; coarse: every other size, and the shortest and the longest length.
+    phases: whether the record has any; without them, factors are those of g alone. exact: only that both laws hold exactly; coarse: every other size, and the shortest and the longest length.
     absorbed: whether a constant deviation of damping, and of frequency, is a parameter's already (a coefficient, the
     stiffness): then it is taken about its mean over the record. One that is in both is seen by no record, and would
     only stretch the posterior along a curve that its linear model leaves.
@@ -49,11 +53,8 @@ def grid_of(
     lengths = LENGTHS[::2] if coarse else LENGTHS
     one = [(0.0, 1.0, 0.0 if exact else np.log(EXACT)), *masses(sizes_g, MEAN_G, lengths)]
     other = [(0.0, 1.0, 0.0 if exact else np.log(EXACT)), *masses(sizes_h, MEAN_H, lengths)]
-    s = np.linspace(0.0, 1.0, knots)
-    apart = np.abs(s[:, None] - s)
-    roots = {
-        length: np.linalg.cholesky(np.exp(-apart / length) + JITTER * np.eye(knots)) for length in LENGTHS
-    }
+    other = other if phases else [(0.0, 1.0, 0.0)]
+    roots = {length: smooth_root(knots, length) for length in LENGTHS}
     centre = np.eye(knots) - _mean_over(knots)
     about_g, about_h = (centre if yes else np.eye(knots) for yes in absorbed)
     factors = np.zeros((len(one) * len(other), 2 * knots, 2 * knots))
@@ -65,7 +66,15 @@ def grid_of(
             at[knots:, knots:] = h * about_h @ roots[length_h]
             rows.append((g, h, mass_g + mass_h))
     size_g, size_h, log_prior = np.array(rows).T
-    return Grid(size_g, size_h, log_prior, factors)
+    own = slice(None) if phases else slice(knots)
+    return Grid(size_g, size_h, log_prior, factors[:, own, own])
+
+
+@lru_cache(maxsize=32)
+def smooth_root(knots: int, length: float) -> np.ndarray:
+    """The factor of the covariance of a deviation of size 1 at equidistant knots, (n, n)."""
+    s = np.linspace(0.0, 1.0, knots)
+    return np.linalg.cholesky(np.exp(-np.abs(s[:, None] - s) / length) + JITTER * np.eye(knots))
 
 
 def _mean_over(knots: int) -> np.ndarray:
@@ -85,11 +94,7 @@ def wide_grid(knots: int) -> Grid:
     """The grid of a damping that follows no law: g of any size, all alike; h as it is elsewhere, coarsely."""
     lengths = LENGTHS[::2]
     other = [(0.0, 1.0, np.log(EXACT)), *masses(SIZES_H[::2], MEAN_H, lengths)]
-    s = np.linspace(0.0, 1.0, knots)
-    apart = np.abs(s[:, None] - s)
-    roots = {
-        n: np.linalg.cholesky(np.exp(-apart / n) + JITTER * np.eye(knots)) for n in (*WIDE_LENGTHS, *LENGTHS)
-    }
+    roots = {length: smooth_root(knots, length) for length in (*WIDE_LENGTHS, *LENGTHS)}
     rows, factors = [], []
     for size in WIDE:
         for length in WIDE_LENGTHS:

@@ -102,8 +102,8 @@ def condensed(
 def _orthogonal(white: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Factors, projections and least squares of |white u − target|² + |u|², (c, K, K), (c, K), (c,), by QR: for records
     with hardly any noise, where the information matrix has lost its digits."""
-    combos, _, k = white.shape
-    aim = np.broadcast_to(target[:, None], (combos, target.size, 1))
+    combos, rows, k = white.shape
+    aim = np.broadcast_to(target[:, :, None], (combos, rows, 1))
     prior = np.broadcast_to(np.eye(k, k + 1), (combos, k, k + 1))
     stacked = np.concatenate([np.concatenate([white, aim], axis=2), prior], axis=1)
     upper = np.asarray(np.linalg.qr(stacked, mode="r"))
@@ -134,23 +134,24 @@ class Normals:
     factors: np.ndarray
 
 
-def normals(model: Linear, grid: Grid, variance: float, samples: float) -> Normals:
-    """The posteriors over a grid. Arguments as of `weigh`."""
+def normals(model: Linear, grid: Grid, variance: float | np.ndarray, samples: float) -> Normals:
+    """The posteriors over a grid. Arguments as of `weigh`; variance: also one for each combination, (c,)."""
     d, total = model.positive.size, model.root.shape[1]
     combos = grid.log_prior.size
     roots = np.zeros((combos, total, total))
     roots[:, np.arange(d), np.arange(d)] = 1.0
     roots[:, d:, d:] = grid.factors
-    sd = np.sqrt(variance)
-    white = (model.root / sd) @ roots
+    variance = np.broadcast_to(variance, combos)
+    sd = np.sqrt(variance)[:, None]
+    white = model.root @ roots / sd[:, :, None]
     target = model.target / sd
     information = np.swapaxes(white, 1, 2) @ white
     information[:, np.arange(total), np.arange(total)] += 1.0
     if information.diagonal(axis1=1, axis2=2).max() < PRECISE:
         lower = np.linalg.cholesky(information)
         inverse = _inverse(lower)
-        half = (inverse @ (target @ white)[:, :, None])[:, :, 0]
-        left = target @ target - np.sum(half**2, axis=1)
+        half = (inverse @ (np.swapaxes(white, 1, 2) @ target[:, :, None]))[:, :, 0]
+        left = np.sum(target**2, axis=1) - np.sum(half**2, axis=1)
     else:
         lower, half, left = _orthogonal(white, target)
         inverse = _inverse(lower)
@@ -170,7 +171,9 @@ def weigh(model: Linear, grid: Grid, variance: float, samples: float) -> Weighed
     −samples/2 · log(2π variance) − rest / (2 variance), so that models with other variances can be compared.
     """
     found = normals(model, grid, variance, samples)
-    return with_priors(found, model.positive, model.shared, _damping(model, found, grid))
+    places = np.flatnonzero(model.damping)
+    damping = damping_likelihood(found, places, grid.log_prior) if places.size else None
+    return with_priors(found, model.positive, model.shared, damping)
 
 
 def with_priors(
@@ -263,11 +266,8 @@ class _Scaled:
         return means, factors
 
 
-def _damping(model: Linear, found: Normals, grid: Grid) -> DampingLikelihood | None:
-    """The record's likelihood of the damping's scores alone; None where no score is of the damping."""
-    places = np.flatnonzero(model.damping)
-    if not places.size:
-        return None
+def damping_likelihood(found: Normals, places: np.ndarray, log_prior: np.ndarray) -> DampingLikelihood:
+    """The likelihood of the damping's scores alone, which are at `places`; log_prior: of the combinations, (c,)."""
     part = found.factors[:, places]
     mean = found.means[:, places]
     left, sizes, _ = np.linalg.svd(part, full_matrices=False)
@@ -276,6 +276,6 @@ def _damping(model: Linear, found: Normals, grid: Grid) -> DampingLikelihood | N
     aim = np.einsum("cij,ci->cj", left, mean)
     information = np.einsum("cij,cj,ckj->cik", left, gained, left)
     slope = np.einsum("cij,cj->ci", left, aim / sizes**2)
-    log = found.log - grid.log_prior - np.sum(np.log(sizes), axis=1)
+    log = found.log - log_prior - np.sum(np.log(sizes), axis=1)
     log = log - 0.5 * np.sum((aim / sizes) ** 2, axis=1)
     return DampingLikelihood(log, slope, information)
