@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.envelope.model.candidates import Blocks, Candidate
-from bayesdamp.envelope.model.deviation import KNOTS
+from bayesdamp.envelope.model.candidates import KNOTS, Blocks, Candidate
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesdamp.envelope.answer.answer import Answer
-from bayesdamp.envelope.model.deviation import KNOTS
+from bayesdamp.envelope.model.candidates import KNOTS
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined

@@ -12,17 +12,21 @@ from bayesdamp.envelope.analysis import _decay
 from bayesdamp.envelope.asked import Asked
 from bayesdamp.envelope.kept import Task, keep, kept
 from bayesdamp.envelope.likelihood import merged
-from bayesdamp.envelope.model.deviation import weights
+from bayesdamp.envelope.model.candidates import KNOTS
 from bayesdamp.envelope.model.laws import SUMS
-from bayesdamp.envelope.model.marginal import Marginal, weigh_scales
 from bayesdamp.envelope.model.sums import weighed
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.specimen import joint_damping, shared_likelihoods
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.gaussian.linear import Normals, with_priors
 from bayesdamp.odds import odds
 from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.store.cells import Store
 from bayesdamp.types import InputError
 from tests.envelope.ringdowns import Ringdown, simulate
+
+SIZES = grid_of(KNOTS, phases=False).log_prior
+"""Log prior probability of each size and length of the deviation."""
 
 
 def record(
@@ -33,12 +37,14 @@ def record(
     return made_record(f"r{seed}", truth.t, truth.level, unit, frequency)
 
 
-def log_evidence(log, slope, information, omega: float) -> float:
+def log_evidence(log, slope, information) -> float:
     """Under the prior with one unknown scale, over all sizes and lengths of the deviation."""
-    tau, _, log_prior = weights()
-    empty = np.zeros(0)
-    marginal = Marginal(log + log_prior, slope, information, empty, empty, empty, tau)
-    return weigh_scales(marginal, np.zeros(slope.shape[1]), omega).log_evidence
+    d = slope.shape[1]
+    factors = np.linalg.inv(np.swapaxes(np.linalg.cholesky(information + np.eye(d)), 1, 2))
+    half = (np.swapaxes(factors, 1, 2) @ slope[:, :, None])[:, :, 0]
+    log = log + SIZES + 0.5 * np.sum(half**2, axis=1) + np.linalg.slogdet(factors)[1]
+    found = Normals(log, (factors @ half[:, :, None])[:, :, 0], factors)
+    return with_priors(found, np.ones(d, bool), np.ones(d, bool)).log_evidence
 
 
 def test_merging_noises_loses_little_evidence():
@@ -48,10 +54,8 @@ def test_merging_noises_loses_little_evidence():
         most = max(c.total for c in found)
         for c in found:
             if c.total > most - 7.0:
-                likelihood = merged(c.marginal, c.rates)
-                assert log_evidence(*likelihood, decay.blocks.omega) == pytest.approx(c.total, abs=0.1), (
-                    c.name
-                )
+                likelihood = merged(c.likelihood, SIZES.size, 3.0 * float(c.rates.sum()) / c.unit)
+                assert log_evidence(*likelihood) == pytest.approx(c.total, abs=0.1), c.name
 
 
 def test_scores_at_another_amplitude_are_the_same_likelihood():
@@ -77,7 +81,7 @@ def test_records_of_one_specimen_share_coordinates():
         ratio = SCORE_RATIO * one.slope[0, 0] / one.information[0, 0, 0]
         assert ratio == pytest.approx(0.16 / (2 * np.pi * 1e6), rel=0.3)
     by_rate = shared_likelihoods([analyse(record(seed, frequency=None)) for seed in (5, 6)])
-    assert all(one.log.shape == (weights()[0].size,) for one in by_rate["coulomb"])
+    assert all(one.log.shape == SIZES.shape for one in by_rate["coulomb"])
     with pytest.raises(InputError, match="dBm and dB"):
         shared_likelihoods([found[0], analyse(record(6, unit="dB"))])
 

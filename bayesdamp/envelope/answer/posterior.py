@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.envelope.model.candidates import Blocks, Candidate
-from bayesdamp.envelope.model.deviation import KNOTS, hats
+from bayesdamp.envelope.model.candidates import KNOTS, Blocks, Candidate
+from bayesdamp.envelope.model.solver import hats
 from bayesdamp.verdict.parts import Estimate, Interval
 
 DRAWS = 1600

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 
 import numpy as np
-from scipy.optimize import nnls
 from scipy.special import ndtr
 
-from bayesdamp.envelope.model.deviation import KNOTS, warp_integrals
 from bayesdamp.envelope.model.floor import SeenFloor
-from bayesdamp.envelope.model.law import Law
-from bayesdamp.envelope.model.laws import RESTED, power_decay
+from bayesdamp.envelope.model.law import Law, PowerLaw
 from bayesdamp.envelope.model.noise import Noise, whiten
+from bayesdamp.envelope.model.solver import AmplitudeSolver
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
 from bayesdamp.inference.deviation.gaussian.linear import (
     DampingLikelihood,
@@ -25,9 +23,21 @@ from bayesdamp.inference.deviation.gaussian.linear import (
     normals,
     with_priors,
 )
+from bayesdamp.inference.deviation.least_squares import Fit, fit
 from bayesdamp.inference.deviation.numbers.draws import scores_of
-from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, shared_log_density
+from bayesdamp.inference.deviation.parameters import Parameters
+from bayesdamp.physics.kernel.solve import ALL, Motion
+from bayesdamp.priors import (
+    SCORE_RATIO,
+    SHARED_SCALES,
+    Normal,
+    Prior,
+    SharedHalfNormal,
+    shared_log_density,
+)
 
+KNOTS = 14
+"""At which the deviation is given."""
 HOLD = 30.0
 """Rates are held to 0 within so many times the record's own mean rate while a fit is sought: it only keeps the fit
 well-conditioned where two terms lose nearly alike, and is no part of the evidence."""
@@ -40,7 +50,8 @@ SCALES, SCALES_MANY = (
 """Factors by which the noise may be other than inferred: few readings do not know it well, MANY do."""
 MANY = 40
 POWER_MOST = 3.0
-STEPS = 25
+IMPROBABLE = 0.1
+"""Probability of a law that holds exactly below which what counts among all may lack a part of it."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +123,9 @@ class Candidate:
     @cached_property
     def exact(self) -> Weighed:
         """The posterior given that the law holds exactly, times its prior probability."""
+        exact = self.about.size[self.weighed.combos] == 0.0
+        if self.weighed.weights[exact].sum() > IMPROBABLE:
+            return self.weighed.only(exact)
         return self.about.under_priors(self.about.size == 0.0)
 
     def draws(self, exact: bool, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -145,52 +159,21 @@ class Candidate:
         return self.exact.log_evidence
 
 
-def fit_rates(
-    blocks: Blocks, law: Law, triangle_inverse: np.ndarray, begin: np.ndarray | None = None
-) -> tuple[float, np.ndarray, float]:
-    """(ln A at the start, rates ≥ 0) of a sum at the mode, the noise being white after triangle_inverse (n, n), and the
-    squares that are left there."""
-    scale, terms = HOLD * blocks.mean_rate, law.terms
-    rates = np.full(len(terms), blocks.mean_rate / len(terms)) if begin is None else begin.copy()
-    x0 = float(blocks.x[: max(1, blocks.x.size // 20)].mean())
-
-    def cost(x0: float, rates: np.ndarray) -> tuple[float, np.ndarray]:
-        r = triangle_inverse @ (blocks.x - law.decay(blocks.t, x0, rates))
-        return float(r @ r + np.sum((rates / scale) ** 2)), r
-
-    rates = _sane(blocks, law, rates, x0)
-    value, r = cost(x0, rates)
-    for _ in range(STEPS):
-        h0, h = derivatives(blocks, law, x0, rates)
-        a0, a = triangle_inverse @ h0, triangle_inverse @ h
-        unit = a0 / np.sqrt(a0 @ a0)
-        left = np.vstack([a - np.outer(unit, unit @ a), np.eye(len(terms)) / scale])
-        goal = r + a @ rates
-        right = np.concatenate([goal - unit * (unit @ goal), np.zeros(len(terms))])
-        norms = np.linalg.norm(left, axis=0)
-        new = nnls(left / norms, right)[0] / norms
-        if new.sum() < 0.3 * rates.sum():  # a line is no guide that far
-            new = np.maximum(new, 0.3 * rates)
-        move = new - rates
-        shift = float(a0 @ (r - a @ move)) / float(a0 @ a0)
-        share = 1.0
-        while share > 1e-4:
-            trial = cost(x0 + share * shift, rates + share * move)
-            if trial[0] < value:
-                break
-            share *= 0.4
-        else:
-            break
-        x0, rates = x0 + share * shift, rates + share * move
-        done = value - trial[0] < 1e-6 * (1.0 + value)
-        value, r = trial
-        if done:
-            break
-    return x0, rates, float(r @ r)
+def solver_of(blocks: Blocks, law: Law, white: np.ndarray | None = None) -> AmplitudeSolver:
+    """Decays at the blocks under a law; white: what their noise is white after, (n, n)."""
+    return AmplitudeSolver(law, blocks.t, blocks.duration, KNOTS, 1e-4 * blocks.mean_rate, white)
 
 
-def _sane(blocks: Blocks, law: Law, rates: np.ndarray, x0: float) -> np.ndarray:
+def fit_rates(blocks: Blocks, law: Law, white: np.ndarray, begin: np.ndarray | None = None) -> Fit:
+    """Fit a sum's rates, none of them negative, and ln A at the start, from rates of its own or from `begin`."""
+    rates = np.full(len(law.terms), blocks.mean_rate / len(law.terms)) if begin is None else begin
+    held = SharedHalfNormal(per_ratio=HOLD * blocks.mean_rate / SCORE_RATIO)
+    return _fitted(blocks, law, white, dict.fromkeys(law.terms, held), _moving(blocks, law, rates))
+
+
+def _moving(blocks: Blocks, law: Law, rates: np.ndarray) -> np.ndarray:
     """Rates that leave the amplitude moving until the end of the record."""
+    x0 = float(blocks.x[: max(1, blocks.x.size // 20)].mean())
     for _ in range(40):
         if law.decay(blocks.t[-1:], x0, rates)[0] > blocks.x.min() - 1.0:
             break
@@ -198,22 +181,17 @@ def _sane(blocks: Blocks, law: Law, rates: np.ndarray, x0: float) -> np.ndarray:
     return rates
 
 
-def speed(law: Law, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    """-dx/dt in 1/s at x, (n,): 0 where it has come to rest."""
-    return np.where(x > RESTED, law.rate(x, rates), 0.0)
-
-
-def derivatives(blocks: Blocks, law: Law, x0: float, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of x by x0, shape (n,), and by the rates, shape (n, d)."""
-    x = law.decay(blocks.t, x0, rates)
-    whole = speed(law, x, rates)
-    at_start = float(law.rate(np.array([x0]), rates)[0])
-    return whole / max(at_start, 1e-300), law.slopes(blocks.t, x, x0, rates, 1e-4 * blocks.mean_rate)
-
-
-def warp_columns(blocks: Blocks, speed: np.ndarray) -> np.ndarray:
-    """Derivatives of x by the deviation's knots, shape (n, KNOTS); speed: -dx/dt at the blocks."""
-    return -speed[:, None] * warp_integrals(blocks.t / blocks.duration, KNOTS) * blocks.duration
+def _fitted(
+    blocks: Blocks, law: Law, white: np.ndarray, priors: Mapping[str, Prior], begin: np.ndarray
+) -> Fit:
+    x0 = float(blocks.x[: max(1, blocks.x.size // 20)].mean())
+    names = (*law.terms, "start")
+    parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=START_SD)}, {})
+    z = parameters.scores(dict(zip(names, map(float, (*begin, x0)), strict=True)))
+    solver, every = solver_of(blocks, law, white), np.ones(len(names), bool)
+    found = fit(solver, parameters, every, white @ blocks.x, z, noise=1.0, windows=False)
+    assert found is not None  # no decay escapes
+    return found
 
 
 def weigh(
@@ -231,13 +209,16 @@ def weigh(
     noises: each with the covariance of the readings; inverse: of the triangle in which the fit is sought; fitted: the
     same sum with another noise, whose fit is taken; begin: rates from which else the fit is sought.
     """
-    x0, rates = fit_rates(blocks, law, inverse, begin)[:2] if fitted is None else (fitted.x0, fitted.rates)
-    fit = law.decay(blocks.t, x0, rates)
-    h0, h = derivatives(blocks, law, x0, rates)
-    warp = warp_columns(blocks, speed(law, fit, rates))
+    p = (
+        fit_rates(blocks, law, inverse, begin).values
+        if fitted is None
+        else np.append(fitted.rates, fitted.x0)
+    )
     unit = SCORE_RATIO * blocks.omega
-    about = _about(blocks.x - fit + h @ rates, h * unit, True, h0, fit, warp, noises)
-    return Candidate(law, x0, rates, fit, about, about.under_priors(), unit, scores, log_share)
+    motion, about = _about(blocks, law, p, np.full(len(law.terms), unit), True, noises)
+    return Candidate(
+        law, float(p[-1]), p[:-1], motion.y, about, about.under_priors(), unit, scores, log_share
+    )
 
 
 def weigh_power(
@@ -247,47 +228,12 @@ def weigh_power(
 
     p is uniform on 0 to POWER_MOST; c, the rate at the reference amplitude, has the prior of a single term's.
     """
-    x0, values = float(blocks.x[0]), np.array([np.log(blocks.mean_rate), 1.0])
-
-    def model(x0: float, values: np.ndarray) -> np.ndarray:
-        return power_decay(blocks.t, x0, values[0], values[1])
-
-    def columns(x0: float, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        h = 1e-4
-        found = [
-            (model(x0 + h * e[0], values + h * e[1:]) - model(x0 - h * e[0], values - h * e[1:])) / (2 * h)
-            for e in np.eye(3)
-        ]
-        return found[0], np.stack(found[1:], axis=1)
-
-    r = inverse @ (blocks.x - model(x0, values))
-    value = r @ r
-    for _ in range(STEPS):
-        h0, h = columns(x0, values)
-        move = np.linalg.lstsq(inverse @ np.column_stack([h0, h]), r, rcond=None)[0]
-        share = 1.0
-        while share > 1e-4:
-            trial = values + share * move[1:]
-            trial[1] = np.clip(trial[1], 0.0, POWER_MOST)
-            new = inverse @ (blocks.x - model(x0 + share * move[0], trial))
-            if new @ new < value:
-                break
-            share *= 0.4
-        else:
-            break
-        x0, values, r = x0 + share * move[0], trial, new
-        done = value - r @ r < 1e-6 * (1.0 + value)
-        value = r @ r
-        if done:
-            break
-    fit = model(x0, values)
-    h0, h = columns(x0, values)
-    warp = warp_columns(blocks, np.exp(values[0] + (values[1] - 1.0) * fit))
+    begin, wide = np.array([np.log(blocks.mean_rate), 1.0]), Normal(mean=0.0, sd=START_SD)
+    p = _fitted(blocks, PowerLaw(), inverse, {"log_rate": wide, "exponent": wide}, begin).values
     # Wide normals stand for the priors of ln c and p, whose heights are put right below.
-    found = _about(blocks.x - fit, h * START_SD, False, h0, fit, warp, noises).normals
-    power = START_SD * found.means[:, 1] + values[1]
-    sd = START_SD * np.linalg.norm(found.factors[:, 1], axis=1)
-    score = np.exp(values[0]) / (SCORE_RATIO * blocks.omega)
+    found = _about(blocks, PowerLaw(), p, np.full(2, START_SD), False, noises)[1].normals
+    power, sd = START_SD * found.means[:, 1], START_SD * np.linalg.norm(found.factors[:, 1], axis=1)
+    score = np.exp(p[0]) / (SCORE_RATIO * blocks.omega)
     density = float(shared_log_density(score**2, 1) + np.log(score))  # of ln c
     log_z = found.log + density - np.log(POWER_MOST) + np.log(2 * np.pi * START_SD**2)
     inside = ndtr((POWER_MOST - power) / sd) - ndtr(-power / sd)
@@ -325,37 +271,39 @@ class About:
 
 
 def _about(
-    y: np.ndarray,
-    law: np.ndarray,
+    blocks: Blocks,
+    law: Law,
+    p: np.ndarray,
+    units: np.ndarray,
     rates: bool,
-    h0: np.ndarray,
-    fit: np.ndarray,
-    warp: np.ndarray,
     noises: Sequence[tuple[Noise, np.ndarray]],
-) -> About:
-    """The posteriors of a linear model of y, (n,).
+) -> tuple[Motion, About]:
+    """The decay of a law's parameters and x at the start, p (d + 1,), and the posteriors about it.
 
-    law: columns by the law's scores, (n, d); rates: whether these are rates of damping; h0, warp: by the start and by
-    the deviation at the knots; fit: ln(A/A_ref), (n,).
+    units: of the law's parameters at a score of 1, (d,); rates: whether they are rates of damping.
     """
-    n, d = law.shape
+    motion, n, d = solver_of(blocks, law).solve(p, tangents=ALL), blocks.t.size, units.size
+    columns = motion.tangents * np.concatenate([units, [START_SD], np.ones(KNOTS)])
+    residual = blocks.x - motion.y + motion.tangents[:, :d] @ p[:d]
     scales = SCALES if n < MANY else SCALES_MANY
     grid = _grid(scales.size)
     variance = np.repeat(scales**2, grid.log_prior.size // scales.size)
     weight = np.array([noise.log_weight for noise, _ in noises])
     weight = weight - np.logaddexp.reduce(weight) - np.log(scales.size)
-    floors = [0.5 * noise.constant * np.exp(-2.0 * fit) for noise, _ in noises]
-    sure = [noise.constant_sd / noise.constant if noise.constant > 0 else 0.0 for noise, _ in noises]
     positive = np.array([rates] * d + [False, False])
     parts = []
-    for (_, covariance), log_weight, floor, unsure in zip(noises, weight, floors, sure, strict=True):
+    for (noise, covariance), log_weight in zip(noises, weight, strict=True):
         # The floor's constant part, as seen behind the decay, is in the mean; its error is a score.
-        white, log_det = whiten(covariance, [law, START_SD * h0, unsure * floor, warp, y - floor])
+        floor = 0.5 * noise.constant * np.exp(-2.0 * motion.y)
+        unsure = noise.constant_sd / noise.constant if noise.constant > 0 else 0.0
+        white, log_det = whiten(
+            covariance, [columns[:, : d + 1], unsure * floor, columns[:, d + 1 :], residual - floor]
+        )
         one = normals(condensed(white[:, :-1], white[:, -1], positive), grid, variance, n)
         parts.append(replace(one, log=one.log + log_weight - log_det))
     every = Normals(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Normals)))
     times = len(noises)
-    return About(every, np.tile(grid.size_g, times), np.tile(grid.log_prior, times), positive)
+    return motion, About(every, np.tile(grid.size_g, times), np.tile(grid.log_prior, times), positive)
 
 
 @cache

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.envelope.model.laws import POWERS, decay, power_decay
+from bayesdamp.envelope.model.laws import POWERS, decay, power_decay, power_slopes
 
 PANELS = 200
 """Of the amplitude's logarithm, between which time is integrated: it is then right to 1e-8 of what passes."""
@@ -62,6 +62,30 @@ class ClosedForm(Law):
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
         """See `laws.decay`."""
         return decay(t, x0, self.terms, rates)
+
+
+@dataclass(frozen=True)
+class PowerLaw(Law):
+    """One power p of the amplitude, dA/dt = -c A^p; its parameters are ln of the rate c in 1/s at A_ref, and p."""
+
+    terms: tuple[str, ...] = ("log_rate", "exponent")
+
+    def shapes(self, x: np.ndarray) -> np.ndarray:
+        """Raises NotImplementedError: its shape is not known beforehand."""
+        raise NotImplementedError
+
+    def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
+        """See `laws.power_decay`."""
+        return power_decay(t, x0, float(rates[0]), float(rates[1]))
+
+    def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """-dx/dt in 1/s at x, shape (n,)."""
+        return np.exp(rates[0] + (rates[1] - 1.0) * x)
+
+    def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
+        """See `laws.power_slopes`, which has the rate at the start."""
+        own = power_slopes(t, np.array([x0, rates[0] + (rates[1] - 1.0) * x0, rates[1]]))
+        return np.column_stack([own[:, 1], own[:, 2] + x0 * own[:, 1]])
 
 
 @dataclass(frozen=True)

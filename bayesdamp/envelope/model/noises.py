@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.envelope.model.candidates import Blocks, derivatives, warp_columns
-from bayesdamp.envelope.model.deviation import KNOTS
+from bayesdamp.envelope.model.candidates import KNOTS, Blocks, solver_of
 from bayesdamp.envelope.model.floor import ABOVE_FLOOR
 from bayesdamp.envelope.model.law import Law
 from bayesdamp.envelope.model.noise import SHARES, SLOW, Noise, infer_noise
 from bayesdamp.envelope.model.sums import Sum, loosest_fit
 from bayesdamp.inference.deviation.gaussian.hyperparameters import smooth_root
+from bayesdamp.physics.kernel.solve import ALL
 
 CHECKED = 0.1
 """Share of the decay at its start that is held against the rest."""
@@ -36,9 +36,8 @@ def noises(
     law, x0, rates = loosest_fit(b, sums, rough)
     fit = law.decay(b.t, x0, rates)
     b = replace(b, x=b.x - _bend(b, law, x0, rates, fit))
-    h0, h = derivatives(b, law, x0, rates)
-    warp = warp_columns(b, law.rate(fit, rates))
-    columns = np.column_stack([h0, h])
+    tangents = solver_of(b, law).solve(np.append(rates, x0), tangents=ALL).tangents
+    columns, warp = tangents[:, :-KNOTS], tangents[:, -KNOTS:]
     early = max(1, round(CHECKED * n)) if n >= 30 else 0
     rest = slice(early, n)
     given = (b.t[rest], (b.x - fit)[rest], fit[rest], columns[rest], warp[rest], b.floor)

@@ -34,9 +34,7 @@ def held_blocks(b: Blocks) -> int:
 
     def misfit(held: int) -> float:
         shifted = replace(b, t=np.maximum(b.t - b.t[held], 0.0))
-        x0, rates, _ = fit_rates(shifted, law, inverse)
-        off = inverse @ (b.x - law.decay(shifted.t, x0, rates))
-        return float(off @ off)
+        return fit_rates(shifted, law, inverse).squares
 
     tried = range(FIRST, n // 2, EACH)
     left = [misfit(held) for held in tried]

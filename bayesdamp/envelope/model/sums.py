@@ -147,7 +147,8 @@ def _fitted(b: Blocks, one: Sum, inverse: np.ndarray) -> tuple[Law, float, np.nd
 
 def _squares(b: Blocks, law: Law, inverse: np.ndarray) -> tuple[Law, float, np.ndarray, float]:
     """A law, its start and rates at the least squares, and these squares."""
-    return law, *fit_rates(b, law, inverse)
+    found = fit_rates(b, law, inverse)
+    return law, float(found.values[-1]), found.values[:-1], found.squares
 
 
 def _power(power: float) -> Shape:

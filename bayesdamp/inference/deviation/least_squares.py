@@ -46,6 +46,11 @@ class Fit:
     evaluations: int
 
     @property
+    def values(self) -> np.ndarray:
+        """All of the motion's parameters at the scores, (k,)."""
+        return self.parameters.values(self.z)
+
+    @property
     def squares(self) -> float:
         """Sum of the squared residuals, in the record's unit squared."""
         return float(self.residual @ self.residual)

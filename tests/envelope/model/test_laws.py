@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bayesdamp.envelope.model.candidates import Blocks, derivatives, warp_columns
-from bayesdamp.envelope.model.deviation import KNOTS, hats, warp_integrals, weights
+from bayesdamp.envelope.model.candidates import KNOTS, Blocks, derivatives, warp_columns
 from bayesdamp.envelope.model.law import ClosedForm
 from bayesdamp.envelope.model.laws import RESTED, SUMS, coefficients, decay, power_decay, rate
+from bayesdamp.envelope.model.solver import hats, warp_integrals
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 
 T = np.linspace(0.0, 5.0, 41)
 RATES = {"viscous": 0.4, "coulomb": 0.02, "quadratic": 0.3}
@@ -76,7 +77,8 @@ def test_the_basis_integrates_as_trapezoids_do():
 
 
 def test_the_grid_of_the_deviation_has_all_the_probability():
-    tau, _, log_prior = weights()
+    grid = grid_of(KNOTS, phases=False)
+    tau, log_prior = grid.size_g, grid.log_prior
     assert np.exp(log_prior).sum() == pytest.approx(1.0)
     assert np.exp(log_prior[tau == 0]).sum() == pytest.approx(0.8)
     assert np.exp(log_prior[tau > 0]) @ tau[tau > 0] / 0.2 == pytest.approx(0.03, rel=0.15)

@@ -13,11 +13,11 @@ from bayesdamp.envelope import analyse, made_record
 from bayesdamp.envelope.model.candidates import Blocks, Candidate, weigh
 from bayesdamp.envelope.model.law import ClosedForm
 from bayesdamp.envelope.model.laws import SUMS, decay
-from bayesdamp.envelope.model.marginal import weigh_scales
 from bayesdamp.envelope.model.noise import Noise
 from bayesdamp.inference.deviation.gaussian import linear
 from bayesdamp.priors import SCORE_RATIO
 from tests.envelope.ringdowns import Ringdown, simulate
+from tests.envelope.weighed import log_evidence_as_given
 
 OMEGA = 2 * np.pi * 50.0
 STEP = (0.3 / 1e-8) ** (1 / 25)
@@ -48,7 +48,7 @@ def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
     """Exact law, the noise as given; the nonlinear likelihood by the solution of dA/dt = −vA − c, on a fine grid."""
     b, noises, inverse = blocks(noise=0.02)
     found = weigh(b, ClosedForm(("viscous", "coulomb")), noises, inverse)
-    at = int(np.flatnonzero(found.marginal.tau == 0.0)[1])
+    log_z = log_evidence_as_given(found)
     one = np.linspace(0.0, 0.16, 161)
     starts = np.linspace(1.16, 1.24, 33)
     viscous, coulomb = np.maximum(one, 1e-9)[:, None, None], one[:, None]
@@ -65,8 +65,8 @@ def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
     for scale in 1e-8 * STEP ** (np.arange(25) + 0.5) * OMEGA:
         prior = np.log(2.0 / (scale * np.sqrt(2 * np.pi)) * weight) - 0.5 * (one / scale) ** 2
         totals.append(logsumexp(logs + prior[:, None] + prior))
-    truth = logsumexp(totals) - np.log(25) - 60 * np.log(0.02)
-    assert found.log_by_combination[at] - np.log(0.8) + np.log(3.0) == pytest.approx(truth, abs=0.03)
+    truth = logsumexp(totals) - np.log(25) - 60 * np.log(0.02 * np.sqrt(2 * np.pi))
+    assert log_z == pytest.approx(truth, abs=0.03)
 
 
 def test_probabilities_do_not_depend_on_how_small_the_damping_is(monkeypatch):
@@ -101,18 +101,15 @@ def test_pairs_that_are_left_out_do_not_count(monkeypatch):
     b, noises, inverse = blocks()
     here = weigh(b, ClosedForm(SUMS[-1]), noises, inverse)
     monkeypatch.setattr(linear, "LEFT_OUT", 0.0)
-    whole = weigh_scales(here.marginal, here.rates, b.omega)
-    assert whole.log_each.size > 2 * here.log_evidence.size
+    whole = here.about.under_priors()
+    assert whole.log_each.size > 2 * here.weighed.log_each.size
     assert here.total == pytest.approx(whole.log_evidence, abs=1e-4)
 
 
-def test_the_deviation_follows_the_rates():
-    """Mean and covariance of rates and deviation together: with a wide prior, that of the normal model itself."""
+def test_a_law_that_holds_exactly_has_the_same_evidence_alone_and_among_all():
     b, noises, inverse = blocks()
     found = weigh(b, ClosedForm(("viscous",)), noises, inverse)
-    mean, covariance = found.posterior(np.arange(found.log_evidence.size))
-    assert mean[:, :1] == pytest.approx(found.centre)
-    assert covariance[:, :1, :1] == pytest.approx(found.spread)
-    own = found.marginal.covariance[found.combination]
-    given = covariance[:, 1:, 1:] - covariance[:, 1:, :1] @ covariance[:, :1, 1:] / covariance[:, :1, :1]
-    assert given == pytest.approx(own, abs=1e-8)
+    alone = found.about.under_priors(found.about.size == 0.0)
+    assert found.exact.log_evidence == pytest.approx(alone.log_evidence, abs=1e-4)
+    # Negative control: it is a part of the whole only.
+    assert found.total > found.exact.log_evidence + 0.05

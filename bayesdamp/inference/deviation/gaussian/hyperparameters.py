@@ -44,7 +44,8 @@ def grid_of(
 ) -> Grid:
     """The grid for so many knots.
 
-    phases: whether the record has any; without them, factors are those of g alone. exact: only that both laws hold exactly; coarse: every other size, and the shortest and the longest length.
+    phases: whether the record has any; without them, factors are those of g alone. exact: only that both laws hold
+    exactly; coarse: every other size, and the shortest and the longest length.
     absorbed: whether a constant deviation of damping, and of frequency, is a parameter's already (a coefficient, the
     stiffness): then it is taken about its mean over the record. One that is in both is seen by no record, and would
     only stretch the posterior along a curve that its linear model leaves.

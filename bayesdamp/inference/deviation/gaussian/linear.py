@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import log_ndtr
@@ -52,18 +53,50 @@ class DampingLikelihood:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The model at one noise over m combinations of hyperparameters and scales: log evidence of each and in all (nats),
-    means (m, d + 2n) and factors F, (m, d + 2n, d + 2n), of the covariances F Fᵀ before they are cut off at zero.
+    """The model at one noise over m combinations of hyperparameters and scales: log evidence of each and in all (nats).
 
-    combos: of each, its place in the grid of the deviations' hyperparameters, (m,).
+    combos: of each, its place in the grid of the deviations' hyperparameters, (m,); normals: the posteriors under N(0,
+    1) priors over this grid; scaled, scales: the same under other scales of the shared scores, and which scale each
+    combination has, (m,); None where no scores share one.
     """
 
     log_each: np.ndarray
     log_evidence: float
-    means: np.ndarray
-    factors: np.ndarray
     combos: np.ndarray
+    normals: Normals
+    scaled: _Scaled | None = None
+    scales: np.ndarray | None = None
     damping: DampingLikelihood | None = None
+
+    def posteriors(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return means (k, d + 2n) and factors F, (k, d + 2n, d + 2n), of the covariances F Fᵀ of combinations (k,),
+        before they are cut off at zero."""
+        combos = self.combos[places]
+        if self.scaled is None or self.scales is None:
+            return self.normals.means[combos], self.normals.factors[combos]
+        return self.scaled.posteriors(combos, self.scales[places])
+
+    @cached_property
+    def _whole(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.posteriors(np.arange(self.combos.size))
+
+    @property
+    def means(self) -> np.ndarray:
+        """Of every combination, (m, d + 2n)."""
+        return self._whole[0]
+
+    @property
+    def factors(self) -> np.ndarray:
+        """Of the covariance of every combination, (m, d + 2n, d + 2n)."""
+        return self._whole[1]
+
+    def only(self, which: np.ndarray) -> Weighed:
+        """Return these of the combinations, (m,) of bool."""
+        log = self.log_each[which]
+        scales = None if self.scales is None else self.scales[which]
+        return Weighed(
+            log, float(np.logaddexp.reduce(log)), self.combos[which], self.normals, self.scaled, scales
+        )
 
     @property
     def weights(self) -> np.ndarray:
@@ -184,17 +217,19 @@ def with_priors(
     positive: which scores must not be negative, (d,); shared: which have N(0, σ²) with the same unknown σ, (d,).
     """
     places = np.flatnonzero(positive)
-    log_each, means, factors = found.log, found.means, found.factors
-    combos = np.arange(log_each.size)
+    scaled, scales, combos, log_each = None, None, np.arange(found.log.size), found.log
     if shared.any():
         scaled = _Scaled.of(found, positive, shared)
         combos, scales = scaled.kept()
         log_each = scaled.log[combos, scales]
-        means, factors = scaled.posteriors(combos, scales)
     if places.size:
-        part = factors[:, places]
-        log_each = log_each + _folded(means[:, places], part @ np.swapaxes(part, 1, 2))
-    return Weighed(log_each, float(np.logaddexp.reduce(log_each)), means, factors, combos, damping)
+        if scaled is None or scales is None:
+            means, factors = found.means[:, places], found.factors[:, places]
+        else:
+            means, factors = scaled.posteriors(combos, scales, places)
+        log_each = log_each + _folded(means, factors @ np.swapaxes(factors, 1, 2))
+    evidence = float(np.logaddexp.reduce(log_each))
+    return Weighed(log_each, evidence, combos, found, scaled, scales, damping)
 
 
 def _folded(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -254,14 +289,16 @@ class _Scaled:
         combos, scales = np.unravel_index(np.sort(order[:count]), bound.shape)
         return combos, scales
 
-    def posteriors(self, combos: np.ndarray, scales: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Means (m, K) and factors of the covariances, (m, K, K)."""
+    def posteriors(
+        self, combos: np.ndarray, scales: np.ndarray, rows: np.ndarray | slice = slice(None)
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Means (m, K) and factors of the covariances, (m, K, K). rows: of both, all by default."""
         sizes, right, extra = self.sizes[combos], self.right[combos], self.extra[scales][:, None]
-        factors = self.normals.factors[combos]
+        factors = self.normals.factors[:, rows][combos]
         shrunk = 1.0 + extra * sizes**2
         along = factors @ right
         move = extra * sizes / shrunk * self.aim[combos]
-        means = self.normals.means[combos] - (along @ move[:, :, None])[:, :, 0]
+        means = self.normals.means[:, rows][combos] - (along @ move[:, :, None])[:, :, 0]
         factors = factors + (along * (1 / np.sqrt(shrunk) - 1)[:, None, :]) @ np.swapaxes(right, 1, 2)
         return means, factors
 

@@ -116,8 +116,6 @@ def scores_of(weighed: Weighed, positive: np.ndarray, count: int, rng: np.random
     """Draws of scores, g and h, (count, d + 2k), over all hyperparameters."""
     weights = np.where(weighed.weights > NEGLIGIBLE, weighed.weights, 0.0)
     numbers = rng.multinomial(count, weights / weights.sum())
-    places = np.flatnonzero(positive)
-    return np.concatenate([
-        draw(rng, weighed.means[i], weighed.factors[i], places, int(numbers[i]))
-        for i in np.flatnonzero(numbers)
-    ])  # fmt: skip
+    taken, places = np.flatnonzero(numbers), np.flatnonzero(positive)
+    each = zip(*weighed.posteriors(taken), numbers[taken], strict=True)
+    return np.concatenate([draw(rng, mean, factor, places, int(count)) for mean, factor, count in each])
