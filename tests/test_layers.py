@@ -47,7 +47,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     | {"records.record", "records.files", "records.oscillation", "records.decay", "records.cleaning"},
     "records": NEUTRAL | {"physics", "records"},
     "envelope": NEUTRAL
-    | {"physics.damping", "records", "store", "envelope", "inference.deviation.gaussian", "verdict", "report"},
+    | {"physics", "records", "store", "envelope", "inference.envelope", "inference.deviation", "verdict", "report"},
     "config": NEUTRAL | {"physics", "config"} | REGISTRIES,
     "estimators.networks": _BELOW | {"estimators.shared", "estimators.networks"},
     "estimators.regression": _BELOW | {"estimators.shared", "estimators.regression"},
@@ -60,6 +60,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "inference.deviation": _BELOW
     | {"inference.noise", "inference.model", "inference.fit", "inference.curves.weighted", "inference.checks"}
     | {"inference.deviation"},
+    "inference.envelope": _BELOW | {"inference.deviation", "inference.envelope"},
     "inference": set(),
     "verdict": NEUTRAL | {"physics", "inference", "store", "verdict"},
     "store": NEUTRAL | {"store"},

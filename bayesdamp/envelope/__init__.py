@@ -5,9 +5,9 @@ which may hold approximately. It fits no oscillation; several ring-downs of one 
 """
 
 from bayesdamp.envelope.analysis import analyse
-from bayesdamp.envelope.answer.answer import Answer
-from bayesdamp.envelope.records.reading import is_envelope, read_envelope
-from bayesdamp.envelope.records.record import EnvelopeRecord, made_record
+from bayesdamp.records.envelope.reading import is_envelope, read_envelope
+from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
+from bayesdamp.verdict.envelope.answer import Answer
 
 __all__ = [
     "Answer",

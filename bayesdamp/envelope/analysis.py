@@ -7,18 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.envelope.answer.answer import Answer, answer
-from bayesdamp.envelope.answer.decay import Decay
-from bayesdamp.envelope.model.candidates import Blocks
-from bayesdamp.envelope.model.floor import ABOVE_FLOOR
-from bayesdamp.envelope.model.laws import SUMS
-from bayesdamp.envelope.model.noises import noises
-from bayesdamp.envelope.model.release import held_blocks
-from bayesdamp.envelope.model.sums import Sum, sums_on
-from bayesdamp.envelope.records.one_law import LEAST_DROP, NEPER, blocks
-from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.envelope.records.window import Window, find_window
+from bayesdamp.inference.envelope.candidates import Blocks
+from bayesdamp.inference.envelope.decay import Decay
+from bayesdamp.inference.envelope.noises import noises
+from bayesdamp.inference.envelope.release import held_blocks
+from bayesdamp.inference.envelope.sums import Sum, sums_on
+from bayesdamp.physics.amplitude.laws import SUMS
+from bayesdamp.records.envelope.floor import ABOVE_FLOOR
+from bayesdamp.records.envelope.one_law import LEAST_DROP, NEPER, blocks
+from bayesdamp.records.envelope.record import EnvelopeRecord
+from bayesdamp.records.envelope.window import Window, find_window
 from bayesdamp.types import Refusal
+from bayesdamp.verdict.envelope.answer import Answer, answer
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
 
@@ -119,7 +119,7 @@ def _sums(
     start = b.ends[0]
     scale = None
     if tuple(sums) != SUMS:
-        from bayesdamp.envelope.records.scale import scale_of
+        from bayesdamp.records.envelope.scale import scale_of
 
         scale = scale_of(record, sums, start + reference)
     return sums_on(sums, scale, start, float(b.x.min()))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from bayesdamp.envelope.model.laws import POWERS, SUMS
-from bayesdamp.envelope.records.record import EnvelopeRecord
+from bayesdamp.physics.amplitude.laws import POWERS, SUMS
 from bayesdamp.plugins import PluginModule, read_modules, use
+from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.types import InputError
 
 LONGEST = 3
@@ -31,7 +31,7 @@ class Asked:
     def of(self, record: EnvelopeRecord) -> None:
         """Raises InputError where a term cannot be weighed on this record."""
         if self.registered:
-            from bayesdamp.envelope.records.scale import scale_of
+            from bayesdamp.records.envelope.scale import scale_of
 
             scale_of(record, self.sums, 0.0)
 
@@ -86,7 +86,7 @@ def asked(damping: Sequence[str] = (), plugins: Sequence[str] = ()) -> Asked:
 
 def _told_apart(sums: Sequence[tuple[str, ...]], modules: tuple[PluginModule, ...], strict: bool) -> Asked:
     """Without sums that lose as an earlier one does. strict: raises InputError where two terms of a sum lose alike."""
-    from bayesdamp.envelope.terms.loss import alike, log_loss
+    from bayesdamp.physics.amplitude.loss import alike, log_loss
     from bayesdamp.physics.damping import TERMS
 
     terms = list(dict.fromkeys([*POWERS, *(t for one in sums for t in one)]))

@@ -10,26 +10,26 @@ from pathlib import Path
 from typing import Any
 
 from bayesdamp.envelope.analysis import analyse
-from bayesdamp.envelope.answer.answer import Answer
-from bayesdamp.envelope.answer.posterior import DRIFT, SENSOR
 from bayesdamp.envelope.asked import asked
 from bayesdamp.envelope.folder import write_about
 from bayesdamp.envelope.kept import Task, keep, kept
-from bayesdamp.envelope.model.floor import ABOVE_FLOOR
-from bayesdamp.envelope.records.reading import Column, is_envelope, read_envelope
-from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.envelope.records.window import Window, bounded
 from bayesdamp.inference.deviation.gaussian.hyperparameters import EXACT, MEAN_G
+from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
 from bayesdamp.machine.processes import processes
 from bayesdamp.machine.threads import cores
 from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.plugins import use
 from bayesdamp.priors import SHARED_SCALES
+from bayesdamp.records.envelope.floor import ABOVE_FLOOR
+from bayesdamp.records.envelope.reading import Column, is_envelope, read_envelope
+from bayesdamp.records.envelope.record import EnvelopeRecord
+from bayesdamp.records.envelope.window import Window, bounded
 from bayesdamp.records.opening.opening import read_each
 from bayesdamp.store.cells import Store
 from bayesdamp.store.files import write_bytes
 from bayesdamp.types import InputError, Refusal
 from bayesdamp.verdict import files
+from bayesdamp.verdict.envelope.answer import Answer
 
 BATCH = 2
 """Records that a process is given at a time: handing over costs a millisecond, a record some 0.4 s."""

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.envelope.answer.answer import Answer
 from bayesdamp.envelope.asked import Asked
-from bayesdamp.envelope.likelihood import RateLikelihood
-from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.envelope.records.window import Window
+from bayesdamp.inference.envelope.likelihood import RateLikelihood
+from bayesdamp.records.envelope.record import EnvelopeRecord
+from bayesdamp.records.envelope.window import Window
 from bayesdamp.sources import code_digest
 from bayesdamp.store.cells import CellResult, Store
 from bayesdamp.store.contents.content import Content, OtherVersionError
+from bayesdamp.verdict.envelope.answer import Answer
 from bayesdamp.verdict.types import Verdict
 
 CODE = ("bayesdamp.envelope.analysis", "bayesdamp.envelope.picture")

@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from bayesdamp.envelope.answer.answer import Answer
-from bayesdamp.envelope.records.record import EnvelopeRecord
+from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.report.figures.curves import ENDS, MARKED
 from bayesdamp.report.figures.record import KEPT, thinned
 from bayesdamp.report.style import INK, QUIET, colour
+from bayesdamp.verdict.envelope.answer import Answer
 from bayesdamp.verdict.parts import Interval
 from bayesdamp.verdict.words import named
 

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesdamp.envelope.answer.answer import Answer
-from bayesdamp.envelope.model.candidates import KNOTS
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
+from bayesdamp.inference.envelope.candidates import KNOTS
 from bayesdamp.odds import odds
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal
 from bayesdamp.types import InputError
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of
+from bayesdamp.verdict.envelope.answer import Answer
 from bayesdamp.verdict.parts import Estimate, Grade, Interval
 from bayesdamp.verdict.specimen import energy_of_records, largest, of_spread, remarks_on_records, worst_grade
 from bayesdamp.verdict.types import Verdict

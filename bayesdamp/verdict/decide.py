@@ -66,7 +66,7 @@ def decide(
     grade = grade_of(found) if approximate else Grade.EXACT
     grade = Grade.DEVIATES if contradicted else grade
     instead = law_free if grade is Grade.DEVIATES else None  # of a law
-    natural = None if instead is not None or off else _interval(found.frequency, "Hz")
+    natural = None if instead is not None or off else interval_of(found.frequency, "Hz")
     if natural is not None and natural.high - natural.low > thresholds.UNDETERMINED * natural.value:
         natural = None
     untold = untold_twins(found, first)
@@ -83,20 +83,20 @@ def decide(
         restoring=next(iter(found.restoring)),
         restoring_probability=min(next(iter(found.restoring.values())), cap),
         frequency=natural,
-        exponent=None if found.exponent is None else _interval(found.exponent),
+        exponent=None if found.exponent is None else interval_of(found.exponent),
         damping_ratio=ratios if instead is None else instead.ratios,
         energy=_energy(found),
         other_forms=(
             *(Bound(t, found.bound[t]) for t in found.bound if t not in first.split("+")),
             *([Bound("any other form", found.other)] if approximate else []),
         ),
-        deviation=_interval(found.deviation) if approximate else None,
-        unnamed=None if found.unnamed is None else _interval(found.unnamed),
+        deviation=interval_of(found.deviation) if approximate else None,
+        unnamed=None if found.unnamed is None else interval_of(found.unnamed),
         unexplained_pct=100 * found.unexplained,
         noise_pct=100 * found.noise,
         midline_drift_pct=100 * found.midline,
         frequency_at=_narrowest(at, law_free, off or instead is not None),
-        restoring_deviation=_interval(found.restoring_deviation) if approximate else None,
+        restoring_deviation=interval_of(found.restoring_deviation) if approximate else None,
         law_free=instead is not None,
         contradicted=contradicted,
         coefficients=_coefficients(found, unit),
@@ -179,7 +179,8 @@ def _with(verdict: Verdict, **changes: object) -> Verdict:
     return replace(verdict, **changes)  # type: ignore[arg-type]
 
 
-def _interval(q: Quantity, unit: str = "") -> Interval:
+def interval_of(q: Quantity, unit: str = "") -> Interval:
+    """Return a number's value and interval as a verdict has them."""
     return Interval(q.value, q.low, q.high, unit)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lfilter
 
-from bayesdamp.envelope.model.laws import POWERS, decay, rate
+from bayesdamp.physics.amplitude.laws import POWERS, decay, rate
 
 NEPER = 20.0 / np.log(10.0)
 

@@ -11,11 +11,11 @@ from scipy.signal import find_peaks, hilbert
 from scipy.stats import halfnorm
 
 from bayesdamp.envelope import EnvelopeRecord, analyse, made_record
-from bayesdamp.envelope.model.candidates import Blocks, weigh, weigh_power
-from bayesdamp.envelope.model.law import ClosedForm
-from bayesdamp.envelope.model.noise import Noise
-from bayesdamp.envelope.records.window import Window, bounded
 from bayesdamp.envelope.specimen import specimen
+from bayesdamp.inference.envelope.candidates import Blocks, weigh, weigh_power
+from bayesdamp.inference.envelope.noise import Noise
+from bayesdamp.physics.amplitude.law import ClosedForm
+from bayesdamp.records.envelope.window import Window, bounded
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
 from tests.envelope.ringdowns import Ringdown, simulate

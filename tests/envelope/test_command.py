@@ -12,7 +12,7 @@ import pytest
 from bayesdamp.cli import main
 from bayesdamp.envelope import is_envelope, read_envelope
 from bayesdamp.envelope.command import recognised
-from bayesdamp.envelope.records.record import unit_in
+from bayesdamp.records.envelope.record import unit_in
 from bayesdamp.types import InputError
 from tests.envelope.ringdowns import Ringdown, simulate
 

@@ -11,16 +11,16 @@ from bayesdamp.envelope import analyse, made_record
 from bayesdamp.envelope.analysis import _decay
 from bayesdamp.envelope.asked import Asked
 from bayesdamp.envelope.kept import Task, keep, kept
-from bayesdamp.envelope.likelihood import merged
-from bayesdamp.envelope.model.candidates import KNOTS
-from bayesdamp.envelope.model.laws import SUMS
-from bayesdamp.envelope.model.sums import weighed
-from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.specimen import joint_damping, shared_likelihoods
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Normals, with_priors
+from bayesdamp.inference.envelope.candidates import KNOTS
+from bayesdamp.inference.envelope.likelihood import merged
+from bayesdamp.inference.envelope.sums import weighed
 from bayesdamp.odds import odds
+from bayesdamp.physics.amplitude.laws import SUMS
 from bayesdamp.priors import SCORE_RATIO
+from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.store.cells import Store
 from bayesdamp.types import InputError
 from tests.envelope.ringdowns import Ringdown, simulate

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bayesdamp.envelope.model.candidates import Candidate
+from bayesdamp.inference.envelope.candidates import Candidate
 
 
 def place_as_given(candidate: Candidate) -> int:

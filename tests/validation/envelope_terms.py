@@ -18,10 +18,10 @@ import numpy as np
 from scipy.optimize import minimize
 
 from bayesdamp.envelope import analyse
-from bayesdamp.envelope.model.candidates import Blocks, fit_rates
-from bayesdamp.envelope.model.sums import FIRST_ROUNDS, Sum, sums_on
-from bayesdamp.envelope.terms.further import explore
-from bayesdamp.envelope.terms.loss import Scale
+from bayesdamp.inference.envelope.candidates import Blocks, fit_rates
+from bayesdamp.inference.envelope.further import explore
+from bayesdamp.inference.envelope.sums import FIRST_ROUNDS, Sum, sums_on
+from bayesdamp.physics.amplitude.loss import Scale
 from bayesdamp.verdict import Verdict
 from tests.envelope.oscillations import FLOOR, SHARP, START, Force, envelope, turning_points
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.envelope import Answer, analyse, made_record
-from bayesdamp.envelope.model.laws import rate
+from bayesdamp.physics.amplitude.laws import rate
 from tests.envelope.ringdowns import NEPER, Ringdown, Simulated, simulate
 
 CASES = ("viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.envelope.records.reading import is_envelope, read_envelope
-from bayesdamp.envelope.records.window import bounded
+from bayesdamp.records.envelope.reading import is_envelope, read_envelope
+from bayesdamp.records.envelope.window import bounded
 from bayesdamp.types import Refusal
 
 

@@ -1,1 +1,0 @@
-"""From a decay and its damping sums to what is said of it."""

@@ -1,1 +1,0 @@
-"""Envelopes as they were recorded, and where the free decay stands in them."""

@@ -1,0 +1,165 @@
+"""The likelihood of one envelope as a function of its damping rates alone, for an answer over several records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
+from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, Candidate
+
+ALONG = 33
+"""Amplitudes, evenly in their logarithm, at which the loss of each term is stored."""
+WIDE = 3.0
+"""Standard deviation, in the sum of the fitted rates, of the normal prior under which the likelihoods of several noises
+are made one: wide against every rate that the record allows, and taken out again."""
+_ARRAYS = ("log", "slope", "information", "log_amplitudes", "log_losses")
+
+
+@dataclass(frozen=True, eq=False)
+class RateLikelihood:
+    """Likelihood of the rates x of a damping sum under each of c sizes and lengths of the deviation.
+
+    It is exp(log + xᵀ slope − xᵀ information x / 2), everything else integrated out: the start, the floor, the noise
+    and the deviation itself. It contains no prior of x and none of the deviation's size and length.
+
+    Attributes
+    ----------
+    log
+        Nats, (c,), in the order of `grid_of`.
+    slope, information
+        Of the rates at the reference amplitude, in s, (c, d), and in s², (c, d, d).
+    reference
+        ln of the reference amplitude in the record's unit (of its ratio to 1, where that unit is dB).
+    log_amplitudes
+        ln of amplitudes in that unit, (n,), rising.
+    log_losses
+        ln of each term's relative loss there over that at the reference amplitude, (d, n).
+    unit
+        Of the record's readings.
+    omega
+        Frequency in rad/s, None where it is not known.
+    duration
+        Of the decay in s.
+    """
+
+    log: np.ndarray
+    slope: np.ndarray
+    information: np.ndarray
+    reference: float
+    log_amplitudes: np.ndarray
+    log_losses: np.ndarray
+    unit: str
+    omega: float | None
+    duration: float
+
+    def in_scores(self, log_amplitude: float, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the likelihood in coordinates that several records can share.
+
+        Parameters
+        ----------
+        log_amplitude
+            ln of the amplitude at which the rates are taken, in the record's unit. Beyond the stored amplitudes each
+            loss goes on as a power of the amplitude.
+        rate
+            In 1/s at a score of 1.
+
+        Returns
+        -------
+        log, slope, information
+            Of the scores, (c,), (c, d) and (c, d, d).
+        """
+        x, y = self.log_amplitudes, self.log_losses
+        i = int(np.clip(np.searchsorted(x, log_amplitude) - 1, 0, x.size - 2))
+        loss = y[:, i] + (log_amplitude - x[i]) * (y[:, i + 1] - y[:, i]) / (x[i + 1] - x[i])
+        factor = rate * np.exp(-loss)
+        return self.log, self.slope * factor, self.information * factor * factor[:, None]
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the arrays by name, as a cell stores them."""
+        return {name: getattr(self, name) for name in _ARRAYS}
+
+    def numbers(self) -> dict[str, float | str | None]:
+        """Return what is not an array, as a cell stores it."""
+        return {
+            "reference": self.reference,
+            "unit": self.unit,
+            "omega": self.omega,
+            "duration": self.duration,
+        }
+
+    @classmethod
+    def of(
+        cls, arrays: Mapping[str, np.ndarray], numbers: Mapping[str, float | str | None]
+    ) -> RateLikelihood:
+        """Build it from what `arrays` and `numbers` returned."""
+        return cls(**{name: arrays[name] for name in _ARRAYS}, **numbers)  # type: ignore[arg-type]
+
+
+def likelihood_of(candidate: Candidate, blocks: Blocks, reference: float, unit: str) -> RateLikelihood:
+    """Compute the likelihood of a candidate's rates.
+
+    Parameters
+    ----------
+    candidate
+        A weighed sum without further parameters.
+    blocks
+        The readings.
+    reference
+        ln of their reference amplitude in the record's unit.
+    unit
+        Of the record's readings.
+    """
+    scale = WIDE * float(candidate.rates.sum()) / candidate.unit
+    log, slope, information = merged(candidate.likelihood, grid_of(KNOTS, phases=False).log_prior.size, scale)
+    slope, information = slope / candidate.unit, information / candidate.unit**2
+    x = np.linspace(float(blocks.x.min()), blocks.ends[0], ALONG)
+    shapes = candidate.law.shapes(np.append(x, 0.0))
+    losses = np.log(np.maximum(shapes[:, :-1] / shapes[:, -1:], 1e-300))
+    return RateLikelihood(
+        log, slope, information, reference, x + reference, losses, unit, blocks.frequency, blocks.duration
+    )
+
+
+def merged(likelihood: DampingLikelihood, sizes: int, sd: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Merge the likelihoods under all noises into one Gaussian for each size and length of the deviation.
+
+    It has the evidence, the mean and the covariance of their mixture under a wide normal prior.
+
+    Parameters
+    ----------
+    likelihood
+        Of the rates' scores under all noises, the size and length of the deviation running fastest.
+    sizes
+        How many sizes and lengths there are, c.
+    sd
+        Of the wide prior.
+
+    Returns
+    -------
+    log, slope, information
+        Of the scores, (c,), (c, d) and (c, d, d).
+    """
+    d = likelihood.slope.shape[1]
+    wide = np.eye(d) / sd**2
+    covariance = np.linalg.inv(likelihood.information + wide)
+    mean = (covariance @ likelihood.slope[:, :, None])[:, :, 0]
+    log = likelihood.log + 0.5 * np.sum(likelihood.slope * mean, axis=1)
+    log = log + 0.5 * np.linalg.slogdet(covariance)[1] - d * np.log(sd)
+    log = log.reshape(-1, sizes)
+    total = logsumexp(log, axis=0)
+    share = np.exp(log - total)
+    mean, covariance = mean.reshape(-1, sizes, d), covariance.reshape(-1, sizes, d, d)
+    centre = np.einsum("np,npi->pi", share, mean)
+    off = mean - centre
+    spread = np.einsum("np,npij->pij", share, covariance) + np.einsum("np,npi,npj->pij", share, off, off)
+    precision = np.linalg.inv(spread)
+    slope = (precision @ centre[:, :, None])[:, :, 0]
+    gained, axes = np.linalg.eigh(precision - wide)
+    information = (axes * np.maximum(gained, 0.0)[:, None, :]) @ np.swapaxes(axes, 1, 2)
+    log = total - 0.5 * np.sum(slope * centre, axis=1)
+    return log - 0.5 * np.linalg.slogdet(spread)[1] + d * np.log(sd), slope, information

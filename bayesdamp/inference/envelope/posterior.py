@@ -1,0 +1,103 @@
+"""Draws of what is quoted, from the mixture over damping sums, noise, scale, τ and ℓ."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, Candidate
+from bayesdamp.physics.amplitude.solver import hats
+
+DRAWS = 1600
+SENSOR = 0.002
+"""Relative sd of any rate that no record tells: the linearity of a detector, and its clock."""
+DRIFT = 0.1
+"""dB (sd) by which the gain of a detector that reads dB drifts, or bends, over half of a decay and leaves no trace:
+conventional, makers of analysers state 0.1 to 0.2."""
+ALONG = 257
+"""Points of a fit, evenly in ln A, over which means are taken."""
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Of the posterior, one row a draw: rates at amplitudes, as they were (n, amplitudes), and the law's, mean over the
+    first half of the fall in dB (n,), what another run would have but for its own deviation; both in 1/s;
+    shares of energy of each term, (n, terms); rms deviation (n,); which candidate each is of, (n,). rates: at the
+    reference amplitude by term, of the draws that have it."""
+
+    at: np.ndarray
+    whole: np.ndarray
+    energy: np.ndarray
+    deviation: np.ndarray
+    candidate: np.ndarray
+    rates: Mapping[str, np.ndarray]
+
+
+def draw(
+    blocks: Blocks,
+    candidates: Sequence[Candidate],
+    terms: Sequence[str],
+    amplitudes: np.ndarray,
+    rng: np.random.Generator,
+    sensor: float = SENSOR,
+    exact: bool = False,
+) -> Draws:
+    """Draws of what is quoted; exact: given that the law holds exactly.
+
+    terms: of all sums; amplitudes: x = ln(A/A_ref) at which rates are asked for; sensor: relative sd of any rate.
+    """
+    log_z = np.array([(c.total_exact if exact else c.total) + c.log_share for c in candidates])
+    probability = np.exp(log_z - log_z.max())
+    counts = _shared(probability / probability.sum(), rng)
+    parts = [
+        (*_draws(blocks, c, *c.draws(exact, n, rng), terms, amplitudes, sensor, rng), np.full(n, i))
+        for i, (c, n) in enumerate(zip(candidates, counts, strict=True))
+        if n
+    ]
+    at, whole, energy, rms, rates, candidate = (np.concatenate(column) for column in zip(*parts, strict=True))
+    known = {term: column[np.isfinite(column)] for term, column in zip(terms, rates.T, strict=True)}
+    return Draws(at, whole, energy, rms, candidate, known)
+
+
+def _shared(probability: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """How many of all draws each gets: systematic resampling (Kitagawa 1996)."""
+    at = (rng.random() + np.arange(DRAWS)) / DRAWS
+    return np.bincount(np.searchsorted(np.cumsum(probability)[:-1], at), minlength=probability.size)
+
+
+def _draws(
+    blocks: Blocks,
+    c: Candidate,
+    rates: np.ndarray,
+    g: np.ndarray,
+    names: Sequence[str],
+    amplitudes: np.ndarray,
+    sensor: float,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, ...]:
+    count = len(rates)
+    s = blocks.t / blocks.duration
+    basis = hats(s, KNOTS)
+    # Along the fit, on which time passes as dx/f: a decay that is steep at first has few readings there.
+    x = np.linspace(c.fit[0], c.fit[-1], ALONG)
+    took = 1.0 / np.maximum(c.law.rate(x, c.rates), 1e-300)
+    took[[0, -1]] *= 0.5
+    shapes = c.law.shapes(x)  # (d, n): of each term's rate over the record
+    half = slice(0, ALONG // 2 + 1)
+    ends = np.ones(ALONG // 2 + 1)
+    ends[[0, -1]] = 0.5
+    # What falls there over the time that it takes.
+    whole = ends.sum() / ((1.0 / np.maximum(rates @ shapes[:, half], 1e-300)) @ ends)
+    passed = np.interp(-amplitudes, -c.fit, s)
+    law = rates @ c.law.shapes(amplitudes)
+    at = law * (1.0 + g @ hats(passed, KNOTS).T)
+    losses = rates * (shapes @ (np.exp(2.0 * x) * took))
+    energy, terms = np.zeros((count, len(names))), np.full((count, len(names)), np.nan)
+    places = [list(names).index(term) for term in c.terms]
+    energy[:, places] = losses / losses.sum(axis=1, keepdims=True)
+    terms[:, places] = rates
+    rms = np.sqrt(np.mean((g @ basis.T) ** 2, axis=1))
+    off = 1.0 + sensor * rng.standard_normal((count, 1))
+    return at * off, whole * off[:, 0], energy, rms, terms * off

@@ -1,0 +1,1 @@
+"""Decay of an amplitude under sums of damping terms, averaged over a cycle."""

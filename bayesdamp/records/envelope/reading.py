@@ -1,0 +1,93 @@
+"""An envelope out of a file."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from bayesdamp.records.envelope.record import DECIBELS, EnvelopeRecord, made_record, unit_in
+from bayesdamp.records.opening.opening import FALLBACK, reader_of
+from bayesdamp.records.read import read_record
+from bayesdamp.records.readers import READERS
+from bayesdamp.records.stated_columns import choose_columns
+from bayesdamp.types import InputError
+
+HEAD = 8192
+"""Bytes in which a file's head and the names of its columns stand."""
+_HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
+Column = str | int
+
+
+def is_envelope(path: Path, value: Column | None = None, unit: str | None = None) -> bool:
+    """Whether a file's levels are plainly those of an envelope: their unit, or their column's name, says dB or dBm."""
+    if unit is not None:
+        return unit in DECIBELS
+    if isinstance(value, str) and not value.isdigit():
+        return unit_in(value) in DECIBELS
+    if not path.is_file() or not _is_text(path):
+        return False
+    with path.open("rb") as file:
+        lines = file.read(HEAD).decode("latin-1").splitlines()
+    named = [line for line in lines if re.search(r"[A-Za-z]{2}", line)]
+    return bool(named) and unit_in(named[-1]) in DECIBELS
+
+
+def read_envelope(
+    path: Path,
+    *,
+    time: Column | None = None,
+    value: Column | None = None,
+    rate: float | None = None,
+    unit: str | None = None,
+    frequency: float | None = None,
+) -> EnvelopeRecord:
+    """The envelope in a file.
+
+    time, value: columns by name or number from 1, else the first and the second of two; rate: in Hz, for a file without
+    times. unit: of the readings, else as the column's name says: dB, dBm and such are levels, W and such powers, any
+    other an amplitude. frequency: of the oscillation in Hz, else as the file's head says (`% Frequency [Hz]: 1562325`).
+    Raises InputError.
+    """
+    time, value = choose_columns(path, time, value, rate)
+    raw = read_record(path, time=time, value=value, rate=rate)
+    t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
+    about = replace(raw.provenance, header_lines=0)  # they are read
+    facts = {name: str(fact) for name, fact in about.facts.items()}
+    chosen = unit or unit_in(about.value_column) or _bracketed(about.value_column) or "units"
+    return made_record(
+        path.name,
+        t,
+        raw.y,
+        chosen,
+        frequency if frequency is not None else _frequency(facts),
+        facts,
+        about.said,
+    )
+
+
+def _is_text(path: Path) -> bool:
+    """Whether a file is a table of text, whose head can be read as it stands."""
+    try:
+        return reader_of(path) is READERS.get(FALLBACK)
+    except InputError:  # told when it is read
+        return False
+
+
+def _frequency(facts: dict[str, str]) -> float | None:
+    """In Hz."""
+    for name, text in facts.items():
+        if not re.search(r"\bfrequency\b", name, re.IGNORECASE) or re.search("sampl", name, re.IGNORECASE):
+            continue
+        unit = re.search(r"\b([kMG]?Hz)\b", f"{name} {text}", re.IGNORECASE)
+        number = re.match(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?", text)
+        if number and float(number[0]) > 0:
+            return float(number[0]) * (_HERTZ[unit[1].lower()] if unit else 1.0)
+    return None
+
+
+def _bracketed(label: str) -> str | None:
+    said = re.search(r"[\[(]([^\])]+)[\])]\s*$", label)
+    return said[1].strip() if said else None

@@ -1,0 +1,1 @@
+"""From a weighed envelope to its verdict."""

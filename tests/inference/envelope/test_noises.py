@@ -1,0 +1,38 @@
+"""What is told of a decay's readings before its law is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesdamp.inference.envelope.candidates import Blocks
+from bayesdamp.inference.envelope.noises import noises
+from bayesdamp.physics.amplitude.law import ClosedForm
+from bayesdamp.physics.amplitude.laws import decay
+
+TERMS, RATES = ("quadratic",), np.array([4.0])
+
+
+def test_means_of_readings_in_a_bent_block_are_set_right():
+    """Twenty readings a block, without noise: what is left is far below what the means are off."""
+    each, n = 20, 60
+    t = np.arange(each * n) * (10.0 / (each * n))
+    x = decay(t, 0.0, TERMS, RATES).reshape(n, each).mean(axis=1)
+    times = t.reshape(n, each).mean(axis=1)
+    start = times[0]
+    rng = np.random.default_rng(1)
+    scatter = 1e-4 * rng.standard_normal(n)
+    b = Blocks(times - start, x + scatter, 10.0, float(x[0] - x[-1]) / 10.0, None, each)
+    found = noises(b)[0]
+    truth = decay(times, 0.0, TERMS, RATES) + scatter
+    assert np.abs(b.x - truth).max() > 5e-3
+    assert found.x == pytest.approx(truth, abs=1e-3)
+
+
+def test_a_straight_decay_is_as_it_was():
+    t = np.linspace(0.0, 10.0, 60)
+    x = ClosedForm(("viscous",)).decay(t, 1.0, np.array([0.3])) + 0.01 * np.random.default_rng(
+        2
+    ).standard_normal(60)
+    b = Blocks(t, x, 10.0, 0.3, None, 20)
+    assert noises(b)[0].x == pytest.approx(x, abs=1e-4)

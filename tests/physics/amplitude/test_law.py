@@ -1,0 +1,112 @@
+"""Decays by tables of what terms take, against closed forms and an independent integrator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from bayesdamp.inference.envelope.sums import Sum
+from bayesdamp.physics.amplitude.law import Law, Tabled
+from bayesdamp.physics.amplitude.laws import SUMS, decay
+from bayesdamp.physics.amplitude.loss import Scale, alike, losses, scales_needed
+from bayesdamp.physics.damping import TERMS, DampingTerm, FreeParameter
+from bayesdamp.priors import Uniform
+
+T = np.linspace(0.0, 5.0, 101)
+RATES = {"viscous": 0.4, "coulomb": 0.02, "quadratic": 0.3}
+
+
+def tabled(*terms: str, scores: tuple[float, ...] = ()) -> Tabled:
+    """From the registered terms also where there is a closed form."""
+    law = Sum(terms, 0.5, -3.0, tuple(map(TERMS.get, terms)), Scale()).law(scores)
+    assert isinstance(law, Tabled)
+    return law
+
+
+@pytest.mark.parametrize("terms", SUMS, ids="+".join)
+def test_the_paper_s_sums_decay_as_in_closed_form(terms):
+    """Within what the cubics between nodes are off."""
+    rates = np.array([RATES[term] for term in terms])
+    assert tabled(*terms).decay(T, 0.3, rates) == pytest.approx(decay(T, 0.3, terms, rates), abs=1e-7)
+    # Negative control: a rate that is a millionth larger is seen.
+    assert tabled(*terms).decay(T, 0.3, rates * (1 + 1e-5)) != pytest.approx(
+        decay(T, 0.3, terms, rates), abs=1e-7
+    )
+
+
+def test_friction_goes_on_beyond_the_table_and_comes_to_rest():
+    assert tabled("coulomb").decay(T, 0.0, np.array([1.0])) == pytest.approx(
+        decay(T, 0.0, ("coulomb",), np.array([1.0])), abs=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("terms", "scores", "rates"),
+    [
+        (("cubic",), (), [0.5]),
+        (("viscous", "displacement"), (), [0.2, 0.3]),
+        (("viscous", "power"), (0.6,), [0.2, 0.3]),
+        (("stribeck",), (0.4, -0.3), [0.2]),
+    ],
+)
+def test_any_sum_decays_as_its_equation_says(terms, scores, rates):
+    law = tabled(*terms, scores=scores)
+    rates = np.array(rates)
+    truth = solve_ivp(
+        lambda t, x: -law.rate(x, rates), (0.0, T[-1]), [0.3], t_eval=T, rtol=1e-11, atol=1e-12, max_step=0.05
+    ).y[0]
+    x = law.decay(T, 0.3, rates)
+    assert x == pytest.approx(truth, abs=1e-6)
+    differences = Law.slopes(law, T, x, 0.3, rates, 1e-4)
+    assert law.slopes(T, x, 0.3, rates, 1e-4) == pytest.approx(differences, abs=1e-4)
+    # Negative control.
+    assert law.slopes(T, x, 0.3, 1.01 * rates, 1e-4) != pytest.approx(differences, abs=1e-4)
+
+
+def test_losses_are_those_of_the_terms_equations():
+    """dA/dt = -A f(A): of the table in docs/laws.md, at 0.2 rad and 7 rad/s."""
+    a, omega, scale = 0.2, 7.0, Scale(0.2, 7.0)
+    known = {
+        "cubic": 3 / 8 * omega**2 * a**2,
+        "displacement": a**2 / 8,
+        "structural": 1 / (np.pi * omega),
+        "coulomb": 2 / (np.pi * omega * a),
+    }
+    for name, truth in known.items():
+        assert losses(TERMS.get(name), np.zeros(1), {}, scale) == pytest.approx(truth, rel=1e-6), name
+
+
+class Thinning(DampingTerm):
+    """Its velocity is 0.35 rad/s whatever the record."""
+
+    name, parameter, unit = "thinning", "c", "1/s"
+
+    @staticmethod
+    def kernel(x, v, epsilon):
+        return v / (1.0 + abs(v) / 0.35)
+
+
+class Creased(DampingTerm):
+    """Its amplitude is between 0.1 and 1 rad whatever the record."""
+
+    name, parameter, unit = "creased", "c", "1/s"
+    inferred = (FreeParameter("crease", "rad", lambda amplitude, frequency: Uniform(low=0.1, high=1.0)),)
+
+    @staticmethod
+    def kernel(x, v, epsilon, crease):
+        return v * (1.0 + (x / crease) ** 2)
+
+
+def test_which_terms_have_a_scale_of_their_own():
+    shipped = [TERMS.get(n) for n in TERMS.names() if TERMS.ships(n)]
+    assert [scales_needed(term) for term in shipped] == [(False, False)] * len(shipped)
+    assert scales_needed(Thinning()) == (True, True)
+    assert scales_needed(Creased()) == (True, False)
+
+
+def test_which_terms_lose_alike():
+    assert alike(TERMS.get("viscous"), TERMS.get("structural"))
+    assert alike(TERMS.get("cubic"), TERMS.get("displacement"))
+    assert not alike(TERMS.get("cubic"), TERMS.get("quadratic"))
+    assert not alike(TERMS.get("stribeck"), TERMS.get("coulomb"))

@@ -1,0 +1,110 @@
+"""Closed forms of the averaged amplitude against an independent integrator, and the deviation's derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, derivatives, warp_columns
+from bayesdamp.physics.amplitude.law import ClosedForm
+from bayesdamp.physics.amplitude.laws import RESTED, SUMS, coefficients, decay, power_decay, rate
+from bayesdamp.physics.amplitude.solver import hats, warp_integrals
+
+T = np.linspace(0.0, 5.0, 41)
+RATES = {"viscous": 0.4, "coulomb": 0.02, "quadratic": 0.3}
+
+
+def integrated(speed, x0: float) -> np.ndarray:
+    return solve_ivp(
+        lambda t, x: -speed(t, x), (0.0, T[-1]), [x0], t_eval=T, rtol=1e-11, atol=1e-12, max_step=0.1
+    ).y[0]
+
+
+@pytest.mark.parametrize("terms", SUMS, ids="+".join)
+@pytest.mark.parametrize("scale", [1.0, 0.01, 1e-7])
+def test_a_sum_decays_as_its_equation_says(terms, scale):
+    rates = np.array([RATES[term] for term in terms])
+    rates[1:] *= scale
+    truth = integrated(lambda t, x: rate(x, terms, rates), 0.3)
+    assert decay(T, 0.3, terms, rates) == pytest.approx(truth, abs=1e-8)
+
+
+def test_all_three_with_more_friction_than_the_roots_of_the_riccati_equation_are_real():
+    terms, rates = SUMS[-1], np.array([0.1, 0.3, 0.4])
+    truth = integrated(lambda t, x: rate(x, terms, rates), 1.0)
+    assert decay(T[:20], 1.0, terms, rates) == pytest.approx(truth[:20], abs=1e-8)
+
+
+def test_friction_comes_to_rest_and_stays():
+    x = decay(T, 0.0, ("coulomb",), np.array([1.0]))
+    assert x[T >= 1.0] == pytest.approx(RESTED)
+    assert np.exp(x[T < 1.0]) == pytest.approx(1.0 - T[T < 1.0])
+    x = decay(T, 0.0, SUMS[-1], np.array([0.1, 1.0, 1.0]))
+    assert np.all(x[T > 1.0] == RESTED)
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0, 1.0 + 1e-5, 1.7, 2.0, 3.0])
+def test_a_power_law_decays_as_its_equation_says(power):
+    truth = integrated(lambda t, x: 0.3 * np.exp((power - 1.0) * x), 0.2)
+    assert power_decay(T, 0.2, np.log(0.3), power) == pytest.approx(truth, abs=1e-6)
+
+
+def test_coefficients_are_those_of_the_equation_of_motion():
+    """dA/dt of the averaged equation (Nayfeh & Mook 1979) at A = 0.2, ω = 7, from ζ, μc, μq and from rates at 0.2."""
+    omega, amplitude, zeta, mu_c, mu_q = 7.0, 0.2, 0.05, 0.3, 0.4
+    losses = np.array(
+        [zeta * amplitude, 2 * mu_c / (np.pi * omega), 4 * mu_q * omega * amplitude**2 / (3 * np.pi)]
+    )
+    found = coefficients(SUMS[-1], losses / amplitude, amplitude, omega)
+    assert [name for name, _, _ in found] == ["zeta", "mu_c", "mu_q"]
+    assert [float(value) for _, value, _ in found] == pytest.approx([zeta, mu_c, mu_q])
+    free = coefficients(SUMS[-1], losses / amplitude, amplitude, None)
+    assert sum(float(c) * amplitude**p for (_, c, _), p in zip(free, (1, 0, 2))) == pytest.approx(
+        losses.sum()
+    )
+
+
+def test_the_basis_integrates_as_trapezoids_do():
+    s = np.linspace(0.0, 1.0, 20001)
+    basis = hats(s, KNOTS)
+    steps = np.concatenate(
+        [np.zeros((1, KNOTS)), np.cumsum(0.5 * (basis[1:] + basis[:-1]) * np.diff(s)[:, None], 0)]
+    )
+    assert np.allclose(basis.sum(axis=1), 1.0)
+    assert warp_integrals(s, KNOTS) == pytest.approx(steps, abs=1e-7)
+
+
+def test_the_grid_of_the_deviation_has_all_the_probability():
+    grid = grid_of(KNOTS, phases=False)
+    tau, log_prior = grid.size_g, grid.log_prior
+    assert np.exp(log_prior).sum() == pytest.approx(1.0)
+    assert np.exp(log_prior[tau == 0]).sum() == pytest.approx(0.8)
+    assert np.exp(log_prior[tau > 0]) @ tau[tau > 0] / 0.2 == pytest.approx(0.03, rel=0.15)
+
+
+@pytest.mark.parametrize("terms", [SUMS[0], SUMS[3], SUMS[-1]], ids="+".join)
+def test_derivatives_are_those_of_the_integrated_equation(terms):
+    rates = np.array([RATES[term] for term in terms])
+    b = Blocks(T, decay(T, 0.3, terms, rates), float(T[-1]), 0.5)
+    h0, h = derivatives(b, ClosedForm(terms), 0.3, rates)
+    step = 1e-4
+
+    def slope(x0=0.0, last=0.0, knot=0.0):
+        """Central difference of the integrated decay; g is one hat."""
+        found = []
+        for sign in (1.0, -1.0):
+            moved, g = rates.copy(), np.zeros(KNOTS)
+            moved[-1] += sign * last
+            g[4] = sign * knot
+
+            def speed(t, x, moved=moved, g=g):
+                return rate(x, terms, moved) * (1.0 + hats(np.array([t / T[-1]]), KNOTS)[0] @ g)
+
+            found.append(integrated(speed, 0.3 + sign * x0))
+        return (found[0] - found[1]) / (2 * step)
+
+    assert h0 == pytest.approx(slope(x0=step), abs=1e-5)
+    assert h[:, -1] == pytest.approx(slope(last=step), abs=1e-3)
+    assert warp_columns(b, rate(b.x, terms, rates))[:, 4] == pytest.approx(slope(knot=step), abs=1e-4)

@@ -1,0 +1,132 @@
+"""Where the decay is found: simulated releases and floors, and the measured records as a hand cuts them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp.envelope import read_envelope
+from bayesdamp.records.envelope.window import bounded, find_window
+from bayesdamp.types import Refusal
+from tests.envelope.oscillations import SHARP, envelope
+from tests.envelope.ringdowns import Ringdown, simulate
+
+DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "ringdown"
+# record, start between, stop between: s, read off the pictures by eye
+BY_HAND = {
+    "measID_1000_sampleID_SP23-25.txt": ((35.5, 37.0), (55.0, 66.0)),
+    "measID_1001_sampleID_SP23-26.txt": ((14.8, 16.0), (33.0, 39.0)),
+    "measID_1005_sampleID_SP23-62.txt": ((39.8, 41.5), (65.0, 79.0)),
+    "measID_1006_sampleID_SP23-62.txt": ((40.6, 42.0), (70.0, 85.0)),
+    "measID_1007_sampleID_SP23-62.txt": ((45.0, 47.0), (76.0, 89.0)),
+    "measID_1008_sampleID_SP23-62.txt": ((29.2, 31.0), (60.0, 69.0)),
+    "measID_100_sampleID_0344.txt": ((1.15, 2.0), (9.0, 15.0)),
+    "measID_101_sampleID_0344.txt": ((9.8, 10.6), (16.0, 22.0)),
+}
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_a_measured_record_is_cut_as_by_hand(name):
+    if not DATA.exists():
+        pytest.skip("the measured decays are not here")
+    record = read_envelope(DATA / name)
+    window = find_window(record.t, record.level)
+    (first, last), (early, late) = BY_HAND[name]
+    assert first <= record.t[window.start] <= last
+    assert early <= record.t[window.stop - 1] <= late
+    assert window.floor is not None
+
+
+@pytest.mark.parametrize("drop", [0.0, 3.0, 9.0])
+@pytest.mark.parametrize(
+    "rates", [{"viscous": 0.2}, {"viscous": 0.15, "coulomb": 0.01}, {"viscous": 0.2, "quadratic": 0.3}]
+)
+def test_the_release_is_found(rates, drop):
+    """Not before it by more than a hundredth of the decay, nor behind by more than a tenth."""
+    made = simulate(Ringdown(rates, drop=drop, scatter=0.02), np.random.default_rng(3))
+    window = find_window(made.t, made.level)
+    duration = made.t[window.stop - 1] - made.t[window.start]
+    assert -0.01 * duration < made.t[window.start] - made.release < 0.1 * duration
+    # ends well above the floor, and not far from where it crosses 10 dB
+    left = 20 / np.log(10) * made.x[window.stop - 1] + 45.0
+    assert 4.0 < left < 20.0
+
+
+def test_a_record_without_drive_and_floor_is_taken_whole():
+    t = np.linspace(0.0, 10.0, 400)
+    y = -2.0 * t + 0.02 * np.random.default_rng(1).standard_normal(t.size)
+    window = find_window(t, y)
+    assert (window.start, window.stop) == (0, 400)
+    assert window.floor is None
+
+
+def test_a_saturated_top_is_left_out():
+    t = np.linspace(0.0, 10.0, 1000)
+    y = np.minimum(-3.0 * t, -6.0) + 0.01 * np.random.default_rng(1).standard_normal(t.size)
+    window = find_window(t, y)
+    assert 1.9 < t[window.start] < 2.6
+
+
+@pytest.mark.parametrize("level", [np.zeros(500), np.linspace(0.0, 20.0, 500)], ids=["flat", "rising"])
+def test_no_decay_is_refused(level):
+    noise = 0.1 * np.random.default_rng(2).standard_normal(500)
+    with pytest.raises(Refusal):
+        find_window(np.linspace(0.0, 1.0, 500), level + noise)
+
+
+def test_bounds_that_are_given_are_kept():
+    t = np.linspace(0.0, 10.0, 400)
+    window = bounded(t, -2.0 * t, 2.0, 7.0)
+    assert t[window.start] == pytest.approx(2.0, abs=0.03)
+    assert t[window.stop - 1] == pytest.approx(7.0, abs=0.03)
+    with pytest.raises(Refusal, match="0 readings stand"):
+        bounded(t, -2.0 * t, 11.0, None)
+
+
+def test_dry_friction_is_followed_back_to_its_release():
+    """In dB it falls ever steeper; straight lines led to its end, and two of these six were refused."""
+    for seed in range(6):
+        made = Ringdown({"coulomb": 0.02}, fall=30.0, step=0.05, drop=4.0, behind=25.0)
+        found = simulate(made, np.random.default_rng([21, seed]))
+        window = find_window(found.t, found.level)
+        assert found.release - 0.5 < found.t[window.start] < found.release + 5.0
+
+
+def test_the_steep_end_of_friction_is_no_floor():
+    """A power of the amplitude and a floor were fitted to it, and the last 10 dB left out."""
+    record = envelope(
+        lambda x, v: 0.093 * (1 + np.exp(-((v / 1.76) ** 2))) * np.tanh(v / SHARP), [8, 3], noise=0.01
+    )
+    window = find_window(record.t, record.level)
+    assert (window.start, window.stop, window.floor) == (0, record.t.size, None)
+    # Control: with a floor that is one.
+    rng = np.random.default_rng(5)
+    t = np.append(record.t, record.t[-1] + 0.17 * np.arange(1, 120))
+    floor = 0.02 * 10 ** (record.level[0] / 20)
+    noise = floor * (rng.standard_normal(t.size) + 1j * rng.standard_normal(t.size)) / np.sqrt(2)
+    amplitude = np.append(10 ** (record.level / 20), np.zeros(119))
+    found = find_window(t, 20 * np.log10(np.abs(amplitude + noise)))
+    assert found.floor is not None
+    assert found.stop < record.t.size
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        lambda x, v: 0.129 * (1 + np.exp(-((v / 1.2) ** 2))) * np.tanh(v / SHARP),
+        lambda x, v: 0.15 * v**3,
+        lambda x, v: 0.13 * np.tanh(v / SHARP),
+    ],
+    ids=["stribeck", "cubic", "coulomb"],
+)
+def test_a_decay_that_is_nowhere_straight_is_found_whole(force):
+    """Friction that rises towards rest, the cube of the velocity. The control: a drive before it is none of it."""
+    record = envelope(force, [8, 1], noise=0.01)
+    assert find_window(record.t, record.level).start <= 3
+    late = record.t + 20.0
+    t = np.concatenate([np.arange(0.0, 20.0, 0.17), late])
+    held = record.level[0] + 3.0 + 0.3 * np.random.default_rng(1).standard_normal(t.size - late.size)
+    found = find_window(t, np.concatenate([held, record.level]))
+    assert abs(found.start - held.size) <= 12
