@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.envelope.candidates import Blocks
 from bayesdamp.inference.envelope.decay import Decay
@@ -43,14 +44,16 @@ def analyse(
     damping terms, each by their names, three at most. Raises InputError where the scale of a term is not known.
     """
     try:
-        decay, asked = _decay(record, window, sums)
+        # Matrices of a hundred rows: threads of a linear algebra library only wait for each other.
+        with threadpool_limits(1, "blas"):
+            decay, asked = _decay(record, window, sums)
+            return answer(decay, asked, seed)
     except Refusal as refusal:
         said = f"No free decay: {refusal}."
         nan = float("nan")
         return Answer(
             Verdict(record.name, Grade.NO_FREE_DECAY, False, "", nan, quantity="envelope", sentence=said)
         )
-    return answer(decay, asked, seed)
 
 
 def _decay(

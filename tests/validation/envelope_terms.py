@@ -72,7 +72,7 @@ def lead(term: str, t: np.ndarray, x: np.ndarray, sd: np.ndarray) -> tuple[float
 
 def _least_squares(decay: Blocks, one: Sum, weight: np.ndarray) -> float:
     def at(scores: Sequence[float]) -> float:
-        return fit_rates(decay, one.law(tuple(float(z) for z in scores)), weight)[2]
+        return fit_rates(decay, one.law(tuple(float(z) for z in scores)), weight).squares
 
     if not one.count:
         return at(())

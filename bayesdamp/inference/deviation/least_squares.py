@@ -84,11 +84,13 @@ def fit(
     *,
     noise: float,
     windows: bool = True,
+    integrated: bool = True,
 ) -> Fit | None:
     """The best motion from scores z, (d,); None where every way leads to a motion that escapes.
 
     noise: a lower bound of the noise's sd in the record's unit, for the weight of the priors. windows: whether the
-    record is taken in growing windows from its first two cycles, so that no cycle is skipped.
+    record is taken in growing windows from its first two cycles, so that no cycle is skipped. integrated: whether
+    motions are integrated, so that a search with long steps goes first.
     """
     period = 2 * np.pi / solver.frequency
     stops: list[int] = []
@@ -104,6 +106,8 @@ def fit(
         if part is None:
             return None
         z, before = part.z, before + part.evaluations
+    if not integrated:
+        return _search(solver, parameters, active, y, z, noise, None, TOLERANCE)
     rough = _search(solver, parameters, active, y, z, noise, None, SEARCHED)
     if rough is None:
         return None

@@ -189,7 +189,7 @@ def _fitted(
     parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=START_SD)}, {})
     z = parameters.scores(dict(zip(names, map(float, (*begin, x0)), strict=True)))
     solver, every = solver_of(blocks, law, white), np.ones(len(names), bool)
-    found = fit(solver, parameters, every, white @ blocks.x, z, noise=1.0, windows=False)
+    found = fit(solver, parameters, every, white @ blocks.x, z, noise=1.0, windows=False, integrated=False)
     assert found is not None  # no decay escapes
     return found
 

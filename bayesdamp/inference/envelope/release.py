@@ -32,9 +32,13 @@ def held_blocks(b: Blocks) -> int:
 
     law = ClosedForm(SUMS[-1])
 
+    rates: np.ndarray | None = None
+
     def misfit(held: int) -> float:
-        shifted = replace(b, t=np.maximum(b.t - b.t[held], 0.0))
-        return fit_rates(shifted, law, inverse).squares
+        nonlocal rates
+        found = fit_rates(replace(b, t=np.maximum(b.t - b.t[held], 0.0)), law, inverse, rates)
+        rates = np.maximum(found.values[:-1], 1e-3 * b.mean_rate)  # the next fit is near
+        return found.squares
 
     tried = range(FIRST, n // 2, EACH)
     left = [misfit(held) for held in tried]

@@ -7,10 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
-from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, derivatives, warp_columns
+from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, solver_of
 from bayesdamp.physics.amplitude.law import ClosedForm
 from bayesdamp.physics.amplitude.laws import RESTED, SUMS, coefficients, decay, power_decay, rate
 from bayesdamp.physics.amplitude.solver import hats, warp_integrals
+from bayesdamp.physics.kernel.solve import ALL
 
 T = np.linspace(0.0, 5.0, 41)
 RATES = {"viscous": 0.4, "coulomb": 0.02, "quadratic": 0.3}
@@ -88,7 +89,8 @@ def test_the_grid_of_the_deviation_has_all_the_probability():
 def test_derivatives_are_those_of_the_integrated_equation(terms):
     rates = np.array([RATES[term] for term in terms])
     b = Blocks(T, decay(T, 0.3, terms, rates), float(T[-1]), 0.5)
-    h0, h = derivatives(b, ClosedForm(terms), 0.3, rates)
+    tangents = solver_of(b, ClosedForm(terms)).solve(np.append(rates, 0.3), tangents=ALL).tangents
+    h, h0, warp = tangents[:, : len(terms)], tangents[:, len(terms)], tangents[:, len(terms) + 1 :]
     step = 1e-4
 
     def slope(x0=0.0, last=0.0, knot=0.0):
@@ -107,4 +109,4 @@ def test_derivatives_are_those_of_the_integrated_equation(terms):
 
     assert h0 == pytest.approx(slope(x0=step), abs=1e-5)
     assert h[:, -1] == pytest.approx(slope(last=step), abs=1e-3)
-    assert warp_columns(b, rate(b.x, terms, rates))[:, 4] == pytest.approx(slope(knot=step), abs=1e-4)
+    assert warp[:, 4] == pytest.approx(slope(knot=step), abs=1e-4)
