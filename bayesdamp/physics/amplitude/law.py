@@ -135,6 +135,9 @@ class Tabled(Law):
 
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
         """By quadrature: a rate that is larger passes the amplitude on f ∫ s_i/f dt further."""
+        if rates.sum() < step:  # an amplitude that stays passes nothing
+            rates = np.maximum(rates, step)
+            x = self.decay(t, x0, rates)
         nodes, ends, inside = self._nodes
         speed = np.maximum(rates @ ends, LEAST)
         slow = inside / np.maximum(rates @ inside, LEAST) ** 2

@@ -71,7 +71,8 @@ class AmplitudeSolver:
         speed = np.where(x > RESTED, self.law.rate(x, rates), 0.0)
         slopes = np.empty((x.size, 0))
         if tangents:
-            by_start = speed / max(float(self.law.rate(np.array([start]), rates)[0]), 1e-300)
+            at_start = float(self.law.rate(np.array([start]), rates)[0])
+            by_start = speed / at_start if at_start > 0 else np.ones_like(x)  # nothing damps it
             slopes = np.column_stack([self.law.slopes(self.t, x, start, rates, self.step), by_start])
         if tangents == ALL:
             passed = warp_integrals(self.t / self.duration, self.knots) * self.duration

@@ -110,3 +110,12 @@ def test_which_terms_lose_alike():
     assert alike(TERMS.get("cubic"), TERMS.get("displacement"))
     assert not alike(TERMS.get("cubic"), TERMS.get("quadratic"))
     assert not alike(TERMS.get("stribeck"), TERMS.get("coulomb"))
+
+
+def test_derivatives_where_nothing_damps():
+    """An amplitude that stays falls by t s(x) with each unit of a rate. Control: not by that of another amplitude."""
+    law = Tabled(("cubic",), (lambda x: np.exp(2.0 * x),), -3.0, 2.0)
+    t, x0 = np.linspace(0.0, 5.0, 6), 0.4
+    found = law.slopes(t, np.full(6, x0), x0, np.zeros(1), 1e-7)[:, 0]
+    assert found == pytest.approx(-t * np.exp(2.0 * x0), rel=1e-4, abs=1e-6)
+    assert found != pytest.approx(-t, rel=0.1, abs=1e-6)
