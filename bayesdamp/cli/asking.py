@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -117,6 +117,28 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
             said.append(f"{one.path.name}: {MAYBE_ENVELOPE}")
     taken = "No unit is stated: an angle in rad is taken; --unit m (mm, deg) says another."
     return [*said, *(f"{name}: {taken}" for name in unsaid)]
+
+
+def chosen_envelopes(
+    paths: Sequence[Path], made: Callable[[Path], Asked]
+) -> tuple[list[Asked], list[InputError]]:
+    """Return the envelopes of files as a study's [[signal]] says them, and what is wrong with other files.
+
+    Raises
+    ------
+    InputError
+        Where none can be read.
+    """
+    from bayesdamp.config import Recording
+    from bayesdamp.pipeline.envelopes import read_recording
+
+    def readable(path: Path) -> Asked:
+        asked = made(path)
+        options = {k: getattr(asked, k) for k in ("time", "angle", "rate", "frequency", "start", "stop")}
+        read_recording(Recording(path.name, path, unit=asked.unit or "", **options), path.name)
+        return asked
+
+    return read_each(paths, readable)
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,19 @@
 """Records of which only the envelope is known: amplitudes, powers, levels in dB.
 
 It finds the free decay, infers floor and scatter, and weighs sums of viscous, Coulomb and quadratic damping, each of
-which may hold approximately. It fits no oscillation; several ring-downs of one specimen are only averaged.
+which may hold approximately. It fits no oscillation.
 """
 
 from bayesdamp.envelope.analysis import analyse
 from bayesdamp.envelope.answer.answer import Answer
-from bayesdamp.envelope.records.reading import is_envelope, read_envelope
+from bayesdamp.envelope.records.reading import are_envelopes, is_envelope, read_envelope
 from bayesdamp.envelope.records.record import EnvelopeRecord, made_record
 
 __all__ = [
     "Answer",
     "EnvelopeRecord",
     "analyse",
+    "are_envelopes",
     "is_envelope",
     "made_record",
     "read_envelope",

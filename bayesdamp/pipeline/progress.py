@@ -61,9 +61,10 @@ def step_of(study: Study, jobs: list[Job], others: Set[tuple[str, int]] = frozen
     if job.part == "answer":
         specs = [s for s in study.signals if s.name in {j.signal for j in jobs}]
         sums = counted(max(len(study.dampings(s)) for s in specs), "damping model")
-        laws = counted(max(len(s.restoring) for s in specs), "restoring law")
+        laws = max(len(s.restoring) for s in specs)
+        under = f" under {counted(laws, 'restoring law')}" if laws else ""
         of = f" for {records}" if len(jobs) > 1 else ""
-        return Step("answer", f"weighing {sums} under {laws}{of}", whole)
+        return Step("answer", f"weighing {sums}{under}{of}", whole)
     if job.part == "sampled":
         return Step("sampled", f"sampling the likeliest damping models of {records}", whole)
     joined = {

@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 from bayesdamp.config import Recording, Study
 from bayesdamp.machine.threads import cores
 from bayesdamp.outcomes import Status, status_of
+from bayesdamp.pipeline.envelopes import check_recording
 from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, within, work_of
 from bayesdamp.pipeline.keys import digest
 from bayesdamp.pipeline.not_one import no_free_decay
@@ -112,7 +113,7 @@ def _no_free_decays(study: Study, store: Store, stage: list[Job]) -> set[tuple[s
         return {(j.signal, j.repeat) for j in stage if _is_none(verdict_of(store, j.signal, j.repeat))}
     if stage[0].part != ANSWERED or len(stage) > FEW:
         return set()
-    cells = [(j, store.read(f"signal/{j.signal}/{j.repeat}")) for j in stage]
+    cells = [(j, cell) for j in stage if (cell := store.find(f"signal/{j.signal}/{j.repeat}")) is not None]
     good = [(j, cell) for j, cell in cells if cell.outcome == OK]
     return {(j.signal, j.repeat) for j, cell in good if no_free_decay(signal_of(cell)) is not None}
 
@@ -129,6 +130,9 @@ def read_records(study: Study) -> None:
     for spec in study.signals:
         source = spec.source
         if not isinstance(source, Recording):
+            continue
+        if spec.is_envelope:
+            check_recording(study, spec)
             continue
         try:
             _, signal = cleaned(source, spec.name)
@@ -190,7 +194,7 @@ def _tell(study: Study, store: Store, answered: Callable[[Verdict], None] | None
     for spec in study.signals if answered else ():
         if answers(study):
             verdict = verdict_of(store, spec.name, 0)
-        elif isinstance(spec.source, Recording):
+        elif isinstance(spec.source, Recording) and not spec.is_envelope:
             verdict = no_free_decay(signal_of(store.read(f"signal/{spec.name}/0")))
         else:
             verdict = None

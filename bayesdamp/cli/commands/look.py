@@ -43,8 +43,8 @@ def look(
     from rich.console import Console
 
     from bayesdamp.cli.asking import Options, doubts, found_records
-    from bayesdamp.cli.looking.envelope import envelope_asked
     from bayesdamp.cli.open_questions import one_command
+    from bayesdamp.envelope.records.reading import are_envelopes
     from bayesdamp.plugins import read_modules, use
     from bayesdamp.records.opening.opening import contents
 
@@ -53,7 +53,7 @@ def look(
         page.check()
     use(read_modules(plugin or ()))
 
-    if envelope_asked(file, angle, unit, quantity):
+    if are_envelopes([file], angle, unit, quantity):
         if page is not None:
             raise InputError("--html: is for oscillations; bayesdamp compare draws the page of an envelope")
         ends = o.bound(start, "--start"), o.bound(stop, "--stop")

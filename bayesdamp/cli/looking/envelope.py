@@ -8,14 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.envelope.records.reading import is_envelope, read_envelope
+from bayesdamp.envelope.records.reading import read_envelope
 from bayesdamp.envelope.records.window import bounded
 from bayesdamp.types import Refusal
-
-
-def envelope_asked(path: Path, value: str | None, unit: str | None, quantity: str | None) -> bool:
-    """Whether a file is looked at as an envelope: as `compare` would take it."""
-    return quantity == "envelope" or (quantity is None and is_envelope(path, value, unit))
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,6 +34,28 @@ def is_envelope(path: Path, value: Column | None = None, unit: str | None = None
         lines = file.read(HEAD).decode("latin-1").splitlines()
     named = [line for line in lines if re.search(r"[A-Za-z]{2}", line)]
     return bool(named) and unit_in(named[-1]) in DECIBELS
+
+
+def are_envelopes(
+    paths: Sequence[Path], value: Column | None = None, unit: str | None = None, quantity: str | None = None
+) -> bool:
+    """Return whether records are envelopes: as `quantity` says, else as the names of their columns do.
+
+    Raises
+    ------
+    InputError
+        Where some are and some are not.
+    """
+    if quantity is not None:
+        return quantity == "envelope"
+    are = [is_envelope(path, value, unit) for path in paths]
+    if any(are) and not all(are):
+        one, other = paths[are.index(True)], paths[are.index(False)]
+        raise InputError(
+            f"{one.name} is an envelope in dB, {other.name} does not look like one; compare them in separate calls, "
+            "or give --quantity envelope for all"
+        )
+    return all(are)
 
 
 def read_envelope(

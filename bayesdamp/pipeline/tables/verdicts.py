@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from bayesdamp.config import SignalSpec, Study
+from bayesdamp.pipeline.envelopes import specimen_of_cells
 from bayesdamp.pipeline.records.answering import answered_of, arrays_of, stated_priors, verdict_of
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import DAMPING_CURVES, Store, write_table
-from bayesdamp.units import UNITS, Unit
+from bayesdamp.units import UNITS, Unit, unit_named
 from bayesdamp.verdict import files
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
@@ -27,6 +28,11 @@ def write_verdicts(study: Study, store: Store) -> None:
                 found.append(verdict)
                 units.append(unit_of(spec))
     for name, specs in repeated_specs(study).items():
+        if specs[0].is_envelope:
+            together = specimen_of_cells(store, name, specs)
+            found += [] if together is None else [together]
+            units += [] if together is None else [unit_of(specs[0])]
+            continue
         every = (answered_of(store, spec.name, repeat) for spec in specs for repeat in range(spec.repeats))
         answered = [a for a in every if a is not None]
         if len(answered) > 1:
@@ -63,7 +69,7 @@ def _curve(store: Store, spec: SignalSpec, repeat: int) -> list[dict[str, object
 
 def unit_of(spec: SignalSpec) -> Unit:
     """The unit that a signal's record came in."""
-    return UNITS[spec.source.unit]
+    return unit_named(spec.source.unit)
 
 
 def repeated_specs(study: Study) -> dict[str, list[SignalSpec]]:

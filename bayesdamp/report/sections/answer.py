@@ -24,7 +24,7 @@ from bayesdamp.store.contents.answers import WeighedCandidate
 from bayesdamp.table import Table
 from bayesdamp.types import OK
 from bayesdamp.verdict.parts import Coefficient, Grade, Motion
-from bayesdamp.verdict.tables import modes_table, quality_of, ratios_table
+from bayesdamp.verdict.tables import decay_table, modes_table, number, quality_of, ratios_table
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like
 
@@ -40,6 +40,14 @@ MEASURED = (
 )
 
 
+LEVELS = (
+    "Left: the level as recorded, the ends of the decay, and the fit. Right: what the fit leaves, and the exponent of "
+    "the velocity that the loss grows with."
+)
+EMBEDDED = 24
+"""Envelopes up to which the page holds their pictures; beyond, it shows those in `figures/`."""
+SHOWN = 0.005
+"""Probability from which a damping sum is listed."""
 MOTIONS = (
     "Each oscillation has its own line: falling straight on the right, it dies down as viscous damping would have it; "
     "level, something drives it; rising, it is fed. One decay would have one line that follows the record's edge."
@@ -74,6 +82,8 @@ class AnswerSection(Section):
 
 def _block(run: Run, signal: str) -> Markup:
     answer = answer_of(run, signal, run.repeats(signal)[0])
+    if answer is not None and answer.verdict.quantity == "envelope":
+        return _envelope(run, signal, answer)
     checks = Checks(run, signal)
     found = [*sampled(run, signal), *checks.all()]
     read = [
@@ -121,6 +131,39 @@ def _block(run: Run, signal: str) -> Markup:
         parts=parts,
         **shown,
     )
+
+
+def _envelope(run: Run, signal: str, answer: Answer) -> Markup:
+    """The answer on an envelope."""
+    v = answer.verdict
+    size = ("Q", v.quality_factor) if v.quality_factor else ("decay rate", v.rate)
+    frequency = [("frequency", f"{v.frequency.value:.9g} Hz")] if v.frequency else []
+    numbers = [*frequency, (size[0], " ".join([number(size[1]), size[1].unit]))] if size[1] else frequency
+    embed = len(run.signals) <= EMBEDDED
+    picture = run.drawings.show(f"answer-{signal}", LEVELS, answer.arrays["picture"].tobytes(), embed)
+    return fill(
+        "answer.html",
+        sentence=v.sentence,
+        numbers=numbers,
+        energy=(),
+        remarks=[*([f"The decay {v.window.why}."] if v.window else []), *v.remarks],
+        parts=[picture, decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else "", _weighed(v)],
+        checks=(),
+        table="",
+    )
+
+
+def _weighed(v: Verdict) -> Markup | str:
+    """How probable each damping sum is, and each term in any sum."""
+    if not v.damping:
+        return ""
+    sums, terms = (
+        fmt.listing(
+            f"{words.model(name)} {fmt.probability(p)}" for name, p in probabilities.items() if p >= SHOWN
+        )
+        for probabilities in (v.probabilities, {share.term: share.probability for share in v.energy})
+    )
+    return Markup("<p>Probabilities: {}. Of each term, in any sum: {}.</p>").format(sums, terms)
 
 
 def _why_none(run: Run, signal: str) -> str:

@@ -1,0 +1,164 @@
+"""Envelopes as records of a study: read from their files, answered, and taken together as one specimen."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bayesdamp.config import Recording, SignalSpec, Study
+from bayesdamp.config.checks import plain
+from bayesdamp.envelope import specimen as joint
+from bayesdamp.envelope.analysis import analyse
+from bayesdamp.envelope.answer.answer import Answer as EnvelopeAnswer
+from bayesdamp.envelope.dampings import Sums, assumed, further_terms, weighable
+from bayesdamp.envelope.likelihood import RateLikelihood
+from bayesdamp.envelope.records.reading import read_envelope
+from bayesdamp.envelope.records.record import EnvelopeRecord
+from bayesdamp.envelope.records.scale import scale_of
+from bayesdamp.envelope.records.window import Window, bounded
+from bayesdamp.physics.damping import TERMS, parse_model
+from bayesdamp.pipeline.answer import Answer
+from bayesdamp.pipeline.keys import task_key
+from bayesdamp.pipeline.records.records import plain_seconds
+from bayesdamp.plugins import sources_below
+from bayesdamp.report.figures.envelope import picture
+from bayesdamp.report.figures.record import thinned
+from bayesdamp.store import CellResult, Store, sha256
+from bayesdamp.store.contents.answers import AnswerContent, EnvelopeContent
+from bayesdamp.types import InputError, Refusal
+from bayesdamp.verdict.types import Verdict
+
+POINTS = 4000
+"""Readings of a record that are stored for its picture, about."""
+LIKELIHOOD, PICTURE = "likelihood/", "picture"
+"""Arrays of an answer: the likelihoods of the rates, and the PNG of its picture as bytes."""
+
+
+def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Window | None]:
+    """Return an envelope under a name, and the window that was asked for. Raises InputError."""
+    record = read_envelope(
+        source.path,
+        time=source.time,
+        value=source.angle,
+        rate=source.rate,
+        unit=source.unit or None,
+        frequency=source.frequency,
+    )
+    first, last = (None if isinstance(end, str) else end for end in (source.start, source.stop))
+    try:
+        window = None if first is last is None else bounded(record.t, record.level, first, last)
+    except Refusal as refusal:
+        raise InputError(f"{record.name}: {refusal}") from None
+    return replace(record, name=name), window
+
+
+def check_recording(study: Study, spec: SignalSpec) -> None:
+    """Read an envelope and check that its damping sums can be weighed on it. Raises InputError."""
+    assert isinstance(spec.source, Recording)
+    record, _ = read_recording(spec.source, spec.name)
+    sums, _ = weighable([parse_model(name) for name in study.dampings(spec)])
+    if further_terms(sums):
+        scale_of(record, sums, 0.0)
+
+
+def answer_envelope(
+    record: EnvelopeRecord, window: Window | None, sums: Sequence[tuple[str, ...]], seed: int
+) -> Answer:
+    """Return the answer on an envelope under these sums, with its picture.
+
+    Parameters
+    ----------
+    record
+        As it was read.
+    window
+        Of the free decay; None where it is to be found.
+    sums
+        Damping sums by their terms' names.
+    seed
+        Of the draws that intervals are read from.
+
+    Raises
+    ------
+    InputError
+        Where the sums cannot be weighed on this record.
+    """
+    chosen, left_out = weighable(sums)
+    result = analyse(record, window, seed, chosen)
+    t, level = thinned(record.t, record.level, POINTS)
+    arrays = {"t": t, "level": level}
+    if result.curve is not None:
+        arrays |= {f"curve/{name}": values for name, values in vars(result.curve).items()}
+    drawn = picture(arrays, result.verdict, record.unit if record.logarithmic else f"dB of 1 {record.unit}")
+    arrays[PICTURE] = np.frombuffer(drawn, np.uint8)
+    for name, one in result.likelihoods.items():
+        arrays |= {f"{LIKELIHOOD}{name}/{key}": values for key, values in one.arrays().items()}
+    numbers = {name: one.numbers() for name, one in result.likelihoods.items()}
+    about = EnvelopeContent(record.unit, numbers, assumed(chosen, left_out))
+    return Answer(result.verdict, arrays=arrays, envelope=about)
+
+
+class EnvelopeCell:
+    """The verdict on an envelope, as `answer/SIGNAL/0`."""
+
+    def __init__(self, study: Study, spec: SignalSpec, store: Store) -> None:
+        assert isinstance(spec.source, Recording)
+        self.study, self.spec, self.source, self.store = study, spec, spec.source, store
+        self.name = f"answer/{spec.name}/0"
+
+    @property
+    def sums(self) -> Sums:
+        """The damping sums that are asked for."""
+        return tuple(parse_model(name) for name in self.study.dampings(self.spec))
+
+    @property
+    def key(self) -> str:
+        """Of the file's content, the signal's table, the question, and the source of terms and readers."""
+        return self.store.key(self.name, (self.study, self.spec), self._key)
+
+    def _key(self) -> str:
+        asked = {k: v for k, v in plain(self.source).items() if k not in ("file", "path")}
+        own = [*map(TERMS.source, further_terms(self.sums)), *sources_below("bayesdamp.records")]
+        parts = (self.spec.name, asked, sha256(self.source.path), self.sums, self.study.seed)
+        return task_key("envelope", *parts, own)
+
+    def compute(self) -> None:
+        """Store the verdict with what it rests on."""
+        began = time.perf_counter()
+        result = answer_envelope(*read_recording(self.source, self.spec.name), self.sums, self.study.seed)
+        seconds = plain_seconds(began)
+        self.store.write(
+            CellResult(self.name, self.key, result.content().meta(), result.arrays, seconds=seconds)
+        )
+
+
+def specimen_of_envelopes(
+    name: str, answers: Sequence[tuple[Verdict, EnvelopeContent | None, Mapping[str, np.ndarray]]]
+) -> Verdict | None:
+    """Return the verdict on a specimen from the answers on its envelopes; None where fewer than two have a decay.
+
+    Raises
+    ------
+    InputError
+        Where the records have different units.
+    """
+    found = []
+    for verdict, about, arrays in answers:
+        own: dict[str, RateLikelihood] = {}
+        for sum_, numbers in (about.likelihoods if about else {}).items():
+            prefix = f"{LIKELIHOOD}{sum_}/"
+            named = {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
+            own[sum_] = RateLikelihood.of(named, numbers)
+        found.append(EnvelopeAnswer(verdict, likelihoods=own))
+    return joint.specimen(name, found)
+
+
+def specimen_of_cells(store: Store, name: str, specs: Sequence[SignalSpec]) -> Verdict | None:
+    """The same from what a run's folder holds."""
+    cells = [cell for spec in specs if (cell := store.find(f"answer/{spec.name}/0")) is not None]
+    contents = [(AnswerContent.maybe(cell), cell.arrays) for cell in cells]
+    return specimen_of_envelopes(
+        name, [(Verdict.from_dict(c.verdict), c.envelope, arrays) for c, arrays in contents if c is not None]
+    )
