@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
-from bayesdamp.envelope import specimen as joint
 from bayesdamp.envelope.analysis import analyse
 from bayesdamp.envelope.answer.answer import Answer as EnvelopeAnswer
 from bayesdamp.envelope.dampings import Sums, assumed, further_terms, weighable
@@ -19,6 +18,7 @@ from bayesdamp.envelope.records.reading import read_envelope
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.scale import scale_of
 from bayesdamp.envelope.records.window import Window, bounded
+from bayesdamp.envelope.specimen import specimen
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.pipeline.answer import Answer
 from bayesdamp.pipeline.keys import task_key
@@ -134,9 +134,7 @@ class EnvelopeCell:
         )
 
 
-def specimen_of_envelopes(
-    name: str, answers: Sequence[tuple[Verdict, EnvelopeContent | None, Mapping[str, np.ndarray]]]
-) -> Verdict | None:
+def specimen_of_envelopes(name: str, answers: Sequence[Answer]) -> Verdict | None:
     """Return the verdict on a specimen from the answers on its envelopes; None where fewer than two have a decay.
 
     Raises
@@ -145,20 +143,19 @@ def specimen_of_envelopes(
         Where the records have different units.
     """
     found = []
-    for verdict, about, arrays in answers:
+    for one in answers:
         own: dict[str, RateLikelihood] = {}
-        for sum_, numbers in (about.likelihoods if about else {}).items():
+        for sum_, numbers in (one.envelope.likelihoods if one.envelope else {}).items():
             prefix = f"{LIKELIHOOD}{sum_}/"
-            named = {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
-            own[sum_] = RateLikelihood.of(named, numbers)
-        found.append(EnvelopeAnswer(verdict, likelihoods=own))
-    return joint.specimen(name, found)
+            arrays = {k.removeprefix(prefix): a for k, a in one.arrays.items() if k.startswith(prefix)}
+            own[sum_] = RateLikelihood.of(arrays, numbers)
+        found.append(EnvelopeAnswer(one.verdict, likelihoods=own))
+    return specimen(name, found)
 
 
 def specimen_of_cells(store: Store, name: str, specs: Sequence[SignalSpec]) -> Verdict | None:
-    """The same from what a run's folder holds."""
+    """Return the same from what a run's folder holds."""
     cells = [cell for spec in specs if (cell := store.find(f"answer/{spec.name}/0")) is not None]
-    contents = [(AnswerContent.maybe(cell), cell.arrays) for cell in cells]
-    return specimen_of_envelopes(
-        name, [(Verdict.from_dict(c.verdict), c.envelope, arrays) for c, arrays in contents if c is not None]
-    )
+    every = [(AnswerContent.of(cell), cell.arrays) for cell in cells if cell.meta]
+    answers = [Answer(Verdict.from_dict(c.verdict), arrays=a, envelope=c.envelope) for c, a in every]
+    return specimen_of_envelopes(name, answers)

@@ -15,6 +15,7 @@ from bayesdamp.envelope.model.sums import weighed
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.specimen import joint_damping, shared_likelihoods, specimen
 from bayesdamp.odds import odds
+from bayesdamp.pipeline.answer import Answer
 from bayesdamp.pipeline.envelopes import answer_envelope, specimen_of_envelopes
 from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.store.contents.answers import AnswerContent
@@ -102,9 +103,8 @@ def test_a_stored_answer_gives_the_same_specimen():
     records = [record(seed) for seed in (8, 9)]
     stored = [answer_envelope(one, None, SUMS, 0) for one in records]
     contents = [(AnswerContent.of_meta(one.content().meta()), one.arrays) for one in stored]
-    again = specimen_of_envelopes(
-        "one", [(Verdict.from_dict(c.verdict), c.envelope, arrays) for c, arrays in contents]
-    )
+    answers = [Answer(Verdict.from_dict(c.verdict), arrays=a, envelope=c.envelope) for c, a in contents]
+    again = specimen_of_envelopes("one", answers)
     direct = specimen("one", [analyse(one) for one in records])
     assert again is not None
     assert direct is not None
