@@ -135,7 +135,7 @@ def chosen_envelopes(
     def readable(path: Path) -> Asked:
         asked = made(path)
         options = {k: getattr(asked, k) for k in ("time", "angle", "rate", "frequency", "start", "stop")}
-        read_recording(Recording(path.name, path, unit=asked.unit or "", **options), path.name)
+        read_recording(Recording(path.name, path.resolve(), unit=asked.unit or "", **options), path.name)
         return asked
 
     return read_each(paths, readable)

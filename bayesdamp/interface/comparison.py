@@ -310,7 +310,7 @@ def compare(
 def _envelopes(records: Sequence[EnvelopeRecord], name: str, sums: Sequence[str], seed: int) -> Comparison:
     """Compare envelopes: one, or several of one specimen."""
     weighed = [parse_model(one) for one in sums or all_sums()]
-    answers = [answer_envelope(record, None, weighed, seed) for record in records]
+    answers = [answer_envelope(record, None, weighed, seed, len(records) > 1) for record in records]
     together = None
     if len(answers) > 1:
         together = specimen_of_envelopes(name, answers) or answers[0].verdict

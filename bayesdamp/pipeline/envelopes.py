@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
@@ -31,6 +33,8 @@ from bayesdamp.store.contents.answers import AnswerContent, EnvelopeContent
 from bayesdamp.types import InputError, Refusal
 from bayesdamp.verdict.types import Verdict
 
+KEPT = 2000
+"""Records that stay in memory, some 100 kB each."""
 POINTS = 4000
 """Readings of a record that are stored for its picture, about."""
 LIKELIHOOD, PICTURE = "likelihood/", "picture"
@@ -39,20 +43,29 @@ LIKELIHOOD, PICTURE = "likelihood/", "picture"
 
 def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Window | None]:
     """Return an envelope under a name, and the window that was asked for. Raises InputError."""
-    record = read_envelope(
-        source.path,
-        time=source.time,
-        value=source.angle,
-        rate=source.rate,
-        unit=source.unit or None,
-        frequency=source.frequency,
-    )
+    names = ("path", "time", "angle", "rate", "unit", "frequency")
+    record = _read(*(getattr(source, n) for n in names), source.path.stat().st_mtime_ns)
     first, last = (None if isinstance(end, str) else end for end in (source.start, source.stop))
     try:
         window = None if first is last is None else bounded(record.t, record.level, first, last)
     except Refusal as refusal:
         raise InputError(f"{record.name}: {refusal}") from None
     return replace(record, name=name), window
+
+
+@lru_cache(maxsize=KEPT)
+def _read(
+    path: Path,
+    time: str | int | None,
+    value: str | int | None,
+    rate: float | None,
+    unit: str,
+    frequency: float | None,
+    changed: int,
+) -> EnvelopeRecord:
+    """Return the envelope in a file. changed: when the file was; a command checks its files before a run reads them."""
+    del changed
+    return read_envelope(path, time=time, value=value, rate=rate, unit=unit or None, frequency=frequency)
 
 
 def check_recording(study: Study, spec: SignalSpec) -> None:
@@ -65,7 +78,11 @@ def check_recording(study: Study, spec: SignalSpec) -> None:
 
 
 def answer_envelope(
-    record: EnvelopeRecord, window: Window | None, sums: Sequence[tuple[str, ...]], seed: int
+    record: EnvelopeRecord,
+    window: Window | None,
+    sums: Sequence[tuple[str, ...]],
+    seed: int,
+    repeated: bool,
 ) -> Answer:
     """Return the answer on an envelope under these sums, with its picture.
 
@@ -79,6 +96,8 @@ def answer_envelope(
         Damping sums by their terms' names.
     seed
         Of the draws that intervals are read from.
+    repeated
+        Whether it is one of several records of a specimen.
 
     Raises
     ------
@@ -93,9 +112,10 @@ def answer_envelope(
         arrays |= {f"curve/{name}": values for name, values in vars(result.curve).items()}
     drawn = picture(arrays, result.verdict, record.unit if record.logarithmic else f"dB of 1 {record.unit}")
     arrays[PICTURE] = np.frombuffer(drawn, np.uint8)
-    for name, one in result.likelihoods.items():
+    likelihoods = result.likelihoods if repeated else {}
+    for name, one in likelihoods.items():
         arrays |= {f"{LIKELIHOOD}{name}/{key}": values for key, values in one.arrays().items()}
-    numbers = {name: one.numbers() for name, one in result.likelihoods.items()}
+    numbers = {name: one.numbers() for name, one in likelihoods.items()}
     about = EnvelopeContent(record.unit, numbers, assumed(chosen, left_out))
     return Answer(result.verdict, arrays=arrays, envelope=about)
 
@@ -121,13 +141,16 @@ class EnvelopeCell:
     def _key(self) -> str:
         asked = {k: v for k, v in plain(self.source).items() if k not in ("file", "path")}
         own = [*map(TERMS.source, further_terms(self.sums)), *sources_below("bayesdamp.records")]
-        parts = (self.spec.name, asked, sha256(self.source.path), self.sums, self.study.seed)
+        content, repeated = sha256(self.source.path), bool(self.spec.specimen)
+        parts = (self.spec.name, asked, content, self.sums, self.study.seed, repeated)
         return task_key("envelope", *parts, own)
 
     def compute(self) -> None:
         """Store the verdict with what it rests on."""
         began = time.perf_counter()
-        result = answer_envelope(*read_recording(self.source, self.spec.name), self.sums, self.study.seed)
+        record, window = read_recording(self.source, self.spec.name)
+        repeated = bool(self.spec.specimen)
+        result = answer_envelope(record, window, self.sums, self.study.seed, repeated)
         seconds = plain_seconds(began)
         self.store.write(
             CellResult(self.name, self.key, result.content().meta(), result.arrays, seconds=seconds)

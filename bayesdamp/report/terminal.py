@@ -49,8 +49,9 @@ class Told:
     def __call__(self, verdict: Verdict) -> None:
         """Tell of a record's verdict: the first in full, and of a later one whether it confirms that."""
         before = self.first.setdefault(verdict.record, verdict)
-        if verdict.grade is Grade.NO_FREE_DECAY and before is not verdict:
-            return  # there was nothing to sample
+        unsampled = verdict.grade is Grade.NO_FREE_DECAY or verdict.quantity == "envelope"
+        if unsampled and before is not verdict:
+            return
         if before is verdict:
             if self._begun:
                 self.console.print()

@@ -101,7 +101,7 @@ def test_more_records_of_one_damping_say_more():
 def test_a_stored_answer_gives_the_same_specimen():
     """From what a cell holds as from the answers themselves."""
     records = [record(seed) for seed in (8, 9)]
-    stored = [answer_envelope(one, None, SUMS, 0) for one in records]
+    stored = [answer_envelope(one, None, SUMS, 0, repeated=True) for one in records]
     contents = [(AnswerContent.of_meta(one.content().meta()), one.arrays) for one in stored]
     answers = [Answer(Verdict.from_dict(c.verdict), arrays=a, envelope=c.envelope) for c, a in contents]
     again = specimen_of_envelopes("one", answers)

@@ -13,7 +13,6 @@ from bayesdamp.envelope.records.record import DECIBELS, EnvelopeRecord, made_rec
 from bayesdamp.records.opening.opening import FALLBACK, reader_of
 from bayesdamp.records.read import read_record
 from bayesdamp.records.readers import READERS
-from bayesdamp.records.stated_columns import choose_columns
 from bayesdamp.types import InputError
 
 HEAD = 8192
@@ -74,7 +73,6 @@ def read_envelope(
     other an amplitude. frequency: of the oscillation in Hz, else as the file's head says (`% Frequency [Hz]: 1562325`).
     Raises InputError.
     """
-    time, value = choose_columns(path, time, value, rate)
     raw = read_record(path, time=time, value=value, rate=rate)
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
     about = replace(raw.provenance, header_lines=0)  # they are read

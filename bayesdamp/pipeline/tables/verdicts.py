@@ -44,7 +44,11 @@ def write_verdicts(study: Study, store: Store) -> None:
         return
     files.write(store.folder, found, [in_unit(v, unit) for v, unit in zip(found, units, strict=True)])
     curves = [
-        row for spec in study.signals for repeat in range(spec.repeats) for row in _curve(store, spec, repeat)
+        row
+        for spec in study.signals
+        if not spec.is_envelope
+        for repeat in range(spec.repeats)
+        for row in _curve(store, spec, repeat)
     ]
     write_table(store.folder / "damping_curves.csv", ("record", "unit", *DAMPING_CURVES), curves)
 
