@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from markupsafe import Markup
 
@@ -91,22 +91,12 @@ def _block(run: Run, signal: str) -> Markup:
     ]
     shown = {"checks": [*read, *sorted(found, key=lambda c: not c.fails)], "table": checks.table() or ""}
     if answer is None:
-        return fill(
-            "answer.html",
-            sentence=_why_none(run, signal),
-            numbers=(),
-            energy=(),
-            remarks=(),
-            parts=[],
-            **shown,
-        )
+        return _filled(_why_none(run, signal), **shown)
     v = answer.verdict
     unit = v.damping_ratio[0].unit if v.damping_ratio else "rad"
     if v.grade is Grade.NO_FREE_DECAY:
         parts = [_motions(run, signal, v), modes_table(v.modes, v.motion)]
-        return fill(
-            "answer.html", sentence=v.sentence, numbers=(), energy=(), remarks=v.remarks, parts=parts, **shown
-        )
+        return _filled(v.sentence, remarks=v.remarks, parts=parts, **shown)
     recorded = run.unit(signal).displacement.of(run.quantity(signal))
     picture = run.drawings.add(
         f"answer-{signal}",
@@ -122,15 +112,21 @@ def _block(run: Run, signal: str) -> Markup:
         _coefficients(v) if v.coefficients else "",
         folded("All damping models that were compared", candidates),
     ]
-    return fill(
-        "answer.html",
-        sentence=v.sentence,
-        numbers=_numbers(v),
-        energy=energy_of(v),
-        remarks=v.remarks,
-        parts=parts,
-        **shown,
+    return _filled(
+        v.sentence, numbers=_numbers(v), energy=energy_of(v), remarks=v.remarks, parts=parts, **shown
     )
+
+
+def _filled(
+    sentence: str,
+    numbers: Sequence[tuple[str, str]] = (),
+    energy: Sequence[str] = (),
+    remarks: Sequence[str] = (),
+    parts: Sequence[object] = (),
+    checks: Sequence[Check] = (),
+    table: Table | str = "",
+) -> Markup:
+    return fill("answer.html", **locals())
 
 
 def _envelope(run: Run, signal: str, answer: Answer) -> Markup:
@@ -141,16 +137,9 @@ def _envelope(run: Run, signal: str, answer: Answer) -> Markup:
     numbers = [*frequency, (size[0], " ".join([number(size[1]), size[1].unit]))] if size[1] else frequency
     embed = len(run.signals) <= EMBEDDED
     picture = run.drawings.show(f"answer-{signal}", LEVELS, answer.arrays["picture"].tobytes(), embed)
-    return fill(
-        "answer.html",
-        sentence=v.sentence,
-        numbers=numbers,
-        energy=(),
-        remarks=[*([f"The decay {v.window.why}."] if v.window else []), *v.remarks],
-        parts=[picture, decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else "", _weighed(v)],
-        checks=(),
-        table="",
-    )
+    remarks = [*([f"The decay {v.window.why}."] if v.window else []), *v.remarks]
+    table = decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else ""
+    return _filled(v.sentence, numbers=numbers, remarks=remarks, parts=[picture, table, _weighed(v)])
 
 
 def _weighed(v: Verdict) -> Markup | str:
