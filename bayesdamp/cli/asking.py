@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bayesdamp.cli.open_questions import all_at_once, read, unstated
 from bayesdamp.cli.reading import Options
@@ -120,23 +120,31 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
 
 
 def chosen_envelopes(
-    paths: Sequence[Path], made: Callable[[Path], Asked]
+    paths: Sequence[Path], unit: str | None, **options: Any
 ) -> tuple[list[Asked], list[InputError]]:
     """Return the envelopes of files as a study's [[signal]] says them, and what is wrong with other files.
+
+    Parameters
+    ----------
+    paths
+        Of the files.
+    unit
+        Of the readings; None where the files are to say it.
+    **options
+        As of `Asked`: time, angle, rate, frequency, start, stop.
 
     Raises
     ------
     InputError
         Where none can be read.
     """
-    from bayesdamp.config import Recording
+    from bayesdamp.config import Recording  # imports slowly
+    from bayesdamp.config.compare import Asked
     from bayesdamp.pipeline.envelopes import read_recording
 
     def readable(path: Path) -> Asked:
-        asked = made(path)
-        options = {k: getattr(asked, k) for k in ("time", "angle", "rate", "frequency", "start", "stop")}
-        read_recording(Recording(path.name, path.resolve(), unit=asked.unit or "", **options), path.name)
-        return asked
+        read_recording(Recording(path.name, path.resolve(), unit=unit or "", **options), path.name)
+        return Asked(path, unit=unit, quantity="envelope", **options)
 
     return read_each(paths, readable)
 

@@ -26,8 +26,6 @@ from bayesdamp.pipeline.answer import Answer
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.records.records import plain_seconds
 from bayesdamp.plugins import sources_below
-from bayesdamp.report.figures.envelope import picture
-from bayesdamp.report.figures.record import thinned
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents.answers import AnswerContent, EnvelopeContent
 from bayesdamp.types import InputError, Refusal
@@ -104,6 +102,9 @@ def answer_envelope(
     InputError
         Where the sums cannot be weighed on this record.
     """
+    from bayesdamp.report.figures.envelope import picture  # imports slowly
+    from bayesdamp.report.figures.record import thinned
+
     chosen, left_out = weighable(sums)
     result = analyse(record, window, seed, chosen)
     t, level = thinned(record.t, record.level, POINTS)

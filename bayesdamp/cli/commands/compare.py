@@ -117,7 +117,6 @@ def compare(
     sums = [one.strip() for given in damping or () for one in given.split(",")]
     from bayesdamp.cli.asking import Options, as_signals, chosen_envelopes, chosen_records, first_words_on
     from bayesdamp.cli.open_questions import one_command
-    from bayesdamp.config.compare import Asked, comparison
     from bayesdamp.envelope.records.reading import are_envelopes
     from bayesdamp.plugins import read_modules, use
 
@@ -131,9 +130,8 @@ def compare(
             "deviation": deviation if deviation != "auto" else None, "noise": noise if noise != "auto" else None,
         })  # fmt: skip
         ends = {"start": o.bound(start, "--start"), "stop": o.bound(stop, "--stop")}
-        columns = {"time": time, "angle": angle, "rate": rate, "unit": unit, "frequency": frequency}
         signals, failed = chosen_envelopes(
-            records, lambda path: Asked(path, quantity="envelope", **columns, **ends)
+            records, unit, time=time, angle=angle, rate=rate, frequency=frequency, **ends
         )
     else:
         if frequency is not None:
@@ -153,6 +151,8 @@ def compare(
     alone = len(signals) <= (ALONE if envelopes else 1) and not exact and scheduler is None
     with _early_processes(1 if alone or scheduler else workers, sums, restoring or ()) as pool:
         from rich.console import Console
+
+        from bayesdamp.config.compare import comparison
 
         made = comparison(
             signals,
