@@ -58,7 +58,7 @@ def are_envelopes(
 
 
 def read_envelope(
-    path: Path,
+    path: Path | str,
     *,
     time: Column | None = None,
     value: Column | None = None,
@@ -66,13 +66,28 @@ def read_envelope(
     unit: str | None = None,
     frequency: float | None = None,
 ) -> EnvelopeRecord:
-    """The envelope in a file.
+    """Read a record of which only the envelope is known: amplitudes, powers, or levels in dB.
 
-    time, value: columns by name or number from 1, else the first and the second of two; rate: in Hz, for a file without
-    times. unit: of the readings, else as the column's name says: dB, dBm and such are levels, W and such powers, any
-    other an amplitude. frequency: of the oscillation in Hz, else as the file's head says (`% Frequency [Hz]: 1562325`).
-    Raises InputError.
+    Parameters
+    ----------
+    path
+        Of the file.
+    time, value
+        Columns by name or number from 1, else the first and the second of two.
+    rate
+        In Hz, for a file without times.
+    unit
+        Of the readings, else as the column's name says: dB, dBm and such are levels, W and such powers, any other an
+        amplitude.
+    frequency
+        Of the oscillation in Hz, else as the file's head says (`% Frequency [Hz]: 1562325`).
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, or its readings are not those of an envelope.
     """
+    path = Path(path)
     raw = read_record(path, time=time, value=value, rate=rate)
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
     about = replace(raw.provenance, header_lines=0)  # they are read
