@@ -207,10 +207,15 @@ class Study:
         return tuple(name for name in self.compare(spec) if candidate_parts(name)[0] in wanted)
 
     @property
-    def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:
+    def every_specimen(self) -> dict[str, tuple[SignalSpec, ...]]:
         """The signals of each specimen that the study names."""
         named = dict.fromkeys(s.specimen for s in self.signals if s.specimen)
         return {name: tuple(s for s in self.signals if s.specimen == name) for name in named}
+
+    @property
+    def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:
+        """Those of them that are fitted jointly: envelopes are not."""
+        return {name: specs for name, specs in self.every_specimen.items() if not specs[0].is_envelope}
 
     @property
     def noises(self) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from bayesdamp.config import SignalSpec, Study
+from bayesdamp.config import Study
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.many.joining import join
 from bayesdamp.pipeline.many.populating import populate
@@ -17,20 +17,15 @@ def _weighs(study: Study) -> bool:
     return bool(study.evidence.methods)
 
 
-def _specimens(study: Study) -> dict[str, tuple[SignalSpec, ...]]:
-    """The specimens with motions; envelopes of one have no joint fit but the verdict on them."""
-    return {name: specs for name, specs in study.specimens.items() if not specs[0].is_envelope}
-
-
 def repeated(study: Study) -> list[str]:
     """The specimens with several records, where the study weighs models."""
-    several = [n for n, specs in _specimens(study).items() if sum(s.repeats for s in specs) > 1]
+    several = [n for n, specs in study.specimens.items() if sum(s.repeats for s in specs) > 1]
     return several if _weighs(study) else []
 
 
 def populated(study: Study) -> bool:
     """Whether the study has several specimens to summarise."""
-    return _weighs(study) and len(_specimens(study)) > 1
+    return _weighs(study) and len(study.specimens) > 1
 
 
 def joint_cells(
@@ -38,7 +33,7 @@ def joint_cells(
 ) -> dict[str, tuple[str, Callable[[str, str], None]]]:
     """The cell of a specimen, or, without a name, that of the population: its name to key and what computes it."""
     if name is None:
-        keys = {n: _key(Specimen(study, n, specs, store)) for n, specs in _specimens(study).items()}
+        keys = {n: _key(Specimen(study, n, specs, store)) for n, specs in study.specimens.items()}
         return {"population/specimens": (task_key("population", keys), partial(populate, study, store))}
     specimen = Specimen(study, name, study.specimens[name], store)
     return {f"joint/{name}": (_key(specimen), partial(join, specimen))}
