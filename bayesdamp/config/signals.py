@@ -282,7 +282,10 @@ def resolve_signal(
     for name in (system.restoring, *laws):
         _check_translation(source.unit, name, unit_key)
     _check_unit(source, reference.get("inertia"), unit_key)
-    own = _own_models(entry, key)
+    own = {
+        name: None if models is None else canonical_models(models, below(key, name))
+        for name, models in (("compare", entry.compare), ("estimate", entry.estimate))
+    }
     alternatives = tuple(s for s in others if s.restoring in laws)
     return SignalSpec(
         entry.name,
@@ -296,13 +299,6 @@ def resolve_signal(
     )
 
 
-def _own_models(entry: SignalTable, key: str) -> dict[str, tuple[str, ...] | None]:
-    return {
-        name: None if models is None else canonical_models(models, below(key, name))
-        for name, models in (("compare", entry.compare), ("estimate", entry.estimate))
-    }
-
-
 def _envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, key: str) -> SignalSpec:
     """An envelope: only its damping is weighed, so that it has no restoring law. Raises StudyError."""
     stray = next(
@@ -314,9 +310,8 @@ def _envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, key: s
         raise StudyError(below(key, "file"), "is missing; an envelope is read from a file")
     source = _recording(entry, folder, key)
     source = source if "unit" in given else replace(source, unit="")
-    return SignalSpec(
-        entry.name, System("", {}, {}), source, **_own_models(entry, key), specimen=entry.specimen or ""
-    )
+    compare = None if entry.compare is None else canonical_models(entry.compare, below(key, "compare"))
+    return SignalSpec(entry.name, System(""), source, compare=compare, specimen=entry.specimen or "")
 
 
 def restoring_laws(names: tuple[str, ...], key: str) -> tuple[str, ...]:

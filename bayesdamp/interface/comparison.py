@@ -266,10 +266,12 @@ def compare(
     checked_sensor("compare", sensor)
     single = isinstance(signals, types.Signal | EnvelopeRecord)
     every = [signals] if single else list(signals) if isinstance(signals, Iterable) else []
-    kinds = {kind for s in every for kind in (types.Signal, EnvelopeRecord) if isinstance(s, kind)}
-    if len(kinds) != 1 or (len(every) > 1 and not repeats) or not all(isinstance(s, *kinds) for s in every):
+    motions = [s for s in every if isinstance(s, types.Signal)]
+    envelopes = [s for s in every if isinstance(s, EnvelopeRecord)]
+    one_kind = len(every) in (len(motions), len(envelopes))
+    if not every or (len(every) > 1 and not repeats) or not one_kind:
         raise InputError("compare takes one signal, or several of one specimen with repeats=True")
-    if EnvelopeRecord in kinds:
+    if envelopes:
         given = {
             "noise": noise != "auto",
             "deviation": deviation != "auto",
@@ -279,9 +281,9 @@ def compare(
         stray = next((option for option, is_given in given.items() if is_given), None)
         if stray:
             raise InputError(f"compare: {stray} does not apply to envelopes; leave it out")
-        return _envelopes(every, name, sums, seed)
-    units = tuple(Signal.of(s).own_unit.name for s in every)
-    quantities = tuple(s.quantity for s in every)
+        return _envelopes(envelopes, name, sums, seed)
+    units = tuple(Signal.of(s).own_unit.name for s in motions)
+    quantities = tuple(s.quantity for s in motions)
     answers = tuple(
         answer(
             s,
@@ -298,7 +300,7 @@ def compare(
             seed=seed,
             repeated=len(every) > 1,
         )
-        for s, unit in zip(every, units, strict=True)
+        for s, unit in zip(motions, units, strict=True)
     )
     if len(answers) == 1:
         return Comparison._of(answers, units, quantities)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,6 +39,7 @@ def test_a_study_answers_an_envelope_as_compare_does(tmp_path: Path, capsys) -> 
     (stored,) = json.loads((tmp_path / "out" / "verdict.json").read_text())
     direct = bd.compare(record, damping=["viscous", "coulomb"]).verdict
     assert stored["record"] == "level"
+    assert direct.quality_factor is not None
     assert stored["quality_factor"]["value"] == direct.quality_factor.value
     assert [share["term"] for share in stored["energy"]] == ["viscous", "coulomb"]
     assert main(["check", str(tmp_path / "both.toml")]) == 0
@@ -82,7 +84,7 @@ def test_a_comparison_in_python_is_the_analysis(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "option", [{"noise": "gaussian"}, {"restoring": "linear"}, {"known": {"stiffness": 1.0}}]
 )
-def test_an_option_of_motions_is_refused(option: dict[str, object]) -> None:
+def test_an_option_of_motions_is_refused(option: dict[str, Any]) -> None:
     t = np.linspace(0.0, 60.0, 300)
     with pytest.raises(bd.InputError, match="does not apply to envelopes"):
         bd.compare(made_record("r", t, -40.0 - 0.8 * t, "dBm"), **option)
