@@ -3,9 +3,12 @@
 The public interface, each name loaded when it is first used (docs/python.md shows it at work):
 
 - records: `read(path)`, a `Record`, whose `signal()` is the free decay in it; `signal(t, y)` from arrays;
-`simulate(...)`. - one model on one record: `Model(...)` with priors (`HalfNormal`, `LogNormal`, `LogUniform`, `Normal`,
+`simulate(...)`.
+- one model on one record: `Model(...)` with priors (`HalfNormal`, `LogNormal`, `LogUniform`, `Normal`,
 `Uniform`); `estimate(signal, name, model)`, `fit(signal, model)`, `sample(fit)`, `evidence(posterior)`,
-`model.bind(signal)`. - studies: `load_study(path)`, `run_study(study)`.
+`model.bind(signal)`.
+- `read_envelope(path)`: where only the amplitude was recorded.
+- studies: `load_study(path)`, `run_study(study)`.
 - `load(path)`: whatever a result's `save` wrote. `InputError`, `Refusal`: what they raise.
 - underneath: `read_record`, `clean`, `features`, `Oscillator`, `trajectory(oscillator, parameters, times)`.
 """
@@ -38,6 +41,8 @@ _HOME = {
     "estimate": "bayesdamp.interface.estimate",
     "Fit": "bayesdamp.interface.fit",
     "Prediction": "bayesdamp.interface.prediction",
+    "EnvelopeRecord": "bayesdamp.records.envelope.record",
+    "read_envelope": "bayesdamp.records.envelope.reading",
     "first_words": "bayesdamp.records.oscillation.first_look",
     "fit": "bayesdamp.interface.fit",
     "Density": "bayesdamp.interface.density",
@@ -71,6 +76,7 @@ __all__ = [
     "Comparison",
     "DampingTerm",
     "Density",
+    "EnvelopeRecord",
     "Estimate",
     "Evidence",
     "Fit",
@@ -101,6 +107,7 @@ __all__ = [
     "load",
     "load_study",
     "read",
+    "read_envelope",
     "read_record",
     "run_study",
     "sample",
@@ -131,6 +138,8 @@ if TYPE_CHECKING:
     from bayesdamp.physics.trajectories import simulate as trajectory
     from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
     from bayesdamp.records.cleaning.clean import clean
+    from bayesdamp.records.envelope.reading import read_envelope
+    from bayesdamp.records.envelope.record import EnvelopeRecord
     from bayesdamp.records.oscillation.features import features
     from bayesdamp.records.oscillation.first_look import first_words
     from bayesdamp.records.read import read_record

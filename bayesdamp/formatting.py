@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 
 NONE = "–"
@@ -179,3 +180,8 @@ def with_interval(value: float, low: float, high: float, unit: str = "", scale: 
     width = (high - low) * scale
     shown = [digits(x * scale, width / 2) for x in (value, low, high)]
     return f"{shown[0]}{unit} ({shown[1]} to {shown[2]})"
+
+
+def by_ten(text: str) -> str:
+    """Text whose numbers have their power of ten in words: `3.57 × 10⁷` in place of `3.57e+07`."""
+    return re.sub(r"e([+-]\d+)\b", lambda found: f" × 10{str(int(found[1])).translate(_RAISED)}", text)

@@ -17,7 +17,9 @@ OUTSIDE = (
 )  # fmt: skip
 """What decides where and when something is computed, and what is made of it, but not the result itself; settings are
 part of a key by their values."""
-LEAVES = ("bayesdamp.pipeline.candidates.branch", "bayesdamp.pipeline.candidates.cells")
+LEAVES = (
+    "bayesdamp.pipeline.candidates.branch", "bayesdamp.pipeline.candidates.cells", "bayesdamp.pipeline.envelopes",
+)  # fmt: skip
 """Modules that bring many computations together: each counts with its own source, not with what it imports."""
 
 _IMPORT = re.compile(
@@ -54,9 +56,9 @@ def package_digest() -> str:
 
 
 def reached(modules: Iterable[str]) -> set[str]:
-    """The modules of the package that these import, at any depth, with themselves; not what is `OUTSIDE`."""
-    found: set[str] = set()
+    """Return these modules of the package and all that they import, at any depth; nothing else of what is `OUTSIDE`."""
     waiting = list(modules)
+    found = {name for name in waiting if _is_outside(name)}
     while waiting:
         name = waiting.pop()
         if name in found or name == PACKAGE or _is_outside(name) or _text(name) is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-_PER = {"angle": "", "velocity": "/s", "acceleration": "/s²"}
+_PER = {"angle": "", "velocity": "/s", "acceleration": "/s²", "envelope": ""}
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,11 @@ UNITS = {
     )
 }
 """By name, as a study's or the command's `unit` says it."""
+
+
+def unit_named(name: str) -> Unit:
+    """Return the unit of this name; of one that only an envelope has, such as dBm, its numbers stay as they are."""
+    return UNITS.get(name) or Unit(name, name, 1.0)
 
 
 def quantity_unit(unit: str, quantity: str) -> str:

@@ -47,7 +47,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     | {"records.record", "records.files", "records.oscillation", "records.decay", "records.cleaning"},
     "records": NEUTRAL | {"physics", "records"},
     "envelope": NEUTRAL
-    | {"physics", "records", "store", "envelope", "inference.envelope", "inference.deviation", "verdict", "report"},
+    | {"physics", "records", "envelope", "inference.envelope", "inference.deviation", "verdict"},
     "config": NEUTRAL | {"physics", "config"} | REGISTRIES,
     "estimators.networks": _BELOW | {"estimators.shared", "estimators.networks"},
     "estimators.regression": _BELOW | {"estimators.shared", "estimators.regression"},
@@ -72,8 +72,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "validation": NEUTRAL | {"report.markdown", "store", "verdict.types", "validation"},
     "interface": NEUTRAL
     | {
-        "physics", "records", "config", "estimators", "inference", "store", "pipeline", "verdict", "report",
-        "interface",
+        "physics", "records", "envelope", "config", "estimators", "inference", "store", "pipeline", "verdict",
+        "report", "interface",
     },
 }  # fmt: skip
 ACROSS = {"pipeline", "cli", "", "__main__"}

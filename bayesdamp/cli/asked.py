@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,17 +46,13 @@ def own_folder(study: Study) -> Path:
     other question's answer. Raises InputError where a file has its name."""
     from bayesdamp.config.again import asks_another
 
-    return free_folder(study.name, lambda folder: asks_another(study, folder))
-
-
-def free_folder(name: str, another: Callable[[Path], bool]) -> Path:
-    """reports/NAME, or the first of NAME-2, NAME-3, ... that has no other question's answer, as `another` says of a
-    folder. Raises InputError where a file has its name."""
-    names = (name, *(f"{name}-{number}" for number in range(2, MOST_QUESTIONS)))
+    names = (study.name, *(f"{study.name}-{number}" for number in range(2, MOST_QUESTIONS)))
     folders = (run_folder(None, one) for one in names)
-    found = next((folder for folder in folders if not another(folder)), None)
+    found = next((folder for folder in folders if not asks_another(study, folder)), None)
     if found is None:
-        raise InputError(f"--out: reports/ has {MOST_QUESTIONS} answers of {name}; give a folder of your own")
+        raise InputError(
+            f"--out: reports/ has {MOST_QUESTIONS} answers of {study.name}; give a folder of your own"
+        )
     return found
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bayesdamp.cli.open_questions import all_at_once, read, unstated
 from bayesdamp.cli.reading import Options
@@ -117,6 +117,36 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
             said.append(f"{one.path.name}: {MAYBE_ENVELOPE}")
     taken = "No unit is stated: an angle in rad is taken; --unit m (mm, deg) says another."
     return [*said, *(f"{name}: {taken}" for name in unsaid)]
+
+
+def chosen_envelopes(
+    paths: Sequence[Path], unit: str | None, **options: Any
+) -> tuple[list[Asked], list[InputError]]:
+    """Return the envelopes of files as a study's [[signal]] says them, and what is wrong with other files.
+
+    Parameters
+    ----------
+    paths
+        Of the files.
+    unit
+        Of the readings; None where the files are to say it.
+    **options
+        As of `Asked`: time, angle, rate, frequency, start, stop.
+
+    Raises
+    ------
+    InputError
+        Where none can be read.
+    """
+    from bayesdamp.config import Recording  # imports slowly
+    from bayesdamp.config.compare import Asked
+    from bayesdamp.pipeline.envelopes import read_recording
+
+    def readable(path: Path) -> Asked:
+        read_recording(Recording(path.name, path.resolve(), unit=unit or "", **options), path.name)
+        return Asked(path, unit=unit, quantity="envelope", **options)
+
+    return read_each(paths, readable)
 
 
 @dataclass(frozen=True)

@@ -41,19 +41,20 @@ class Asked:
     """One record's file and how to read it, as a study's [[signal]] says it.
 
     label: which of the file's records it is, where there are several; specimen: what it is one of the repeats of,
-    where the file says so.
+    where the file says so. unit: None where an envelope's file is to say it; frequency: of an envelope's oscillation.
     """
 
     path: Path
     time: str | int | None = None
     angle: str | int | None = None
     rate: float | None = None
-    unit: str = "rad"
+    unit: str | None = "rad"
     quantity: str = "angle"
     clock: str = "auto"
     start: float | str = "auto"
     stop: float | str = "auto"
     time_unit: str | None = None
+    frequency: float | None = None
     label: str = ""
     specimen: str = ""
 
@@ -125,7 +126,8 @@ def comparison_tables(
     signals = [_signal(asked, name, tuple(restoring)) for asked, name in zip(records, names, strict=True)]
     if len(records) > 1:
         for signal, asked in zip(signals, records, strict=True):
-            signal["specimen"] = SPECIMEN if repeats else _name(asked.specimen) or signal["name"]
+            if repeats or asked.quantity != "envelope":
+                signal["specimen"] = SPECIMEN if repeats else _name(asked.specimen) or signal["name"]
     # The joint fit reads the answers: draws of each record by itself, and evidence from these, would be read by nobody.
     samplers, methods = ([], JOINT_METHODS) if repeats else (["nuts"], METHODS)
     return {
@@ -159,11 +161,12 @@ def _question(records: Sequence[Asked], names: Sequence[str]) -> str:
 
 
 def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, Any]:
-    laws = restoring or laws_for(asked.unit)
     given = {k: v for k, v in vars(asked).items() if k not in _NOT_READ and v is not None}
+    given = {"name": name, "file": str(asked.path), **given}
+    if asked.quantity == "envelope":
+        return given
+    laws = restoring or laws_for(asked.unit or "rad")
     return {
-        "name": name,
-        "file": str(asked.path),
         **given,
         "least_noise": LEAST_NOISE,
         "restoring": list(laws),

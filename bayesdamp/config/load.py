@@ -289,7 +289,7 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
                 what = f"names {model}, which this signal does not compare"
                 raise StudyError(f"signal[{spec.name}].estimate", f"{what}; it must be one of its models")
     check_specimens(
-        study.specimens, {s.name: study.dampings(s) for s in study.signals}, bool(raw.get("sweep"))
+        study.every_specimen, {s.name: study.dampings(s) for s in study.signals}, bool(raw.get("sweep"))
     )
     if "laplace" not in study.evidence.methods:
         for key, value in (

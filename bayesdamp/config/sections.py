@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from bayesdamp.units import UNITS
 
@@ -31,6 +31,7 @@ RECORDS = 1_000_000
 CHAINS = 1000
 COLUMN = 100_000
 """The largest number of a column or of a run."""
+UNIT = f"one of {', '.join(UNITS)} (of the displacement itself)"
 _A_COUNT = "a whole number from 1 to 1,000,000"
 
 
@@ -39,12 +40,6 @@ def _floats(values: object) -> object:
     if not isinstance(values, tuple):
         return values
     return tuple(float(v) if isinstance(v, int) and not isinstance(v, bool) else v for v in values)
-
-
-def _unit(name: str) -> str:
-    if name not in UNITS:
-        raise ValueError(f"unknown unit {name!r}")
-    return name
 
 
 class Section(BaseModel):
@@ -98,11 +93,12 @@ class SignalTable(Section):
     angle: Annotated[int, Field(ge=1, le=COLUMN)] | Annotated[str, Field(min_length=1)] | None = Field(
         None, description="the name of the recorded quantity's column or its number from 1"
     )
-    unit: Annotated[str, AfterValidator(_unit)] = Field(
-        "rad", description=f"one of {', '.join(UNITS)} (of the displacement itself)"
+    unit: str = Field("rad", min_length=1, description=UNIT)
+    quantity: Literal["angle", "velocity", "acceleration", "envelope"] = Field(
+        "angle", description='"angle", "velocity", "acceleration" or "envelope"'
     )
-    quantity: Literal["angle", "velocity", "acceleration"] = Field(
-        "angle", description='"angle", "velocity" or "acceleration"'
+    frequency: float | None = Field(
+        None, gt=0, description="the frequency of an envelope's oscillation in Hz, a positive number"
     )
     rate: float | None = Field(None, gt=0, description="the sampling rate in Hz, a positive number")
     clock: Literal["auto", "as_logged", "uniform"] = Field(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from bayesdamp.config.checks import (
     shown,
     table,
 )
-from bayesdamp.config.sections import SignalTable, SimulateTable
+from bayesdamp.config.sections import UNIT, SignalTable, SimulateTable
 from bayesdamp.config.study import Recording, SignalSpec, Simulation
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
@@ -42,6 +42,9 @@ FEWEST, CYCLES = 0.01, 1e6
 """The fewest and the most cycles of a simulated record (conventional)."""
 _MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
 _POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
+_MOTIONS = (
+    "simulate", "system", "restoring", "estimate", "clock", "run", "channel", "time_unit", "least_noise",
+)  # fmt: skip
 _SIMULATED = ("name", "simulate", "system", "compare", "restoring", "estimate", "specimen")
 
 
@@ -203,7 +206,7 @@ def damping_order() -> list[str]:
     return [*PAPER_TERMS, *(name for name in TERMS.names() if name not in PAPER_TERMS)]
 
 
-def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Recording:
+def _recording(entry: SignalTable, folder: Path, key: str) -> Recording:
     assert entry.file is not None
     path = folder / at_home(Path(entry.file))
     if not path.is_file():
@@ -216,7 +219,6 @@ def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Re
         raise StudyError(
             below(key, "stop"), f"is {entry.stop:g}; it must be later than start ({entry.start:g})"
         )
-    _check_translation(entry.unit, system.restoring, below(key, "unit"))
     return Recording(
         file=entry.file,
         path=path.resolve(),
@@ -255,9 +257,17 @@ def resolve_signal(
         raise StudyError(key, f"has {both}; it must have one of the two")
     if entry.restoring is not None:
         laws = restoring_laws(entry.restoring, below(key, "restoring"))
+    if entry.quantity == "envelope":
+        return _envelope(entry, given, folder, key)
+    if entry.unit not in UNITS:
+        raise StudyError(below(key, "unit"), f"is {shown(entry.unit)}; it must be {UNIT}")
+    if entry.frequency is not None:
+        raise StudyError(
+            below(key, "frequency"), 'is for an envelope; give quantity = "envelope", or remove it'
+        )
     (system, *others), reference = _systems(base, entry.system, laws, key)
     if entry.simulate is None:
-        source: Simulation | Recording = _recording(entry, system, folder, key)
+        source: Simulation | Recording = _recording(entry, folder, key)
         unit_key = below(key, "unit")
     else:
         stray = [n for n in given if n not in _SIMULATED]
@@ -269,7 +279,7 @@ def resolve_signal(
             )
         source = _simulation(entry.simulate, system, below(key, "simulate"))
         unit_key = below(key, "simulate.unit")
-    for name in laws:
+    for name in (system.restoring, *laws):
         _check_translation(source.unit, name, unit_key)
     _check_unit(source, reference.get("inertia"), unit_key)
     own = {
@@ -287,6 +297,21 @@ def resolve_signal(
         alternatives=alternatives,
         specimen=entry.specimen or "",
     )
+
+
+def _envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, key: str) -> SignalSpec:
+    """An envelope: only its damping is weighed, so that it has no restoring law. Raises StudyError."""
+    stray = next(
+        (n for n in given if n in _MOTIONS and given[n] != SignalTable.model_fields[n].default), None
+    )
+    if stray is not None:
+        raise StudyError(below(key, stray), "does not apply to an envelope; remove it")
+    if entry.file is None:
+        raise StudyError(below(key, "file"), "is missing; an envelope is read from a file")
+    source = _recording(entry, folder, key)
+    source = source if "unit" in given else replace(source, unit="")
+    compare = None if entry.compare is None else canonical_models(entry.compare, below(key, "compare"))
+    return SignalSpec(entry.name, System(""), source, compare=compare, specimen=entry.specimen or "")
 
 
 def restoring_laws(names: tuple[str, ...], key: str) -> tuple[str, ...]:

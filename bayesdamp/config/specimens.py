@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.study import SignalSpec
-from bayesdamp.units import UNITS
+from bayesdamp.units import unit_named
 
 
 def check_specimens(
@@ -25,7 +25,7 @@ def check_specimens(
             )
         for spec in specs[1:]:
             key, repeat = f"signal[{spec.name}].specimen", f"is {name!r}, which signal {first.name} is too"
-            if UNITS[spec.source.unit].base != UNITS[first.source.unit].base:
+            if unit_named(spec.source.unit).base != unit_named(first.source.unit).base:
                 units = f"{spec.source.unit} and {first.source.unit}"
                 raise StudyError(
                     key, f"{repeat}, in {units}; repeats must all be angles, all lengths or all in one unit"

@@ -47,7 +47,8 @@ class Recording:
     angle: the recorded quantity's column, whatever the quantity; None where the file has only that one.
     rate in Hz; start and stop in s of the record's own clock, or "auto". run, channel: which of a file's records;
     time_unit: of its times. What of them is not given the file says, or it is chosen. least_noise: the share of the
-    amplitude that is added as noise where the record has none, 0 for none.
+    amplitude that is added as noise where the record has none, 0 for none. frequency: of an envelope's oscillation in
+    Hz; the unit of an envelope is empty where the file is to say it.
     """
 
     file: str
@@ -64,6 +65,7 @@ class Recording:
     channel: str | None = None
     time_unit: str | None = None
     least_noise: float = 0.0
+    frequency: float | None = None
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,12 @@ class SignalSpec:
         found["source"].pop("path", None)
         if not found["source"].get("least_noise"):
             found["source"].pop("least_noise", None)
-        for key in ("run", "channel", "time_unit"):  # a study that does not have them reads as it always did
+        for key in (
+            "run",
+            "channel",
+            "time_unit",
+            "frequency",
+        ):  # a study that does not have them reads as it always did
             if found["source"].get(key) is None:
                 found["source"].pop(key, None)
         if not self.alternatives:
@@ -103,9 +110,14 @@ class SignalSpec:
         return found
 
     @property
+    def is_envelope(self) -> bool:
+        """Whether only the amplitude of the motion was recorded."""
+        return self.source.quantity == "envelope"
+
+    @property
     def restoring(self) -> tuple[str, ...]:
-        """The restoring laws that it is compared under."""
-        return self.laws or (self.system.restoring,)
+        """The restoring laws that it is compared under; none of an envelope."""
+        return () if self.is_envelope else self.laws or (self.system.restoring,)
 
     def under(self, restoring: str) -> System:
         """What is known of the system under one of these laws, by default the system's own."""
@@ -181,8 +193,11 @@ class Study:
     def compare(self, spec: SignalSpec) -> tuple[str, ...]:
         """Names of the candidates for one of the signals: its damping sums, each under each of its restoring laws.
 
-        With one law a candidate's name is its damping sum; with several, see `candidate_name`.
+        With one law a candidate's name is its damping sum; with several, see `candidate_name`. An envelope has none:
+        its damping sums are weighed in its answer alone.
         """
+        if spec.is_envelope:
+            return ()
         laws = spec.restoring if len(spec.restoring) > 1 else ("",)
         return tuple(candidate_name(m, law) for m in self.dampings(spec) for law in laws)
 
@@ -192,10 +207,15 @@ class Study:
         return tuple(name for name in self.compare(spec) if candidate_parts(name)[0] in wanted)
 
     @property
-    def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:
+    def every_specimen(self) -> dict[str, tuple[SignalSpec, ...]]:
         """The signals of each specimen that the study names."""
         named = dict.fromkeys(s.specimen for s in self.signals if s.specimen)
         return {name: tuple(s for s in self.signals if s.specimen == name) for name in named}
+
+    @property
+    def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:
+        """Those of them that are fitted jointly: envelopes are not."""
+        return {name: specs for name, specs in self.every_specimen.items() if not specs[0].is_envelope}
 
     @property
     def noises(self) -> tuple[str, ...]:

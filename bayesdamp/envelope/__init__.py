@@ -1,11 +1,11 @@
 """Records of which only the envelope is known: amplitudes, powers, levels in dB.
 
 It finds the free decay, infers floor and scatter, and weighs sums of viscous, Coulomb and quadratic damping, each of
-which may hold approximately. It fits no oscillation; several ring-downs of one specimen are only averaged.
+which may hold approximately. It fits no oscillation.
 """
 
 from bayesdamp.envelope.analysis import analyse
-from bayesdamp.records.envelope.reading import is_envelope, read_envelope
+from bayesdamp.records.envelope.reading import are_envelopes, is_envelope, read_envelope
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.verdict.envelope.answer import Answer
 
@@ -13,6 +13,7 @@ __all__ = [
     "Answer",
     "EnvelopeRecord",
     "analyse",
+    "are_envelopes",
     "is_envelope",
     "made_record",
     "read_envelope",

@@ -18,6 +18,7 @@ from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of
 from bayesdamp.verdict.envelope.answer import Answer
 from bayesdamp.verdict.parts import Estimate, Grade, Interval
+from bayesdamp.verdict.pooled import pooled
 from bayesdamp.verdict.specimen import energy_of_records, largest, of_spread, remarks_on_records, worst_grade
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import by_ten, sentence, with_interval
@@ -106,10 +107,14 @@ def joint_damping(answers: Sequence[Answer], seed: int = 0) -> JointDamping | No
 
 
 def specimen(name: str, answers: Sequence[Answer]) -> Verdict | None:
-    """The verdict on a specimen; None where fewer than two records have a decay.
+    """Return the verdict on a specimen; None where fewer than two records have a decay.
 
-    Q, or the rate, is that of random effects in logarithms (R. DerSimonian and N. Laird, Control. Clin. Trials 7, 177
-    (1986)). Raises InputError where the records have different units.
+    The logarithm of Q, or of the rate, is pooled as every number of several records is.
+
+    Raises
+    ------
+    InputError
+        Where the records have different units.
     """
     own = [one.verdict for one in answers if one.verdict.rate is not None]
     quality = all(v.quality_factor is not None for v in own)
@@ -117,21 +122,17 @@ def specimen(name: str, answers: Sequence[Answer]) -> Verdict | None:
     if len(known) < 2:
         return None
     x = np.log([one.value for one in known])
-    variance = np.array([(one.sd_noise**2 + one.sd_law**2) / one.value**2 for one in known])
-    w = 1.0 / variance
-    mean = (w @ x) / w.sum()
-    scatter, alone = float(w @ (x - mean) ** 2), float(w.sum() ** -0.5)
-    between = max(0.0, (scatter - (x.size - 1)) / (w.sum() - (w @ w) / w.sum()))
-    w = 1.0 / (variance + between)
-    mean, sd = float((w @ x) / w.sum()), float(w.sum() ** -0.5)
+    sd = np.array([np.hypot(one.sd_noise, one.sd_law) / one.value for one in known])
+    found = pooled(x, sd)
     joint = joint_damping(answers)
-    spread = joint.spread if joint else (between**0.5, between**0.5, between**0.5)
-    wide = float(np.hypot(sd, max(spread[0], between**0.5)))
-    value, low, high, next_low, next_high = (
-        float(np.exp(mean + 1.96 * width)) for width in (0.0, -sd, sd, -wide, wide)
-    )
-    unit = known[0].unit
-    common = Estimate(value, value * alone, value * max(sd**2 - alone**2, 0.0) ** 0.5, low, high, unit)
+    spread = joint.spread if joint else (found.spread, found.spread_low, found.spread_high)
+    value, unit = float(np.exp(found.mean)), known[0].unit
+    alone = min(float(np.sum(sd**-2.0) ** -0.5), found.sd)
+    low, high, next_low, next_high = np.exp(
+        [found.mean - 1.96 * found.sd, found.mean + 1.96 * found.sd, found.low, found.high]
+    ).tolist()
+    between = value * float((found.sd**2 - alone**2) ** 0.5)
+    common = Estimate(value, value * alone, between, low, high, unit)
     probabilities = (
         {n: min(p, thresholds.CAP) for n, p in joint.probabilities.items()} if joint else {"": float("nan")}
     )
@@ -154,7 +155,7 @@ def specimen(name: str, answers: Sequence[Answer]) -> Verdict | None:
         rate=None if quality else common,
         quality_factor=common if quality else None,
         next_value=Interval(value, next_low, next_high, unit),
-        standardised=scatter / (x.size - 1),
+        standardised=float(np.sum(((x - np.average(x, weights=sd**-2.0)) / sd) ** 2)) / (x.size - 1),
     )
     what = "Q" if quality else "decay rate"
     more = by_ten(with_interval(value, next_low, next_high, f" {unit}" if unit else ""))

@@ -16,16 +16,19 @@ from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.asked import checked_noise, checked_sensor, known_and_priors, sums_and_laws
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.records.signal import Signal
+from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.pipeline.answer import Answer, answer
+from bayesdamp.pipeline.envelopes import answer_envelope, specimen_of_envelopes
 from bayesdamp.priors import Prior
+from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.store import DAMPING_CURVES, CellResult, write_bytes
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError
-from bayesdamp.units import UNITS, Unit
+from bayesdamp.units import UNITS, Unit, unit_named
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.specimen import specimen
-from bayesdamp.verdict.tables import ratios_table
+from bayesdamp.verdict.tables import decay_table, ratios_table
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
 
@@ -44,7 +47,7 @@ class Comparison(Result):
     verdict: the answer, its amplitudes in the unit that the record came in; so are tables and pictures. records: of
     several records, the comparison of each by itself. outcome: "ok", or a sentence why nothing could be said.
     answers: what is kept of each record, in rad, m or the sensor's unit; units: that each record came in; quantities:
-    what was recorded, "angle" (any displacement), "velocity" or "acceleration".
+    what was recorded, "angle" (any displacement), "velocity", "acceleration" or "envelope".
     """
 
     verdict: Verdict
@@ -62,7 +65,7 @@ class Comparison(Result):
         together: Verdict | None = None,
     ) -> Self:
         """Of one record, or of several: together, the verdict on all, in base units."""
-        own = [UNITS[name] for name in units]
+        own = [unit_named(name) for name in units]
         if together is None:
             return cls(in_unit(answers[0].verdict, own[0]), tuple(answers), tuple(units), tuple(quantities))
         shown = in_unit(together, own[0]) if len({one.displacement.name for one in own}) == 1 else together
@@ -128,7 +131,7 @@ class Comparison(Result):
 
     def _each(self) -> Iterator[tuple[Answer, Unit]]:
         """Each record's answer with the unit that it came in."""
-        yield from zip(self.answers, (UNITS[name] for name in self.units), strict=True)
+        yield from zip(self.answers, map(unit_named, self.units), strict=True)
 
     def summary(self) -> pd.DataFrame:
         """A row a record, with the columns of verdicts.csv."""
@@ -139,17 +142,22 @@ class Comparison(Result):
 
     def plot(self, ax: drawing.Given = None) -> tuple[Axes, ...]:
         """Draw the answer: record, damping ratio against amplitude, residual, energy by term; the four axes drawn on,
-        which `ax` may give, as `plt.subplots(2, 2)` makes them. Of several records the first that has an answer. Raises
-        InputError where nothing was weighed."""
+        which `ax` may give, as `plt.subplots(2, 2)` makes them. Of an envelope three: record, residual, exponent. Of
+        several records the first that has an answer. Raises InputError where nothing was weighed."""
         from matplotlib import rc_context
 
         from bayesdamp.report.figures.answer import HEIGHT, draw_answer
+        from bayesdamp.report.figures.envelope import draw_envelope
         from bayesdamp.report.style import RC, WIDTH
 
         first = next((i for i, a in enumerate(self.answers) if a.arrays), None)
         if first is None:
             raise InputError(f"nothing to draw: {self.outcome}")
-        found, unit = self.answers[first], UNITS[self.units[first]]
+        found, unit = self.answers[first], unit_named(self.units[first])
+        if found.envelope is not None:
+            three = drawing.several(ax, 3, size=(WIDTH, HEIGHT))
+            draw_envelope(three, found.arrays, found.verdict, unit.name)
+            return three
         recorded = unit.of(self.quantities[first])
         drawing.seen_in_notebooks()
         with rc_context(RC):
@@ -180,9 +188,11 @@ class Comparison(Result):
         return Path(path)
 
     def _table(self) -> Table:
-        return replace(
-            ratios_table(self.verdict.damping_ratio, self.verdict.sentence), notes=self.verdict.remarks
+        v = self.verdict
+        table = (
+            decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else ratios_table(v.damping_ratio)
         )
+        return replace(table, caption=v.sentence, notes=v.remarks)
 
     def _packed(self) -> Packed:
         meta: dict[str, Any] = {
@@ -201,7 +211,8 @@ class Comparison(Result):
             arrays = {n.removeprefix(f"{i}/"): v for n, v in packed.arrays.items() if n.startswith(f"{i}/")}
             content = AnswerContent.of_meta(one)
             verdict = Verdict.from_dict(content.verdict)
-            answers.append(Answer(verdict, content.candidates, content.fits, arrays, rivals=content.rivals))
+            stored = {"rivals": content.rivals, "envelope": content.envelope}
+            answers.append(Answer(verdict, content.candidates, content.fits, arrays, **stored))
         units = packed.meta["units"]
         quantities = packed.meta.get("quantities") or ["angle"] * len(units)
         if len(answers) == 1:
@@ -211,7 +222,7 @@ class Comparison(Result):
 
 
 def compare(
-    signals: types.Signal | Sequence[types.Signal],
+    signals: types.Signal | EnvelopeRecord | Sequence[types.Signal] | Sequence[EnvelopeRecord],
     *,
     repeats: bool = False,
     name: str = "specimen",
@@ -236,6 +247,8 @@ def compare(
     known: values of parameters; priors: by damping term or parameter. sensor: its linearity error, relative: no damping
     ratio is taken to be known better. amplitudes: where the damping ratio is given, in the unit that the records came
     in. sample: whether the motions themselves are sampled, and not their linear model alone. name: of the specimen.
+    Envelopes, which `read_envelope` reads, are compared by their damping alone: of the options only `repeats`, `name`,
+    `damping` and `seed` apply to them.
     Raises InputError for what is none of these; a record on which nothing can be said has it in `outcome`.
 
     >>> import bayesdamp as bd
@@ -251,17 +264,26 @@ def compare(
     sums, laws = sums_and_laws(damping, restoring)
     values, given = known_and_priors(sums, laws, known, priors, noises_of(checked_noise("compare", noise)))
     checked_sensor("compare", sensor)
-    every = (
-        [signals]
-        if isinstance(signals, types.Signal)
-        else list(signals)
-        if isinstance(signals, Iterable)
-        else []
-    )
-    if not every or (len(every) > 1 and not repeats) or not all(isinstance(s, types.Signal) for s in every):
+    single = isinstance(signals, types.Signal | EnvelopeRecord)
+    every = [signals] if single else list(signals) if isinstance(signals, Iterable) else []
+    motions = [s for s in every if isinstance(s, types.Signal)]
+    envelopes = [s for s in every if isinstance(s, EnvelopeRecord)]
+    one_kind = len(every) in (len(motions), len(envelopes))
+    if not every or (len(every) > 1 and not repeats) or not one_kind:
         raise InputError("compare takes one signal, or several of one specimen with repeats=True")
-    units = tuple(Signal.of(s).own_unit.name for s in every)
-    quantities = tuple(s.quantity for s in every)
+    if envelopes:
+        given = {
+            "noise": noise != "auto",
+            "deviation": deviation != "auto",
+            "amplitudes": amplitudes is not None,
+        }
+        given |= {"restoring": bool(restoring), "known": bool(known), "priors": bool(priors)}
+        stray = next((option for option, is_given in given.items() if is_given), None)
+        if stray:
+            raise InputError(f"compare: {stray} does not apply to envelopes; leave it out")
+        return _envelopes(envelopes, name, sums, seed)
+    units = tuple(Signal.of(s).own_unit.name for s in motions)
+    quantities = tuple(s.quantity for s in motions)
     answers = tuple(
         answer(
             s,
@@ -278,10 +300,20 @@ def compare(
             seed=seed,
             repeated=len(every) > 1,
         )
-        for s, unit in zip(every, units, strict=True)
+        for s, unit in zip(motions, units, strict=True)
     )
     if len(answers) == 1:
         return Comparison._of(answers, units, quantities)
     good = [a.of_specimen() for a in answers if a.arrays]
     together = specimen(name, good, given, sensor, seed) if good else answers[0].verdict
     return Comparison._of(answers, units, quantities, together)
+
+
+def _envelopes(records: Sequence[EnvelopeRecord], name: str, sums: Sequence[str], seed: int) -> Comparison:
+    """Compare envelopes: one, or several of one specimen."""
+    weighed = [parse_model(one) for one in sums or all_sums()]
+    answers = [answer_envelope(record, None, weighed, seed, len(records) > 1) for record in records]
+    together = None
+    if len(answers) > 1:
+        together = specimen_of_envelopes(name, answers) or answers[0].verdict
+    return Comparison._of(answers, [r.unit for r in records], ["envelope"] * len(answers), together)

@@ -31,6 +31,7 @@ from bayesdamp.records.oscillation.law_free import TWO_SIDED, amplitude_curves, 
 from bayesdamp.store.contents.answers import (
     AnswerContent,
     CandidatePriors,
+    EnvelopeContent,
     FoundLaw,
     SampledPosterior,
     WeighedCandidate,
@@ -67,7 +68,7 @@ class Answer:
     the candidates that were sampled, priors: of all, in words by parameter; laws: where the search for each with
     deviations ended; all by (damping, restoring). noise: of the samples. terms: all damping terms that were weighed;
     epsilon: the width of friction that candidates were compared under, None where it was known; frictions: the widths
-    that were tried.
+    that were tried. envelope: what an envelope's answer has beside its verdict.
     """
 
     verdict: Verdict
@@ -82,6 +83,7 @@ class Answer:
     terms: tuple[str, ...] = ()
     epsilon: float | None = None
     frictions: tuple[Friction, ...] = ()
+    envelope: EnvelopeContent | None = None
 
     def content(self) -> AnswerContent:
         """As a cell or a file keeps it, beside its arrays."""
@@ -98,6 +100,7 @@ class Answer:
             terms=self.terms,
             epsilon=self.epsilon,
             frictions=tuple(map(packed_friction, self.frictions)),
+            envelope=self.envelope,
         )
 
     def law_arrays(self) -> dict[str, np.ndarray]:

@@ -14,6 +14,7 @@ from bayesdamp.pipeline import pruning
 from bayesdamp.pipeline.candidates.averaging import average, averages
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of, compute
+from bayesdamp.pipeline.envelopes import EnvelopeCell
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.many.many import joint_cells, populated, repeated
 from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, AnswerCell, answers
@@ -76,9 +77,8 @@ def within(job: Job, depth: Depth) -> bool:
 def side_by_side(jobs: list[Job], depth: Depth) -> int:
     """How many jobs of a run could be under way at once: candidates, or records, each of which is answered by threads
     of one process."""
-    if depth is Depth.WHOLE:
-        return sum(job.model is not None for job in jobs)
-    return sum(job.part == "read" for job in jobs)
+    records = len({(job.signal, job.repeat) for job in jobs})
+    return max(records, sum(job.model is not None for job in jobs)) if depth is Depth.WHOLE else records
 
 
 def jobs_of(study: Study) -> list[Job]:
@@ -87,7 +87,13 @@ def jobs_of(study: Study) -> list[Job]:
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
     parts = ("read", *((ANSWERED, SAMPLED) if answers(study) else ()))
-    first = [Job(s.name, r, part=part) for part in parts for s, r in records]
+    # The one task of an envelope reads it too.
+    first = [
+        Job(s.name, r, part=part)
+        for part in parts
+        for s, r in records
+        if part == ANSWERED or not s.is_envelope
+    ]
     last = [Job(s.name, 0, joined="average") for s in study.signals if averages(study, s)]
     last += [Job(name, 0, joined="specimen") for name in repeated(study)]
     last += [Job("specimens", 0, joined="population")] if populated(study) else []
@@ -122,6 +128,9 @@ def _of_record(
     study: Study, spec: SignalSpec, store: Store, job: Job
 ) -> dict[str, tuple[str, Callable[[str, str], None]]]:
     """The cell of a record itself: the record as read, or the verdict on it."""
+    if spec.is_envelope:
+        envelope = EnvelopeCell(study, spec, store)
+        return {envelope.name: (envelope.key, lambda *_: envelope.compute())}
     if job.part == "read":
         cell = SignalCell(study, spec, job.repeat, store)
         return {cell.name: (cell.key, lambda *_: cell.compute())}
@@ -157,7 +166,7 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
 
 def _staged(study: Study, store: Store) -> Iterator[list[Job]]:
     """The branches of a study that leaves candidates out as it goes."""
-    records = [(s, r) for s in study.signals for r in range(s.repeats)]
+    records = [(s, r) for s in study.signals if not s.is_envelope for r in range(s.repeats)]
     records = [(s, r) for s, r in records if store.read(f"signal/{s.name}/{r}").outcome == OK]
     # With one law alone there is none to leave out, and its candidates need not wait for one another.
     short = _kept(study, store, records, pruning.listed, "look")

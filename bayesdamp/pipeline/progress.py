@@ -61,9 +61,11 @@ def step_of(study: Study, jobs: list[Job], others: Set[tuple[str, int]] = frozen
     if job.part == "answer":
         specs = [s for s in study.signals if s.name in {j.signal for j in jobs}]
         sums = counted(max(len(study.dampings(s)) for s in specs), "damping model")
-        laws = counted(max(len(s.restoring) for s in specs), "restoring law")
+        laws = max(len(s.restoring) for s in specs)
+        under = f" under {counted(laws, 'restoring law')}" if laws else ""
         of = f" for {records}" if len(jobs) > 1 else ""
-        return Step("answer", f"weighing {sums} under {laws}{of}", whole)
+        kind = "answer" if laws else "envelope"
+        return Step(kind, f"weighing {sums}{under}{of}", whole)
     if job.part == "sampled":
         return Step("sampled", f"sampling the likeliest damping models of {records}", whole)
     joined = {
@@ -133,7 +135,7 @@ def left_words(seconds: float) -> str:
 
 USUAL = {
     "answer": 12.0, "sampled": 8.0, "model": 12.0, "look": 4.0, "weigh": 3.0, "sample": 10.0, "depend": 6.0,
-    "average": 1.0, "specimen": 20.0, "population": 10.0, REPORT: 6.0,
+    "envelope": 0.5, "average": 1.0, "specimen": 20.0, "population": 10.0, REPORT: 6.0,
 }  # fmt: skip
 """Wall seconds of a job of each kind where this machine has done none (measured: two cores, 1,000 samples)."""
 

@@ -69,6 +69,20 @@ class Drawings:
         caption = f"<figcaption>{escape(caption)}</figcaption>"
         return Markup(f"<figure{scrolls}><div>{picture}</div>{caption}</figure>")
 
+    def show(self, name: str, caption: str, png: bytes, embed: bool) -> Markup:
+        """Save a figure that was drawn before as `name`.png, and give the HTML that shows it.
+
+        embed: whether the page holds it, and not only a link to the file.
+        """
+        source = f"figures/{name}.png"
+        if self.folder is not None:
+            write_bytes(self.folder / f"{name}.png", png)
+        if embed or self.folder is None:
+            source = f"data:image/png;base64,{base64.b64encode(png).decode()}"
+        self.names.append(name)
+        picture = Markup('<img loading="lazy" src="{}" alt="{}">').format(source, caption)
+        return Markup("<figure>{}<figcaption>{}</figcaption></figure>").format(picture, caption)
+
 
 def _embedded(svg: bytes, png: bytes, webp: bytes) -> str:
     """SVG, sharp at every size; where that is long, the smallest, so that the page opens fast."""

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from markupsafe import Markup
 
 from bayesdamp.plugins import extended
-from bayesdamp.report import envelopes
 from bayesdamp.report.html import fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections import SECTIONS, in_order
 from bayesdamp.store import write_bytes
 from bayesdamp.store.contents.content import OtherVersionError
-from bayesdamp.store.described import ENVELOPES, read_description
 from bayesdamp.store.folders import claim, remove_listed
 from bayesdamp.types import InputError
 
@@ -40,17 +37,13 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     pool: where sections are drawn side by side; None for this process. Reads nothing but the folder. Raises
     InputError where the folder is no run, or one of a version that stored other things.
     """
-    info = read_description(folder)
-    if info.get("kind") == ENVELOPES:
-        page = _page(info, envelopes.sections(folder, info), folder.resolve().name)
-    else:
-        run = Run(folder)
-        claim(run.folder)
-        try:
-            page, figures = page_of(run, pool)
-        except OtherVersionError as error:
-            raise InputError(error.what, str(folder)) from None
-        _sweep_figures(run.folder / "figures", figures)
+    run = Run(folder)
+    claim(run.folder)
+    try:
+        page, figures = page_of(run, pool)
+    except OtherVersionError as error:
+        raise InputError(error.what, str(folder)) from None
+    _sweep_figures(run.folder / "figures", figures)
     path = folder / "report.html"
     write_bytes(path, page.encode())
     return path
@@ -64,23 +57,18 @@ def page_of(run: Run, pool: Executor | None = None) -> tuple[str, set[str]]:
         {"name": section.name, "title": section.title, "body": Markup(done.body)}
         for section, done in zip(wanted, bodies, strict=True)
     ]
-    name = "" if run.info.get("name") else run.folder.resolve().name
-    return _page(run.info, sections, name), {name for done in bodies for name in done.figures}
-
-
-def _page(info: Mapping[str, Any], sections: Sequence[Mapping[str, object]], name: str) -> str:
-    """Return the HTML of a page of these sections. name: where `info` has none."""
     css, script = (
         Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("style.css", "page.js")
     )
-    return fill(
+    page = fill(
         "report.html",
-        name=info.get("name") or name,
-        description=info.get("description") or "",
+        name=run.info.get("name") or run.folder.resolve().name,
+        description=run.info.get("description") or "",
         css=css,
         script=script,
         sections=sections,
     )
+    return page, {name for done in bodies for name in done.figures}
 
 
 def _rendered(run: Run, names: list[str], pool: Executor | None) -> Iterator[Rendered]:

@@ -17,10 +17,10 @@ from bayesdamp.report.results.overview import overview_table
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import OK
-from bayesdamp.units import UNITS
+from bayesdamp.units import unit_named
 from bayesdamp.verdict.agreement import agreement
 from bayesdamp.verdict.parts import Grade
-from bayesdamp.verdict.tables import modes_table, ratios_table
+from bayesdamp.verdict.tables import decay_table, modes_table, ratios_table
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import energy_of
@@ -49,8 +49,9 @@ class Told:
     def __call__(self, verdict: Verdict) -> None:
         """Tell of a record's verdict: the first in full, and of a later one whether it confirms that."""
         before = self.first.setdefault(verdict.record, verdict)
-        if verdict.grade is Grade.NO_FREE_DECAY and before is not verdict:
-            return  # there was nothing to sample
+        unsampled = verdict.grade is Grade.NO_FREE_DECAY or verdict.quantity == "envelope"
+        if unsampled and before is not verdict:
+            return
         if before is verdict:
             if self._begun:
                 self.console.print()
@@ -67,13 +68,15 @@ class Told:
 
     def _shown(self, verdict: Verdict) -> Verdict:
         unit = self._units.get(verdict.record)
-        return in_unit(verdict, UNITS[unit]) if unit else verdict
+        return in_unit(verdict, unit_named(unit)) if unit else verdict
 
 
 def answered(verdict: Verdict, console: Console) -> None:
     """Print a verdict: its sentence, the damping ratio against amplitude, the remarks."""
     console.print(Text.assemble((f"{verdict.record}: ", "bold"), verdict.sentence), soft_wrap=True)
-    if verdict.damping_ratio:
+    if verdict.decay_rate:
+        console.print(decay_table(verdict.decay_rate, verdict.quality_factor_at).rich())
+    elif verdict.damping_ratio:
         console.print(ratios_table(verdict.damping_ratio).rich())
         for said in energy_of(verdict):
             console.print(Text(said), soft_wrap=True)

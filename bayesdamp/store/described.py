@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from bayesdamp.types import InputError
-from bayesdamp.units import UNITS
 
 RUN = "run.json"
-ENVELOPES = "envelopes"
-"""The kind of run that compares envelopes."""
 _KINDS = {
     "string_type": "must be text",
     "list_type": "must be a list",
@@ -23,12 +20,6 @@ _KINDS = {
     "model_attributes_type": "must be a table",
     "missing": "is missing",
 }
-
-
-def _known(unit: str) -> str:
-    if unit not in UNITS:
-        raise ValueError("no unit")
-    return unit
 
 
 class _Part(BaseModel):
@@ -71,8 +62,8 @@ class _Study(_Part):
 
 
 class _Signal(_Part):
-    unit: Annotated[str, AfterValidator(_known)] | None = None
-    quantity: Literal["angle", "velocity", "acceleration"] | None = None
+    unit: str | None = None
+    quantity: Literal["angle", "velocity", "acceleration", "envelope"] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
     restoring: list[str] | None = None
@@ -101,6 +92,7 @@ class _Run(_Part):
     inputs: dict[str, Any] | None = None
     versions: dict[str, Any] | None = None
     priors: dict[str, dict[str, dict[str, Any]] | None] | None = None
+    assumed: list[str] | None = None
     damping: dict[str, _Damping] | None = None
     restoring: dict[str, str] | None = None
     error_budget: dict[str, Any] | None = None

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from bayesdamp import formatting as fmt
 from bayesdamp.table import Table
-from bayesdamp.verdict.parts import DampingRatio, Mode, Motion
+from bayesdamp.verdict.parts import AtAmplitude, DampingRatio, Estimate, Interval, Mode, Motion
 
 
 def quality_of(r: DampingRatio) -> str:
@@ -29,6 +29,22 @@ def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool 
         columns["sd from noise"] = lambda r: f"{100 * r.sd_noise:.2g} %"
         columns["sd from the law"] = lambda r: f"{100 * r.sd_law:.2g} %"
     return Table.of(ratios, columns, caption=caption)
+
+
+def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) -> Table:
+    """Return the decay rate of an envelope, and Q where there is one, at amplitudes of the record."""
+    columns: dict[str, Callable[[int], str]] = {
+        "amplitude": lambda i: f"{fmt.by_ten(f'{rates[i].amplitude:.4g}')} {rates[i].unit}",
+        "rate / (1/s) (95 %)": lambda i: number(rates[i]),
+    }
+    if qualities:
+        columns["Q (95 %)"] = lambda i: number(qualities[i])
+    return Table.of(range(len(rates)), columns)
+
+
+def number(one: Estimate | Interval | AtAmplitude | None) -> str:
+    """Return a number with its 95 % interval, in powers of ten where it is large."""
+    return fmt.NONE if one is None else fmt.by_ten(fmt.with_interval(one.value, one.low, one.high))
 
 
 def modes_table(modes: Iterable[Mode], motion: Motion | None) -> Table:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from bayesdamp.formatting import digits, probability, with_interval
+from bayesdamp.formatting import by_ten, digits, probability, with_interval
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, words_of
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import DampingRatio, FrequencyAt, Grade, Interval, Mode, Motion, OverLaw, Share
@@ -24,7 +23,6 @@ LEAST_BOUND = 0.1
 """Percent below which an upper limit is not given: none is 0."""
 UNEVEN = 1.25
 """Ratio of an interval's sides up to which it is written with ±."""
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def named(damping: str) -> str:
@@ -92,11 +90,6 @@ def _size(v: Verdict) -> str:
         return "the size of the damping is not determined"
     last = f", {_ratio(ratios[-1])}" if len(ratios) > 1 else ""
     return f"equivalent damping ratio {_ratio(ratios[0])}{last}"
-
-
-def by_ten(text: str) -> str:
-    """Text whose numbers have their power of ten in words: `3.57 × 10⁷` in place of `3.57e+07`."""
-    return re.sub(r"e([+-]\d+)\b", lambda found: f" × 10{str(int(found[1])).translate(_RAISED)}", text)
 
 
 def _as_one_power(v: Verdict) -> str:

@@ -11,7 +11,8 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.envelope import analyse
-from bayesdamp.envelope.asked import asked
+from bayesdamp.envelope.dampings import weighable
+from bayesdamp.physics.damping import parse_model
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
 from tests.envelope.oscillations import FORCES, OMEGA, START, envelope, turning_points
@@ -171,13 +172,14 @@ def test_a_plugin_s_source_is_part_of_the_question(tmp_path, capsys):
 )
 def test_what_no_envelope_tells_is_refused(damping, what):
     with pytest.raises(InputError, match=what.replace("+", r"\+")):
-        asked(damping)
+        weighable([parse_model(name) for name in damping])
 
 
 def test_twins_are_said_and_not_weighed_beside_each_other():
-    one = asked(["viscous", "structural", "cubic", "viscous+displacement", "displacement+structural"])
-    assert one.sums == (("viscous",), ("cubic",), ("viscous", "displacement"))
-    assert one.left_out == (
+    names = ["viscous", "structural", "cubic", "viscous+displacement", "displacement+structural"]
+    sums, left_out = weighable([parse_model(name) for name in names])
+    assert sums == (("viscous",), ("cubic",), ("viscous", "displacement"))
+    assert left_out == (
         "structural is not weighed: it loses as viscous does at every amplitude.",
         "displacement+structural is not weighed: it loses as viscous+displacement does at every amplitude.",
     )

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.envelope import is_envelope, read_envelope
-from bayesdamp.envelope.command import recognised
+from bayesdamp.envelope import are_envelopes, is_envelope, read_envelope
 from bayesdamp.records.envelope.record import unit_in
+from bayesdamp.store import Store
 from bayesdamp.types import InputError
 from tests.envelope.ringdowns import Ringdown, simulate
 
@@ -43,8 +44,11 @@ def test_records_in_decibels_are_recognised_said_and_written(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["compare", *map(str, files), "--repeats", "--out", str(out)]) == 0
     said = capsys.readouterr().out.splitlines()
-    assert [line.partition(" (")[0] for line in said[:2]] == [f"r{k}.txt: Viscous damping" for k in (1, 2)]
-    assert said[2].startswith("2 records: Viscous damping (probability 0.9")
+    assert [line.partition(" (")[0] for line in said if " damping (prob" in line] == [
+        "r1: Viscous damping",
+        "r2: Viscous damping",
+        "specimen: 2 records: Viscous damping",
+    ]
     assert any("One more record would have Q = " in line for line in said)
     assert said[-1] == str(out / "report.html")
     verdicts = json.loads((out / "verdict.json").read_text())
@@ -59,12 +63,16 @@ def test_records_in_decibels_are_recognised_said_and_written(tmp_path, capsys):
         assert one["damping_ratio"][0]["value"] == pytest.approx(0.1 / (np.pi * 1562325.84), rel=0.1)
         assert {"start", "stop", "cycles", "why"} <= set(one["window"])
         assert any("states Q = " in line for line in one["remarks"])
-    assert (verdicts[2]["record"], verdicts[2]["records"], verdicts[2]["quantity"]) == ("out", 2, "envelope")
+    assert (verdicts[2]["record"], verdicts[2]["records"], verdicts[2]["quantity"]) == (
+        "specimen",
+        2,
+        "envelope",
+    )
     rows = list(csv.DictReader((out / "verdicts.csv").read_text().splitlines()))
-    assert [row["record"] for row in rows] == ["r1.txt", "r2.txt", "out"]
+    assert [row["record"] for row in rows] == ["r1", "r2", "specimen"]
     assert float(rows[0]["quality_factor"]) == verdicts[0]["quality_factor"]["value"]
     for key in ("r1", "r2"):
-        assert (out / "figures" / f"{key}.png").read_bytes().startswith(b"\x89PNG")
+        assert (out / "figures" / f"answer-{key}.png").read_bytes().startswith(b"\x89PNG")
     page = (out / "report.html").read_text()
     assert page.count("data:image/png") == 2
     assert "Coulomb" in page
@@ -75,9 +83,7 @@ def test_names_with_marks_of_html_stay_text(tmp_path, capsys):
     out = tmp_path / "<b>"
     assert main(["compare", *map(str, files), "--repeats", "--out", str(out)]) == 0
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert "<h1>&lt;b&gt;</h1>" in page
-    for mark in "iu":
-        assert page.count(f"&lt;{mark}&gt;.txt") == 3  # a link, a heading, a picture
+    assert all(f"&lt;{mark}&gt;.txt" in page for mark in "iu")
     assert not [mark for mark in "biu" if f"<{mark}>" in page]
 
 
@@ -85,7 +91,7 @@ def test_the_same_command_writes_the_same(tmp_path, capsys):
     file = written(tmp_path / "r.txt")
     for out in ("a", "b"):
         assert main(["compare", str(file), "--out", str(tmp_path / out)]) == 0
-    for name in ("verdict.json", "verdicts.csv", "figures/r.png"):
+    for name in ("verdict.json", "verdicts.csv", "figures/answer-r.png"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
@@ -101,7 +107,7 @@ def test_an_amplitude_is_an_envelope_where_one_says_so(tmp_path, capsys):
     one = json.loads((out / "verdict.json").read_text())[0]
     assert one["damping_ratio"][1]["unit"] == "mm"
     assert one["quality_factor"]["low"] <= np.pi * 2 / 0.03 <= one["quality_factor"]["high"]
-    assert "swing.csv: Viscous damping (probability 0.9" in capsys.readouterr().out
+    assert "swing: Viscous damping (probability 0.9" in capsys.readouterr().out
 
 
 def test_a_record_without_decay_is_a_verdict_too(tmp_path, capsys):
@@ -110,7 +116,7 @@ def test_a_record_without_decay_is_a_verdict_too(tmp_path, capsys):
     file.write_text("time [s], level [dB]\n" + "\n".join(f"{k}, {v}" for k, v in enumerate(noise)) + "\n")
     assert main(["compare", str(file), "--out", str(tmp_path / "out")]) == 0
     assert json.loads((tmp_path / "out" / "verdict.json").read_text())[0]["grade"] == "no_free_decay"
-    assert "flat.txt: No free decay" in capsys.readouterr().out
+    assert "flat: No free decay" in capsys.readouterr().out
 
 
 def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, capsys):
@@ -120,10 +126,10 @@ def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, 
     out = tmp_path / "out"
     assert main(["compare", *map(str, files), "--out", str(out)]) == 3
     said = capsys.readouterr()
-    assert [line.partition(":")[0] for line in said.out.splitlines()[:2]] == ["r1.txt", "r3.txt"]
+    assert [line.partition(":")[0] for line in said.out.splitlines() if " damping (" in line] == ["r1", "r3"]
     assert (
-        said.err
-        == f"failed: r2.txt: line {len(lines)}: the value is nan, not a finite number; mend it or leave the row out\n"
+        said.err.splitlines()[-1]
+        == f"failed: r2.txt: line {len(lines)}: the value is nan, not a finite number; mend it or leave the row out"
     )
     assert len(json.loads((out / "verdict.json").read_text())) == 2
 
@@ -157,9 +163,9 @@ def test_some_in_decibels_and_some_not_is_refused(tmp_path):
     other = tmp_path / "o.csv"
     other.write_text("t,angle (deg)\n0,1\n1,2\n")
     with pytest.raises(InputError, match="separate calls"):
-        recognised([written(tmp_path / "r.txt"), other], None, None, None)
-    assert not recognised([other], None, None, None)
-    assert recognised([other], None, None, "envelope")
+        are_envelopes([written(tmp_path / "r.txt"), other], None, None, None)
+    assert not are_envelopes([other], None, None, None)
+    assert are_envelopes([other], None, None, "envelope")
 
 
 @pytest.mark.parametrize(
@@ -215,23 +221,24 @@ def test_the_page_is_made_anew_and_nothing_is_computed(tmp_path, capsys):
     assert main(["compare", *map(str, [*files, flat]), "--repeats", "--out", str(out)]) == 0
     page = (out / "report.html").read_bytes()
     overview = page.decode().split("</table>")[0]
-    assert [overview.count(f'href="#{name}"') for name in ("r1", "r2", "flat")] == [1, 1, 1]
+    assert [overview.count(f'href="#answer-{name}"') for name in ("r1", "r2", "flat")] == [1, 1, 1]
     assert "Coulomb" in overview or "viscous" in overview
     (out / "report.html").unlink()
     capsys.readouterr()
     assert main(["report", str(out)]) == 0
     assert capsys.readouterr().out.strip() == str(out / "report.html")
     assert (out / "report.html").read_bytes() == page
-    # Negative control: it is the verdicts that are shown.
-    verdicts = json.loads((out / "verdict.json").read_text())
-    verdicts[0]["sentence"] = "Another sentence."
-    (out / "verdict.json").write_text(json.dumps(verdicts))
+    # Negative control: it is the stored answers that are shown.
+    store = Store(out)
+    cell = store.read("answer/r1/0")
+    verdict = {**cell.meta["verdict"], "sentence": "Another sentence."}
+    store.write(replace(cell, meta={**cell.meta, "verdict": verdict}))
     assert main(["report", str(out)]) == 0
     assert "Another sentence" in (out / "report.html").read_text()
     (out / "verdict.json").write_text("[{}, 3]")
     capsys.readouterr()
     assert main(["report", str(out)]) == 2
-    assert "compare the records again" in capsys.readouterr().err
+    assert "is not as a run wrote it" in capsys.readouterr().err
 
 
 def test_a_users_own_files_are_not_replaced(tmp_path, capsys):
@@ -316,7 +323,7 @@ def test_many_records_in_two_processes_are_those_of_one(tmp_path, capsys):
         more = ["--quantity", "envelope", "--workers", workers, "--out", str(tmp_path / workers)]
         assert main(["compare", *files, *more]) == 0
     one, two = (list(csv.DictReader((tmp_path / w / "verdicts.csv").read_text().splitlines())) for w in "12")
-    assert [row["record"] for row in two] == [f"r{k}.csv" for k in range(8)]
+    assert [row["record"] for row in two] == [f"r{k}" for k in range(8)]
     for a, b in zip(one, two):
         assert float(a["rate"]) == pytest.approx(float(b["rate"]), rel=1e-6)
         assert a["damping"] == b["damping"]
@@ -326,7 +333,7 @@ def test_many_records_in_two_processes_are_those_of_one(tmp_path, capsys):
 @pytest.mark.parametrize("option", [("--noise", "white"), ("--restoring", "linear"), ("--exact",)])
 def test_an_option_that_no_envelope_is_answered_by_is_refused(tmp_path, capsys, option):
     assert main(["compare", str(written(tmp_path / "r.txt")), *option, "--out", str(tmp_path / "out")]) == 2
-    assert capsys.readouterr().err.startswith(f"{option[0]}: is not for an envelope")
+    assert capsys.readouterr().err.startswith(f"{option[0]}: does not apply to envelope")
     assert not (tmp_path / "out").exists()
 
 

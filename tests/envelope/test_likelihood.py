@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from bayesdamp.envelope import analyse, made_record
 from bayesdamp.envelope.analysis import _decay
-from bayesdamp.envelope.asked import Asked
-from bayesdamp.envelope.kept import Task, keep, kept
-from bayesdamp.envelope.specimen import joint_damping, shared_likelihoods
+from bayesdamp.envelope.specimen import joint_damping, shared_likelihoods, specimen
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Normals, with_priors
 from bayesdamp.inference.envelope.candidates import KNOTS
@@ -19,10 +15,13 @@ from bayesdamp.inference.envelope.likelihood import merged
 from bayesdamp.inference.envelope.sums import weighed
 from bayesdamp.odds import odds
 from bayesdamp.physics.amplitude.laws import SUMS
+from bayesdamp.pipeline.answer import Answer
+from bayesdamp.pipeline.envelopes import answer_envelope, specimen_of_envelopes
 from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.records.envelope.record import EnvelopeRecord
-from bayesdamp.store.cells import Store
+from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.types import InputError
+from bayesdamp.verdict import Verdict
 from tests.envelope.ringdowns import Ringdown, simulate
 
 SIZES = grid_of(KNOTS, phases=False).log_prior
@@ -103,19 +102,14 @@ def test_more_records_of_one_damping_say_more():
     assert apart < np.log(0.01 * joint.probabilities[further] / joint.probabilities[truth])
 
 
-def test_a_stored_answer_has_its_likelihoods(tmp_path: Path):
-    one = record(8)
-    result = analyse(one)
-    task = Task(one, None, tmp_path / "r.png", 0, Asked())
-    task.picture.write_bytes(b"x")
-    store = Store(tmp_path)
-    keep(store, task, result)
-    again = kept(store, task)
+def test_a_stored_answer_gives_the_same_specimen():
+    """From what a cell holds as from the answers themselves."""
+    records = [record(seed) for seed in (8, 9)]
+    stored = [answer_envelope(one, None, SUMS, 0, repeated=True) for one in records]
+    contents = [(AnswerContent.of_meta(one.content().meta()), one.arrays) for one in stored]
+    answers = [Answer(Verdict.from_dict(c.verdict), arrays=a, envelope=c.envelope) for c, a in contents]
+    again = specimen_of_envelopes("one", answers)
+    direct = specimen("one", [analyse(one) for one in records])
     assert again is not None
-    assert again.verdict.to_dict() == result.verdict.to_dict()
-    here, there = shared_likelihoods([result]), shared_likelihoods([again])
-    for name in here:
-        for a, b in zip(here[name], there[name], strict=True):
-            assert np.array_equal(a.log, b.log)
-            assert np.array_equal(a.slope, b.slope)
-            assert np.array_equal(a.information, b.information)
+    assert direct is not None
+    assert again.to_dict() == direct.to_dict()

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.envelope.kept import EnvelopeContent
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.answers import (
     AnswerContent,
+    EnvelopeContent,
     FoundFriction,
     FoundLaw,
     LawContent,
@@ -107,7 +107,8 @@ RANKS = RanksContent(
     ("ok", "none"), (True, False), 8, "viscous", ("zeta",), {"nuts": ("ok", "")}, {"record": 1.0, "nuts": 2.0}
 )
 RECOVERY = RecoveryContent(("ok",), (True,), 4, ("viscous", "coulomb"), (("ok", "poor"),))
-ENVELOPE = EnvelopeContent({"record": "r.txt"}, {"viscous": {"reference": 0.5, "unit": "dBm", "omega": None}})
+OF_RATES = {"viscous": {"reference": 0.5, "unit": "dBm", "omega": None}}
+ENVELOPE = AnswerContent({"record": "r"}, envelope=EnvelopeContent("dBm", OF_RATES, ("A sentence.",)))
 ALL = [
     RECORD, MODE, ANSWER, ESTIMATE, POSTERIOR, AVERAGE, EVIDENCE, WidthsContent(("zeta",)), HALF, NOISES, RATIOS,
     JOINT, OVER, LAW, RANKS, RECOVERY, ENVELOPE,

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -15,7 +15,6 @@ from bayesdamp.cli.asked import (
     FIRST_WORDS,
     compiles_first,
     describable,
-    free_folder,
     own_folder,
     run_folder,
     units_of,
@@ -26,6 +25,9 @@ from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.machine.processes import processes
 from bayesdamp.machine.threads import cores
 from bayesdamp.types import InputError
+
+ALONE = 6
+"""Envelopes that are answered before another process would have begun."""
 
 
 def compare(
@@ -113,72 +115,47 @@ def compare(
     if out is not None:
         run_folder(out, "")
     sums = [one.strip() for given in damping or () for one in given.split(",")]
-    from bayesdamp.envelope.command import compare_envelopes, recognised
-    from bayesdamp.envelope.folder import asks_another
-
-    if recognised(records, angle, unit, quantity):
-        _no_envelope_s({
-            "restoring": restoring, "exact": exact, "runs": runs, "channel": channel, "time-unit": time_unit,
-            "deviation": deviation if deviation != "auto" else None, "noise": noise if noise != "auto" else None,
-            "scheduler": scheduler,
-        })  # fmt: skip
-        written: list[Path] = []
-
-        def chosen(name: str, options: Mapping[str, Any]) -> Path:
-            written.append(
-                run_folder(out, name)
-                if out is not None
-                else free_folder(name, lambda place: asks_another(place, records, options))
-            )
-            if out is None and written[-1].name != name and not quiet:
-                before = written[-1].with_name(name)
-                typer.echo(
-                    f"{before} has the answer to another question; this one goes to {written[-1]}", err=True
-                )
-            return written[-1]
-
-        failed = compare_envelopes(
-            records,
-            folder=chosen,
-            say=(lambda _: None) if as_json else typer.echo,
-            time=time,
-            value=angle,
-            rate=rate,
-            unit=unit,
-            frequency=frequency,
-            start=o.bound(start, "--start"),
-            stop=o.bound(stop, "--stop"),
-            damping=sums,
-            plugins=[str(file) for file in plugin or ()],
-            repeats=repeats,
-            seed=seed,
-            workers=workers,
-            fresh=fresh,
-        )
-        if as_json:
-            typer.echo(verdicts_json(written[-1]))
-        return _status(0, failed)
-    if frequency is not None:
-        raise InputError("--frequency: is for envelopes; give --quantity envelope, or leave it out")
-    from bayesdamp.cli.asking import Options, as_signals, chosen_records, first_words_on
+    from bayesdamp.cli.asking import Options, as_signals, chosen_envelopes, chosen_records, first_words_on
     from bayesdamp.cli.open_questions import one_command
     from bayesdamp.plugins import read_modules, use
+    from bayesdamp.records.envelope.reading import are_envelopes
 
     plugins = read_modules(plugin or ())
     use(plugins)  # which may read the files
-    columns = time, angle, rate, time_unit
-    reading = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
-    selection = chosen_records(records, reading)
-    found = selection.records
+    words: list[str] = []
+    envelopes = are_envelopes(records, angle, unit, quantity)
+    if envelopes:
+        _refuse_for_envelopes({
+            "restoring": restoring, "exact": exact, "runs": runs, "channel": channel, "time-unit": time_unit,
+            "deviation": deviation if deviation != "auto" else None, "noise": noise if noise != "auto" else None,
+        })  # fmt: skip
+        ends = {"start": o.bound(start, "--start"), "stop": o.bound(stop, "--stop")}
+        signals, failed = chosen_envelopes(
+            records, unit, time=time, angle=angle, rate=rate, frequency=frequency, **ends
+        )
+    else:
+        if frequency is not None:
+            raise InputError("--frequency: is for envelopes; give --quantity envelope, or leave it out")
+        reading = Options.of(
+            (time, angle, rate, time_unit), unit, quantity, clock, (start, stop), runs, channel
+        )
+        selection = chosen_records(records, reading)
+        found, failed = selection.records, selection.failed
+        signals = as_signals(found, reading)
+        if not quiet:
+            first = first_words_on(found, reading) if len(found) <= FIRST_WORDS else []
+            # What may be read wrongly comes before the answer, and how the file was read after it.
+            asked = one_command([(one.path, one.raw) for one in found], reading)
+            words = [*selection.doubted, *first, *asked, *selection.said]
     # One record is answered by threads of this process: others would only begin to wait.
-    alone = len(found) == 1 and not exact and scheduler is None
+    alone = len(signals) <= (ALONE if envelopes else 1) and not exact and scheduler is None
     with _early_processes(1 if alone or scheduler else workers, sums, restoring or ()) as pool:
         from rich.console import Console
 
         from bayesdamp.config.compare import comparison
 
         made = comparison(
-            as_signals(found, reading),
+            signals,
             restoring=restoring or (),
             damping=sums,
             noise=noise,
@@ -188,16 +165,13 @@ def compare(
             deviation=deviation,
             sensor=sensor,
         )
-        first = first_words_on(found, reading) if len(found) <= FIRST_WORDS and not quiet else []
-        # What may be read wrongly comes before the answer, and how the file was read after it.
-        asked = one_command([(one.path, one.raw) for one in found], reading)
-        for line in [*selection.doubted, *first, *asked, *selection.said] if not quiet else ():
+        for line in words:
             typer.echo(line, err=True)
         folder = run_folder(out, made.name) if out is not None else own_folder(made)
         if folder.name != made.name and out is None and not quiet:
             before = folder.with_name(made.name)
             typer.echo(f"{before} has the answer to another question; this one goes to {folder}", err=True)
-        if (once := compiles_first()) and not quiet:
+        if not (envelopes or quiet) and (once := compiles_first()):
             typer.echo(once, err=True)
         from bayesdamp.pipeline import Depth, run_study
 
@@ -209,13 +183,13 @@ def compare(
         status = run_study(
             made, folder, workers=1 if alone else workers, scheduler=scheduler, fresh=fresh, console=console, pool=pool,
             depth=depth,
-            answered=None if as_json or len(found) > FIRST_WORDS else Told(shown, units_of(made)), quiet=quiet,
+            answered=None if as_json or len(signals) > FIRST_WORDS else Told(shown, units_of(made)), quiet=quiet,
         )  # fmt: skip
     if as_json:
         typer.echo(verdicts_json(folder))
     else:
         conclude(folder, shown)
-    return _status(status, selection.failed)
+    return _status(status, failed)
 
 
 def _status(status: int, failed: Sequence[InputError]) -> int:
@@ -227,13 +201,11 @@ def _status(status: int, failed: Sequence[InputError]) -> int:
     return WRONG_CELLS if failed else status
 
 
-def _no_envelope_s(given: Mapping[str, object]) -> None:
-    """Raises InputError for the first option that is given and that an envelope is not answered by."""
+def _refuse_for_envelopes(given: Mapping[str, object]) -> None:
+    """Raises InputError for the first option that is given and does not apply to envelopes."""
     for name, value in given.items():
         if value:
-            raise InputError(
-                f"--{name}: is not for an envelope, of which only what each cycle takes is weighed; leave it out"
-            )
+            raise InputError(f"--{name}: does not apply to envelope records; remove it")
 
 
 @contextmanager

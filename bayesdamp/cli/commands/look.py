@@ -14,7 +14,7 @@ from bayesdamp.types import InputError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from bayesdamp.cli.asking import Found
+    from bayesdamp.cli.looking.said import Shown
     from bayesdamp.records.files.contents import Contents
 
 COLUMNS, PLOTS, FACTS = 24, 4, 12
@@ -43,9 +43,10 @@ def look(
     from rich.console import Console
 
     from bayesdamp.cli.asking import Options, doubts, found_records
-    from bayesdamp.cli.looking.envelope import envelope_asked
+    from bayesdamp.cli.looking.said import shown_motion
     from bayesdamp.cli.open_questions import one_command
     from bayesdamp.plugins import read_modules, use
+    from bayesdamp.records.envelope.reading import are_envelopes
     from bayesdamp.records.opening.opening import contents
 
     page = SingleFile(html, is_page, "--html", (file, *(plugin or ()))) if html is not None else None
@@ -53,30 +54,32 @@ def look(
         page.check()
     use(read_modules(plugin or ()))
 
-    if envelope_asked(file, angle, unit, quantity):
-        if page is not None:
-            raise InputError("--html: is for oscillations; bayesdamp compare draws the page of an envelope")
+    console, held = Console(), contents(file)
+    if are_envelopes([file], angle, unit, quantity):
+        from bayesdamp.cli.looking.envelope import shown_envelope
+
         ends = o.bound(start, "--start"), o.bound(stop, "--stop")
-        _show_envelope(Console(), file, (time, angle, rate, unit), ends)
-        return 0
-    columns = time, angle, rate, time_unit
-    asked = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
-    console = Console()
-    held = contents(file)
-    try:
-        found = found_records(file, asked)
-    except InputError:
+        shown = [shown_envelope(file, (time, angle, rate, unit), ends)]
         _show_file(console, file, held)
-        raise
-    for line in [*doubts(file, found), *one_command([(one.path, one.raw) for one in found], asked)]:
-        console.print(f"! {line}", style="yellow", markup=False, highlight=False)
-    _show_file(console, file, held)
-    for i, one in enumerate(found):
-        _show_record(console, one, len(found) > 1, i < PLOTS)
+    else:
+        asked = Options.of(
+            (time, angle, rate, time_unit), unit, quantity, clock, (start, stop), runs, channel
+        )
+        try:
+            found = found_records(file, asked)
+        except InputError:
+            _show_file(console, file, held)
+            raise
+        for line in [*doubts(file, found), *one_command([(one.path, one.raw) for one in found], asked)]:
+            console.print(f"! {line}", style="yellow", markup=False, highlight=False)
+        shown = [shown_motion(one, len(found) > 1) for one in found]
+        _show_file(console, file, held)
+    for i, one in enumerate(shown):
+        _show_record(console, one, i < PLOTS)
     if page is not None:
         from bayesdamp.cli.looking.page import page_of
 
-        page.write(page_of(file, held, found))
+        page.write(page_of(file, held, shown))
         typer.echo(html)
     return 0
 
@@ -110,31 +113,11 @@ def _show_file(console: Console, file: Path, held: Contents) -> None:
         console.print(f"{name}: {value}", style="bright_black", markup=False, highlight=False)
 
 
-def _show_envelope(
-    console: Console,
-    file: Path,
-    columns: tuple[str | None, str | None, float | None, str | None],
-    ends: tuple[float | str, float | str],
-) -> None:
-    from bayesdamp.cli.looking.envelope import looked_at
+def _show_record(console: Console, one: Shown, is_drawn: bool) -> None:
     from bayesdamp.cli.looking.plot import plot
-    from bayesdamp.records.opening.opening import contents
 
-    _show_file(console, file, contents(file))
-    seen = looked_at(file, *columns, *ends)
-    console.print(f"\n{seen.title}", style="bold", markup=False, highlight=False)
-    for line in seen.lines:
+    console.print(f"\n{one.name}: {one.reading}", style="bold", markup=False, highlight=False)
+    for line in one.lines:
         console.print(f"  {line}", markup=False, highlight=False)
-    console.print(plot(seen.t, seen.y, seen.kept, _width(console)))
-
-
-def _show_record(console: Console, one: Found, several: bool, drawn: bool) -> None:
-    from bayesdamp.cli.looking.plot import plot
-    from bayesdamp.cli.looking.said import curve, kept, reading, sentences
-
-    title = one.label if several else f"{one.raw.channel or 'the record'}"
-    console.print(f"\n{title}: {reading(one)}", style="bold", markup=False, highlight=False)
-    for line in sentences(one):
-        console.print(f"  {line}", markup=False, highlight=False)
-    if drawn:
-        console.print(plot(*curve(one), kept(one), _width(console)))
+    if is_drawn:
+        console.print(plot(one.t, one.y, one.kept, _width(console)))

@@ -1,62 +1,56 @@
-"""What `bayesdamp look` says of an envelope: its readings, and where the decay in it is."""
+"""What `bayesdamp look` shows of an envelope: its readings, and where the decay in it is."""
 
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.envelope.reading import is_envelope, read_envelope
+from bayesdamp.cli.looking.said import Shown
+from bayesdamp.records.envelope.reading import read_envelope
 from bayesdamp.records.envelope.window import bounded
 from bayesdamp.types import Refusal
 
 
-def envelope_asked(path: Path, value: str | None, unit: str | None, quantity: str | None) -> bool:
-    """Whether a file is looked at as an envelope: as `compare` would take it."""
-    return quantity == "envelope" or (quantity is None and is_envelope(path, value, unit))
-
-
-@dataclass(frozen=True)
-class Looked:
-    """The readings as they were recorded, over time in s, both (n,); the decay's ends in s, None where there is none;
-    what is to be said."""
-
-    title: str
-    lines: tuple[str, ...]
-    t: np.ndarray
-    y: np.ndarray
-    kept: tuple[float, float] | None
-
-
-def looked_at(
+def shown_envelope(
     path: Path,
-    time: str | None,
-    value: str | None,
-    rate: float | None,
-    unit: str | None,
-    start: float | str,
-    stop: float | str,
-) -> Looked:
-    """An envelope, and the free decay in it. Raises InputError where it cannot be read."""
+    columns: tuple[str | None, str | None, float | None, str | None],
+    ends: tuple[float | str, float | str],
+) -> Shown:
+    """Return what is shown of an envelope.
+
+    Parameters
+    ----------
+    path
+        Of its file.
+    columns
+        Of times and of readings, the rate in Hz, and the unit, where they are given.
+    ends
+        Of the decay in s, or "auto".
+
+    Raises
+    ------
+    InputError
+        Where it cannot be read.
+    """
+    time, value, rate, unit = columns
     record = read_envelope(path, time=time, value=value, rate=rate, unit=unit)
     t, level = record.t, record.level
-    y = level if record.logarithmic else np.array([record.amplitude(float(one))[0] for one in level])
-    first, last = (one if isinstance(one, float) else None for one in (start, stop))
+    kept = None
     try:
-        window = bounded(t, level, first, last)
+        window = bounded(t, level, *(end if isinstance(end, float) else None for end in ends))
     except Refusal as refusal:
-        return Looked(_title(record.unit, t), (*record.notes, f"No free decay: {refusal}."), t, y, None)
-    kept = float(t[window.start]), float(t[window.stop - 1])
-    lines = [f"The decay {' and '.join(why for why in window.why if why)}."]
-    lines.append(f"It falls by {level[window.start] - level[window.stop - 1]:.3g} dB.")
-    if record.frequency is not None:
-        lines.append(f"The oscillation's frequency is {record.frequency:.9g} Hz.")
+        lines = [f"No free decay: {refusal}."]
     else:
-        lines.append(f"For Q: bayesdamp compare {shlex.quote(str(path))} --frequency HZ")
-    return Looked(_title(record.unit, t), (*record.notes, *lines), t, y, kept)
-
-
-def _title(unit: str, t: np.ndarray) -> str:
-    return f"an envelope in {unit}: {t.size} readings from {t[0]:.4g} to {t[-1]:.4g} s"
+        kept = float(t[window.start]), float(t[window.stop - 1])
+        lines = [
+            f"The decay {' and '.join(why for why in window.why if why)}.",
+            f"It falls by {level[window.start] - level[window.stop - 1]:.3g} dB.",
+            f"The oscillation's frequency is {record.frequency:.9g} Hz."
+            if record.frequency is not None
+            else f"For Q: bayesdamp compare {shlex.quote(str(path))} --frequency HZ",
+        ]
+    y = level if record.logarithmic else np.array([record.amplitude(float(one))[0] for one in level])
+    what = f"{t.size} readings from {t[0]:.4g} to {t[-1]:.4g} s"
+    return Shown(f"an envelope in {record.unit}", what, [*record.notes, *lines], (), t, y, kept)

@@ -12,12 +12,11 @@ import numpy as np
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
-from bayesdamp.cli.looking.said import curve, described, kept, reading, sentences
+from bayesdamp.cli.looking.said import Shown, described
 from bayesdamp.cli.single_file import PAGE
 from bayesdamp.report.style import QUIET, RC, WIDTH
 
 if TYPE_CHECKING:
-    from bayesdamp.cli.asking import Found
     from bayesdamp.records.files.contents import Contents
 
 _KEPT = "#0072B2"
@@ -31,11 +30,11 @@ _STYLE = (
 )
 
 
-def page_of(file: Path, held: Contents, found: Sequence[Found]) -> str:
+def page_of(file: Path, held: Contents, shown: Sequence[Shown]) -> str:
     """What a file holds and what would be read of it, as HTML."""
     rows = Markup("").join(_row(row, "td") for row in described(held))
     facts = Markup("").join(Markup("<li>{}: {}</li>").format(k, v) for k, v in held.facts.items())
-    records = Markup("").join(_record(one) for one in found)
+    records = Markup("").join(_record(one) for one in shown)
     head = _row(("", "column", "unit", "samples", "from", "to"), "th")
     return Markup(
         '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
@@ -49,28 +48,26 @@ def _row(cells: Sequence[str], kind: str) -> Markup:
     return Markup("<tr>{}</tr>").format(inside)
 
 
-def _record(one: Found) -> Markup:
-    lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in sentences(one))
-    doubts = Markup("").join(Markup('<li class="doubt">{}</li>').format(str(f)) for f in one.findings)
-    title = one.label or one.raw.channel or "the record"
+def _record(one: Shown) -> Markup:
+    lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in one.lines)
+    doubts = Markup("").join(Markup('<li class="doubt">{}</li>').format(said) for said in one.doubts)
     return Markup("<h2>{}</h2><p>{}</p><ul>{}{}</ul>{}").format(
-        title, reading(one), lines, doubts, _drawn(one)
+        one.name, one.reading, lines, doubts, _drawn(one)
     )
 
 
-def _drawn(one: Found) -> Markup:
-    t, y = curve(one)
+def _drawn(one: Shown) -> Markup:
+    t, y, window = one.t, one.y, one.kept
     every = max(1, t.size // _POINTS)
     with mpl.rc_context(RC):
         figure = Figure(figsize=(WIDTH, 2.6))
         axes = figure.add_subplot()
         axes.plot(t[::every], y[::every], color=QUIET, linewidth=0.8)
-        window = kept(one)
         if window is not None:
             inside = (t >= window[0]) & (t <= window[1])
             axes.plot(np.where(inside, t, np.nan)[::every], y[::every], color=_KEPT, linewidth=0.9)
         axes.set_xlabel("time in s")
-        axes.set_ylabel(str(escape(one.raw.channel))[:40])
+        axes.set_ylabel(str(escape(one.name))[:40])
         out = io.StringIO()
         figure.savefig(out, format="svg", metadata={"Date": None})
     text = out.getvalue()

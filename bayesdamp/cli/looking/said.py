@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -34,7 +35,33 @@ def described(held: Contents) -> list[tuple[str, ...]]:
     return rows
 
 
-def reading(one: Found) -> str:
+@dataclass(frozen=True)
+class Shown:
+    """What is shown of a record: its name, what it is read as, what was done to it, what looks wrong; values y in the
+    file's unit over times t in s, (n,), and from when to when the free decay lasts, None where there is none."""
+
+    name: str
+    reading: str
+    lines: Sequence[str]
+    doubts: Sequence[str]
+    t: np.ndarray
+    y: np.ndarray
+    kept: tuple[float, float] | None
+
+
+def shown_motion(one: Found, several: bool) -> Shown:
+    """Return what is shown of an oscillation. several: whether its file has others, so that its label says which."""
+    import numpy as np
+
+    raw = one.raw
+    t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
+    about = None if one.signal is None else one.signal.provenance
+    kept = None if about is None or about.stop is None else (about.start, about.stop)
+    name = (several and one.label) or raw.channel or "the record"
+    return Shown(name, _reading(one), _sentences(one), list(map(str, one.findings)), t, raw.y, kept)
+
+
+def _reading(one: Found) -> str:
     """What a record is read as, in a line."""
     from bayesdamp.units import UNITS
 
@@ -45,7 +72,7 @@ def reading(one: Found) -> str:
     return f"column {value!r} as {what} in {unit}, {clock}, {one.raw.y.size} samples"
 
 
-def sentences(one: Found) -> list[str]:
+def _sentences(one: Found) -> list[str]:
     """What was done to a record, or why there is no free decay in it; nothing that its findings say."""
     from bayesdamp.cli.asking import MAYBE_ENVELOPE
     from bayesdamp.records.findings import Kind
@@ -75,20 +102,3 @@ def _holes(one: Found) -> list[str]:
     each = [f"{b - a:.3g} s from {begin + a:.4g} s on" for a, b in found[:MANY]]
     more = f" and {len(found) - MANY} more" if len(found) > MANY else ""
     return [f"No samples for {', '.join(each)}{more}: it is fitted across."] if each else []
-
-
-def curve(one: Found) -> tuple[np.ndarray, np.ndarray]:
-    """Times in s (n,) and values (n,) in the file's unit."""
-    import numpy as np
-
-    raw = one.raw
-    t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
-    return t, raw.y
-
-
-def kept(one: Found) -> tuple[float, float] | None:
-    """From when to when the free decay lasts, in s of `curve`."""
-    if one.signal is None:
-        return None
-    about = one.signal.provenance
-    return None if about.stop is None else (about.start, about.stop)

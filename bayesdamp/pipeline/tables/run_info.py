@@ -26,11 +26,23 @@ def run_info(study: Study, store: Store) -> Row:
     """The content of a run's run.json, from its cells."""
     files = [s.source.path for s in study.signals if isinstance(s.source, Recording)]
     about, seconds, priors, budget = {}, {}, {}, {}
+    assumed: dict[str, None] = {}
     for name in store.names():
         cell = store.find(name)
         if cell:
             seconds[name] = cell.seconds
     for spec in study.signals:
+        if spec.is_envelope:
+            answered = store.find(f"{ANSWERED}/{spec.name}/0")
+            envelope = answered and AnswerContent.of(answered).envelope
+            if answered and envelope:
+                about[spec.name] = {
+                    "quantity": "envelope",
+                    "unit": envelope.unit,
+                    "outcome": answered.outcome,
+                }
+                assumed |= dict.fromkeys(envelope.assumed)
+            continue
         cell = store.find(f"signal/{spec.name}/0")
         if cell is None:
             continue
@@ -73,6 +85,7 @@ def run_info(study: Study, store: Store) -> Row:
         **({"cells": dict(store.only)} if store.only is not None else {}),
         "signals": about,
         "priors": priors,
+        **({"assumed": list(assumed)} if assumed else {}),
         "models": list(
             dict.fromkeys([*study.models.compare, *(m for s in study.signals for m in study.compare(s))])
         ),
@@ -81,7 +94,7 @@ def run_info(study: Study, store: Store) -> Row:
             law: LAWS.get(law).formula for law in dict.fromkeys(n for s in study.signals for n in s.restoring)
         },
         "error_budget": budget,
-        "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals},
+        "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals if not s.is_envelope},
     }
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from bayesdamp.config import SignalSpec, Study
+from bayesdamp.pipeline.envelopes import specimen_of_cells
 from bayesdamp.pipeline.records.answering import answered_of, arrays_of, stated_priors, verdict_of
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import DAMPING_CURVES, Store, write_table
-from bayesdamp.units import UNITS, Unit
+from bayesdamp.units import Unit, unit_named
 from bayesdamp.verdict import files
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
@@ -18,29 +21,39 @@ def write_verdicts(study: Study, store: Store) -> None:
 
     verdict.json is in rad, m or the sensor's unit; lines have the unit that a record came in, and say it.
     """
-    found: list[Verdict] = []
-    units: list[Unit] = []
+    found: list[tuple[Verdict, Unit]] = []
     for spec in study.signals:
-        for repeat in range(spec.repeats):
-            verdict = verdict_of(store, spec.name, repeat)
-            if verdict is not None:
-                found.append(verdict)
-                units.append(unit_of(spec))
-    for name, specs in repeated_specs(study).items():
-        every = (answered_of(store, spec.name, repeat) for spec in specs for repeat in range(spec.repeats))
-        answered = [a for a in every if a is not None]
-        if len(answered) > 1:
-            seed = cell_seed(study, f"specimen/{name}")
-            found.append(specimen(name, answered, stated_priors(study), study.posterior.sensor, seed))
+        every = (verdict_of(store, spec.name, repeat) for repeat in range(spec.repeats))
+        found += [(verdict, unit_of(spec)) for verdict in every if verdict is not None]
+    for name, specs in study.every_specimen.items():
+        together = _specimen(study, store, name, specs)
+        if together is not None:
             own = {unit_of(spec) for spec in specs}
-            units.append(own.pop() if len(own) == 1 else UNITS[unit_of(specs[0]).base])
+            found.append((together, own.pop() if len(own) == 1 else unit_named(unit_of(specs[0]).base)))
     if not found:
         return
-    files.write(store.folder, found, [in_unit(v, unit) for v, unit in zip(found, units, strict=True)])
+    files.write(store.folder, [v for v, _ in found], [in_unit(v, unit) for v, unit in found])
     curves = [
-        row for spec in study.signals for repeat in range(spec.repeats) for row in _curve(store, spec, repeat)
+        row
+        for spec in study.signals
+        if not spec.is_envelope
+        for repeat in range(spec.repeats)
+        for row in _curve(store, spec, repeat)
     ]
     write_table(store.folder / "damping_curves.csv", ("record", "unit", *DAMPING_CURVES), curves)
+
+
+def _specimen(study: Study, store: Store, name: str, specs: Sequence[SignalSpec]) -> Verdict | None:
+    """Return the verdict on a specimen; None where fewer than two of its records have an answer."""
+    if sum(spec.repeats for spec in specs) < 2:
+        return None
+    if specs[0].is_envelope:
+        return specimen_of_cells(store, name, specs)
+    every = (answered_of(store, spec.name, repeat) for spec in specs for repeat in range(spec.repeats))
+    answered = [a for a in every if a is not None]
+    seed = cell_seed(study, f"specimen/{name}")
+    given = stated_priors(study), study.posterior.sensor, seed
+    return specimen(name, answered, *given) if len(answered) > 1 else None
 
 
 def _curve(store: Store, spec: SignalSpec, repeat: int) -> list[dict[str, object]]:
@@ -63,13 +76,4 @@ def _curve(store: Store, spec: SignalSpec, repeat: int) -> list[dict[str, object
 
 def unit_of(spec: SignalSpec) -> Unit:
     """The unit that a signal's record came in."""
-    return UNITS[spec.source.unit]
-
-
-def repeated_specs(study: Study) -> dict[str, list[SignalSpec]]:
-    """The signals of each specimen that has several."""
-    found: dict[str, list[SignalSpec]] = {}
-    for spec in study.signals:
-        if spec.specimen:
-            found.setdefault(spec.specimen, []).append(spec)
-    return {name: specs for name, specs in found.items() if sum(s.repeats for s in specs) > 1}
+    return unit_named(spec.source.unit)

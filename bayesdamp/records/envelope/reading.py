@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,6 @@ from bayesdamp.records.envelope.record import DECIBELS, EnvelopeRecord, made_rec
 from bayesdamp.records.opening.opening import FALLBACK, reader_of
 from bayesdamp.records.read import read_record
 from bayesdamp.records.readers import READERS
-from bayesdamp.records.stated_columns import choose_columns
 from bayesdamp.types import InputError
 
 HEAD = 8192
@@ -35,8 +35,30 @@ def is_envelope(path: Path, value: Column | None = None, unit: str | None = None
     return bool(named) and unit_in(named[-1]) in DECIBELS
 
 
+def are_envelopes(
+    paths: Sequence[Path], value: Column | None = None, unit: str | None = None, quantity: str | None = None
+) -> bool:
+    """Return whether records are envelopes: as `quantity` says, else as the names of their columns do.
+
+    Raises
+    ------
+    InputError
+        Where some are and some are not.
+    """
+    if quantity is not None:
+        return quantity == "envelope"
+    are = [is_envelope(path, value, unit) for path in paths]
+    if any(are) and not all(are):
+        one, other = paths[are.index(True)], paths[are.index(False)]
+        raise InputError(
+            f"{one.name} is an envelope in dB, {other.name} does not look like one; compare them in separate calls, "
+            "or give --quantity envelope for all"
+        )
+    return all(are)
+
+
 def read_envelope(
-    path: Path,
+    path: Path | str,
     *,
     time: Column | None = None,
     value: Column | None = None,
@@ -44,14 +66,28 @@ def read_envelope(
     unit: str | None = None,
     frequency: float | None = None,
 ) -> EnvelopeRecord:
-    """The envelope in a file.
+    """Read a record of which only the envelope is known: amplitudes, powers, or levels in dB.
 
-    time, value: columns by name or number from 1, else the first and the second of two; rate: in Hz, for a file without
-    times. unit: of the readings, else as the column's name says: dB, dBm and such are levels, W and such powers, any
-    other an amplitude. frequency: of the oscillation in Hz, else as the file's head says (`% Frequency [Hz]: 1562325`).
-    Raises InputError.
+    Parameters
+    ----------
+    path
+        Of the file.
+    time, value
+        Columns by name or number from 1, else the first and the second of two.
+    rate
+        In Hz, for a file without times.
+    unit
+        Of the readings, else as the column's name says: dB, dBm and such are levels, W and such powers, any other an
+        amplitude.
+    frequency
+        Of the oscillation in Hz, else as the file's head says (`% Frequency [Hz]: 1562325`).
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, or its readings are not those of an envelope.
     """
-    time, value = choose_columns(path, time, value, rate)
+    path = Path(path)
     raw = read_record(path, time=time, value=value, rate=rate)
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
     about = replace(raw.provenance, header_lines=0)  # they are read

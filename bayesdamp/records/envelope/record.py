@@ -22,7 +22,9 @@ that are so far below the largest are zeros."""
 
 @dataclass(frozen=True, eq=False)
 class EnvelopeRecord:
-    """t: times in s, shape (n,), increasing; level: 20 log10 of the amplitude (10 log10 of the power), shape (n,), in
+    """A record of an envelope, equal only to itself.
+
+    t: times in s, shape (n,), increasing; level: 20 log10 of the amplitude (10 log10 of the power), shape (n,), in
     dB of `unit`. unit: as recorded. frequency in Hz or None. facts: what the file's head says. notes: how it was read.
     """
 

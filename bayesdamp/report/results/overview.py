@@ -13,6 +13,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.results.answers import Answer
 from bayesdamp.table import Table
+from bayesdamp.verdict.tables import number
 
 ANCHOR = "answer-"
 """With a signal's name, where its answer stands on the page."""
@@ -79,6 +80,8 @@ def overview_table(found: Sequence[Answer], brief: bool = False) -> Table:
 
     brief: for the terminal, without links and without how well the law holds.
     """
+    envelopes = [a for a in found if a.verdict.quantity == "envelope"]
+    quality = any(a.verdict.quality_factor for a in envelopes)
     names, shared = short_names([a.signal for a in found]), common_amplitude(found)
     ratios = {a.signal: ratio_of(a, shared) for a in found}
     unit = next((ratio.unit for ratio in ratios.values() if ratio), "")
@@ -103,14 +106,24 @@ def overview_table(found: Sequence[Answer], brief: bool = False) -> Table:
     columns: dict[str, Callable[[Answer], str]] = {
         "record": name,
         "damping": lambda a: (
-            words.model(a.verdict.damping) if a.verdict.damping else f"no free decay: {a.verdict.motion}"
+            words.model(a.verdict.damping)
+            if a.verdict.damping
+            else f"no free decay: {a.verdict.motion}"
+            if a.verdict.motion
+            else "no free decay"
         ),
         "probability": lambda a: fmt.probability(a.verdict.probability),
         "frequency / Hz": lambda a: (
             fmt.number(a.verdict.frequency.value, 4) if a.verdict.frequency else fmt.NONE
         ),
-        at: size,
     }
+    if len(envelopes) < len(found):
+        columns[at] = size
+    if envelopes:
+        columns["Q (95 %)" if quality else "rate / (1/s) (95 %)"] = lambda a: number(
+            a.verdict.quality_factor if quality else a.verdict.rate
+        )
+        columns["power of the velocity (95 %)"] = lambda a: number(a.verdict.exponent)
     if not brief:
         columns["law holds within / %"] = lambda a: (
             fmt.number(100 * a.verdict.deviation.value, 2) if a.verdict.deviation else fmt.NONE

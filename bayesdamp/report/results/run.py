@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -14,7 +13,8 @@ from bayesdamp.store import TABLES, TEXT_OF, CellResult, Store, read_table
 from bayesdamp.store.described import read_description
 from bayesdamp.store.places import Place
 from bayesdamp.types import OK, InputError, candidate_name
-from bayesdamp.units import UNITS, Unit
+from bayesdamp.units import Unit, unit_named
+from bayesdamp.verdict import files
 from bayesdamp.verdict.types import Verdict
 
 Row = dict[str, Any]
@@ -85,10 +85,10 @@ class Run:
 
     def unit(self, signal: str) -> Unit:
         """The unit that a signal's record came in."""
-        return UNITS[self.about(signal).get("unit") or "rad"]
+        return unit_named(self.about(signal).get("unit") or "rad")
 
     def quantity(self, signal: str) -> str:
-        """What was recorded of a signal: "angle", "velocity" or "acceleration"."""
+        """What was recorded of a signal: "angle", "velocity", "acceleration" or "envelope"."""
         return str(self.about(signal).get("quantity") or "angle")
 
     def rms(self, row: Row) -> tuple[float, str]:
@@ -150,12 +150,14 @@ class Run:
 
 
 def read_verdicts(folder: Path) -> list[Verdict]:
-    """Return what verdict.json holds; nothing where there is none."""
+    """Return what verdict.json holds; nothing where there is none. Raises InputError where it holds something else."""
+    path = folder / files.JSON
     try:
-        found = json.loads((folder / "verdict.json").read_text(encoding="utf-8"))
+        return files.read(path)
     except (OSError, ValueError):
         return []
-    return [Verdict.from_dict(one) for one in found]
+    except (AttributeError, KeyError, TypeError):
+        raise InputError(f"{path}: is not as a run wrote it; run it again") from None
 
 
 def rows_of(rows: Iterable[Row], **wanted: object) -> list[Row]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from markupsafe import Markup
 
@@ -24,7 +24,7 @@ from bayesdamp.store.contents.answers import WeighedCandidate
 from bayesdamp.table import Table
 from bayesdamp.types import OK
 from bayesdamp.verdict.parts import Coefficient, Grade, Motion
-from bayesdamp.verdict.tables import modes_table, quality_of, ratios_table
+from bayesdamp.verdict.tables import decay_table, modes_table, number, quality_of, ratios_table
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like
 
@@ -40,6 +40,14 @@ MEASURED = (
 )
 
 
+LEVELS = (
+    "Left: the level as recorded, the ends of the decay, and the fit. Right: what the fit leaves, and the exponent of "
+    "the velocity that the loss grows with."
+)
+EMBEDDED = 24
+"""Envelopes up to which the page holds their pictures; beyond, it shows those in `figures/`."""
+SHOWN = 0.005
+"""Probability from which a damping sum is listed."""
 MOTIONS = (
     "Each oscillation has its own line: falling straight on the right, it dies down as viscous damping would have it; "
     "level, something drives it; rising, it is fed. One decay would have one line that follows the record's edge."
@@ -74,6 +82,8 @@ class AnswerSection(Section):
 
 def _block(run: Run, signal: str) -> Markup:
     answer = answer_of(run, signal, run.repeats(signal)[0])
+    if answer is not None and answer.verdict.quantity == "envelope":
+        return _envelope(run, signal, answer)
     checks = Checks(run, signal)
     found = [*sampled(run, signal), *checks.all()]
     read = [
@@ -81,22 +91,12 @@ def _block(run: Run, signal: str) -> Markup:
     ]
     shown = {"checks": [*read, *sorted(found, key=lambda c: not c.fails)], "table": checks.table() or ""}
     if answer is None:
-        return fill(
-            "answer.html",
-            sentence=_why_none(run, signal),
-            numbers=(),
-            energy=(),
-            remarks=(),
-            parts=[],
-            **shown,
-        )
+        return _filled(_why_none(run, signal), **shown)
     v = answer.verdict
     unit = v.damping_ratio[0].unit if v.damping_ratio else "rad"
     if v.grade is Grade.NO_FREE_DECAY:
         parts = [_motions(run, signal, v), modes_table(v.modes, v.motion)]
-        return fill(
-            "answer.html", sentence=v.sentence, numbers=(), energy=(), remarks=v.remarks, parts=parts, **shown
-        )
+        return _filled(v.sentence, remarks=v.remarks, parts=parts, **shown)
     recorded = run.unit(signal).displacement.of(run.quantity(signal))
     picture = run.drawings.add(
         f"answer-{signal}",
@@ -112,15 +112,47 @@ def _block(run: Run, signal: str) -> Markup:
         _coefficients(v) if v.coefficients else "",
         folded("All damping models that were compared", candidates),
     ]
-    return fill(
-        "answer.html",
-        sentence=v.sentence,
-        numbers=_numbers(v),
-        energy=energy_of(v),
-        remarks=v.remarks,
-        parts=parts,
-        **shown,
+    return _filled(
+        v.sentence, numbers=_numbers(v), energy=energy_of(v), remarks=v.remarks, parts=parts, **shown
     )
+
+
+def _filled(
+    sentence: str,
+    numbers: Sequence[tuple[str, str]] = (),
+    energy: Sequence[str] = (),
+    remarks: Sequence[str] = (),
+    parts: Sequence[object] = (),
+    checks: Sequence[Check] = (),
+    table: Table | str = "",
+) -> Markup:
+    return fill("answer.html", **locals())
+
+
+def _envelope(run: Run, signal: str, answer: Answer) -> Markup:
+    """The answer on an envelope."""
+    v = answer.verdict
+    size = ("Q", v.quality_factor) if v.quality_factor else ("decay rate", v.rate)
+    frequency = [("frequency", f"{v.frequency.value:.9g} Hz")] if v.frequency else []
+    numbers = [*frequency, (size[0], " ".join([number(size[1]), size[1].unit]))] if size[1] else frequency
+    embed = len(run.signals) <= EMBEDDED
+    picture = run.drawings.show(f"answer-{signal}", LEVELS, answer.arrays["picture"].tobytes(), embed)
+    remarks = [*([f"The decay {v.window.why}."] if v.window else []), *v.remarks]
+    table = decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else ""
+    return _filled(v.sentence, numbers=numbers, remarks=remarks, parts=[picture, table, _weighed(v)])
+
+
+def _weighed(v: Verdict) -> Markup | str:
+    """How probable each damping sum is, and each term in any sum."""
+    if not v.damping:
+        return ""
+    sums, terms = (
+        fmt.listing(
+            f"{words.model(name)} {fmt.probability(p)}" for name, p in probabilities.items() if p >= SHOWN
+        )
+        for probabilities in (v.probabilities, {share.term: share.probability for share in v.energy})
+    )
+    return Markup("<p>Probabilities: {}. Of each term, in any sum: {}.</p>").format(sums, terms)
 
 
 def _why_none(run: Run, signal: str) -> str:

@@ -91,7 +91,9 @@ def _systems(run: Run, study: Mapping[str, Any]) -> list[str]:
         text = f"Restoring force: {fmt.listing(map(words.law, laws), 'or')}. " if laws else ""
         if len(laws) > 1:  # what is to be found is each law's own
             system = {**system, "free": {}}
-        named.setdefault(f"{text}{_known(system)}{_rest(run, name)}".rstrip(), []).append(name)
+        text = f"{text}{_known(system)}{_rest(run, name)}".rstrip()
+        if text:
+            named.setdefault(text, []).append(name)
     if len(named) == 1:
         return list(named)
     return [f"{fmt.listing(names)}: {text}" for text, names in named.items()]

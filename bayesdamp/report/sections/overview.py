@@ -38,8 +38,9 @@ class Overview(Section):
     title = "All records"
 
     def applies(self, run: Run) -> bool:
-        """Where so many records have an answer that one looks for one of them."""
-        return not run.study.get("published") and len(answers(run)) >= FEWEST
+        """Where so many records have an answer that one looks for one of them, and for envelopes of one specimen."""
+        many = len(answers(run)) >= FEWEST or any(v.quantity == "envelope" for v in specimens(run))
+        return many and not run.study.get("published")
 
     def render(self, run: Run) -> str:
         """Specimens, small multiples, and a line a record."""
@@ -53,7 +54,8 @@ class Overview(Section):
 
 def _together(v: Verdict, name: str) -> Markup:
     head = Markup("<h3>{}</h3>").format(name) if name else ""
-    more = Markup("").join(Markup("<p>{}</p>").format(said) for said in energy_of(v))
+    said = (*energy_of(v), *(v.remarks if v.quantity == "envelope" else ()))
+    more = Markup("").join(Markup("<p>{}</p>").format(one) for one in said)
     return Markup('<div class="verdict">{}<p class="claim">{}</p>{}</div>').format(head, v.sentence, more)
 
 

@@ -38,18 +38,23 @@ class Priors(Section):
 
     def applies(self, run: Run) -> bool:
         """Where something was inferred."""
-        return any((run.info.get("priors") or {}).values())
+        return any((run.info.get("priors") or {}).values()) or bool(run.info.get("assumed"))
 
     def render(self, run: Run) -> str:
         """Prior odds, then a table of priors for each signal."""
         wanted = [s for s in run.signals if run.info["priors"].get(s)]
+        rows = (Markup("<li>{}</li>").format(said) for said in run.info.get("assumed") or ())
+        assumed = Markup("<ul>{}</ul>").format(Markup("").join(rows))
+        if not wanted:
+            return assumed
         odds = ANSWERED if only_answered(run) else COMPARED
         shared = SHARED if _shared(run, wanted) else ""
         return fill(
             "priors.html",
             odds=odds,
             shared=shared,
-            body=by_signal(run, lambda signal: _one(run, signal), wanted),
+            body=by_signal(run, lambda signal: _one(run, signal), wanted)
+            + (assumed if run.info.get("assumed") else ""),
         )
 
 

@@ -29,12 +29,16 @@ class Record(Section):
     title = "The record and the fits"
 
     def applies(self, run: Run) -> bool:
-        """In every run with signals."""
-        return bool(run.signals)
+        """Where a record is more than an envelope, which the answer shows."""
+        return bool(_motions(run))
 
     def render(self, run: Run) -> str:
         """The record as read, as used, and under the likeliest fits."""
-        return by_signal(run, lambda signal: _one(run, signal))
+        return by_signal(run, lambda signal: _one(run, signal), _motions(run))
+
+
+def _motions(run: Run) -> list[str]:
+    return [signal for signal in run.signals if run.quantity(signal) != "envelope"]
 
 
 def _one(run: Run, signal: str) -> Markup:

@@ -105,6 +105,16 @@ class FoundLaw:
 
 
 @dataclass(frozen=True)
+class EnvelopeContent:
+    """What an answer on an envelope has beside its verdict: the unit of its readings; numbers of the likelihood of the
+    rates by damping sum, whose arrays are `likelihood/DAMPING/...`; what was assumed, a sentence each."""
+
+    unit: str
+    likelihoods: Mapping[str, Mapping[str, float | str | None]] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class AnswerContent(Content):
     """The answer on a record (`answer/NAME/REPEAT`, `sampled/NAME/REPEAT`).
 
@@ -113,6 +123,7 @@ class AnswerContent(Content):
     weighed with deviations. noise: the noise model that the answer is under; noises: all that were weighed. terms:
     all damping terms that were weighed. epsilon: the width (rad/s or m/s) within which friction changes its sign, where
     it was not known; frictions: the widths that were tried, with the coefficients of all terms.
+    envelope: of an envelope, of which nothing else is stored but the verdict.
     """
 
     verdict: Mapping[str, Any]
@@ -127,3 +138,4 @@ class AnswerContent(Content):
     terms: tuple[str, ...] = ()
     epsilon: float | None = None
     frictions: tuple[FoundFriction, ...] = ()
+    envelope: EnvelopeContent | None = None

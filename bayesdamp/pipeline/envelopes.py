@@ -1,0 +1,185 @@
+"""Envelopes as records of a study: read from their files, answered, and taken together as one specimen."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from bayesdamp.config import Recording, SignalSpec, Study
+from bayesdamp.config.checks import plain
+from bayesdamp.envelope.analysis import analyse
+from bayesdamp.envelope.dampings import Sums, assumed, further_terms, weighable
+from bayesdamp.envelope.specimen import specimen
+from bayesdamp.inference.envelope.likelihood import RateLikelihood
+from bayesdamp.physics.damping import TERMS, parse_model
+from bayesdamp.pipeline.answer import Answer
+from bayesdamp.pipeline.keys import task_key
+from bayesdamp.pipeline.records.records import plain_seconds
+from bayesdamp.plugins import sources_below
+from bayesdamp.records.envelope.reading import read_envelope
+from bayesdamp.records.envelope.record import EnvelopeRecord
+from bayesdamp.records.envelope.scale import scale_of
+from bayesdamp.records.envelope.window import Window, bounded
+from bayesdamp.store import CellResult, Store, sha256
+from bayesdamp.store.contents.answers import AnswerContent, EnvelopeContent
+from bayesdamp.types import InputError, Refusal
+from bayesdamp.verdict.envelope.answer import Answer as EnvelopeAnswer
+from bayesdamp.verdict.types import Verdict
+
+KEPT = 2000
+"""Records that stay in memory, some 100 kB each."""
+POINTS = 4000
+"""Readings of a record that are stored for its picture, about."""
+LIKELIHOOD, PICTURE = "likelihood/", "picture"
+"""Arrays of an answer: the likelihoods of the rates, and the PNG of its picture as bytes."""
+
+
+def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Window | None]:
+    """Return an envelope under a name, and the window that was asked for. Raises InputError."""
+    names = ("path", "time", "angle", "rate", "unit", "frequency")
+    record = _read(*(getattr(source, n) for n in names), source.path.stat().st_mtime_ns)
+    first, last = (None if isinstance(end, str) else end for end in (source.start, source.stop))
+    try:
+        window = None if first is last is None else bounded(record.t, record.level, first, last)
+    except Refusal as refusal:
+        raise InputError(f"{record.name}: {refusal}") from None
+    return replace(record, name=name), window
+
+
+@lru_cache(maxsize=KEPT)
+def _read(
+    path: Path,
+    time: str | int | None,
+    value: str | int | None,
+    rate: float | None,
+    unit: str,
+    frequency: float | None,
+    changed: int,
+) -> EnvelopeRecord:
+    """Return the envelope in a file. changed: when the file was; a command checks its files before a run reads them."""
+    del changed
+    return read_envelope(path, time=time, value=value, rate=rate, unit=unit or None, frequency=frequency)
+
+
+def check_recording(study: Study, spec: SignalSpec) -> None:
+    """Read an envelope and check that its damping sums can be weighed on it. Raises InputError."""
+    assert isinstance(spec.source, Recording)
+    record, _ = read_recording(spec.source, spec.name)
+    sums, _ = weighable([parse_model(name) for name in study.dampings(spec)])
+    if further_terms(sums):
+        scale_of(record, sums, 0.0)
+
+
+def answer_envelope(
+    record: EnvelopeRecord,
+    window: Window | None,
+    sums: Sequence[tuple[str, ...]],
+    seed: int,
+    repeated: bool,
+) -> Answer:
+    """Return the answer on an envelope under these sums, with its picture.
+
+    Parameters
+    ----------
+    record
+        As it was read.
+    window
+        Of the free decay; None where it is to be found.
+    sums
+        Damping sums by their terms' names.
+    seed
+        Of the draws that intervals are read from.
+    repeated
+        Whether it is one of several records of a specimen.
+
+    Raises
+    ------
+    InputError
+        Where the sums cannot be weighed on this record.
+    """
+    from bayesdamp.report.figures.envelope import picture  # imports slowly
+    from bayesdamp.report.figures.record import thinned
+
+    chosen, left_out = weighable(sums)
+    result = analyse(record, window, seed, chosen)
+    t, level = thinned(record.t, record.level, POINTS)
+    arrays = {"t": t, "level": level}
+    if result.curve is not None:
+        arrays |= {f"curve/{name}": values for name, values in vars(result.curve).items()}
+    drawn = picture(arrays, result.verdict, record.unit if record.logarithmic else f"dB of 1 {record.unit}")
+    arrays[PICTURE] = np.frombuffer(drawn, np.uint8)
+    likelihoods = result.likelihoods if repeated else {}
+    for name, one in likelihoods.items():
+        arrays |= {f"{LIKELIHOOD}{name}/{key}": values for key, values in one.arrays().items()}
+    numbers = {name: one.numbers() for name, one in likelihoods.items()}
+    about = EnvelopeContent(record.unit, numbers, assumed(chosen, left_out))
+    return Answer(result.verdict, arrays=arrays, envelope=about)
+
+
+class EnvelopeCell:
+    """The verdict on an envelope, as `answer/SIGNAL/0`."""
+
+    def __init__(self, study: Study, spec: SignalSpec, store: Store) -> None:
+        assert isinstance(spec.source, Recording)
+        self.study, self.spec, self.source, self.store = study, spec, spec.source, store
+        self.name = f"answer/{spec.name}/0"
+
+    @property
+    def sums(self) -> Sums:
+        """The damping sums that are asked for."""
+        return tuple(parse_model(name) for name in self.study.dampings(self.spec))
+
+    @property
+    def key(self) -> str:
+        """Of the file's content, the signal's table, the question, and the source of terms and readers."""
+        return self.store.key(self.name, (self.study, self.spec), self._key)
+
+    def _key(self) -> str:
+        asked = {k: v for k, v in plain(self.source).items() if k not in ("file", "path")}
+        own = [*map(TERMS.source, further_terms(self.sums)), *sources_below("bayesdamp.records")]
+        content, repeated = sha256(self.source.path), bool(self.spec.specimen)
+        parts = (self.spec.name, asked, content, self.sums, self.study.seed, repeated)
+        return task_key("envelope", *parts, own)
+
+    def compute(self) -> None:
+        """Store the verdict with what it rests on."""
+        began = time.perf_counter()
+        record, window = read_recording(self.source, self.spec.name)
+        repeated = bool(self.spec.specimen)
+        result = answer_envelope(record, window, self.sums, self.study.seed, repeated)
+        seconds = plain_seconds(began)
+        self.store.write(
+            CellResult(self.name, self.key, result.content().meta(), result.arrays, seconds=seconds)
+        )
+
+
+def specimen_of_envelopes(name: str, answers: Sequence[Answer]) -> Verdict | None:
+    """Return the verdict on a specimen from the answers on its envelopes; None where fewer than two have a decay.
+
+    Raises
+    ------
+    InputError
+        Where the records have different units.
+    """
+    found = []
+    for one in answers:
+        own: dict[str, RateLikelihood] = {}
+        for sum_, numbers in (one.envelope.likelihoods if one.envelope else {}).items():
+            prefix = f"{LIKELIHOOD}{sum_}/"
+            arrays = {k.removeprefix(prefix): a for k, a in one.arrays.items() if k.startswith(prefix)}
+            own[sum_] = RateLikelihood.of(arrays, numbers)
+        found.append(EnvelopeAnswer(one.verdict, likelihoods=own))
+    return specimen(name, found)
+
+
+def specimen_of_cells(store: Store, name: str, specs: Sequence[SignalSpec]) -> Verdict | None:
+    """Return the same from what a run's folder holds."""
+    cells = [cell for spec in specs if (cell := store.find(f"answer/{spec.name}/0")) is not None]
+    every = [(AnswerContent.of(cell), cell.arrays) for cell in cells if cell.meta]
+    answers = [Answer(Verdict.from_dict(c.verdict), arrays=a, envelope=c.envelope) for c, a in every]
+    return specimen_of_envelopes(name, answers)

@@ -1,0 +1,95 @@
+"""A record of an envelope with the decay in it, the fit, what the fit leaves, and the power of the velocity."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from bayesdamp.report.figures.curves import ENDS, MARKED
+from bayesdamp.report.figures.record import KEPT, thinned
+from bayesdamp.report.style import INK, QUIET, colour
+from bayesdamp.verdict.parts import Interval
+from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.words import named
+
+POINTS = 1200
+CUBIC = (3.0, "cubic", "cubic")
+FIT, BAND = KEPT, "#D55E00"
+PLACES = ((0.075, 0.12, 0.53, 0.78), (0.68, 0.42, 0.305, 0.48), (0.68, 0.12, 0.305, 0.12))
+"""Of the three panels in the figure: left, bottom, width and height."""
+
+
+def _exponent(ax: Axes, found: Interval, cubic: bool) -> None:
+    """The interval of the power of the velocity on an axis where the three laws are marked, the cubic one where it was
+    weighed."""
+    aligned = ("left", "center", "center", "right")
+    for side, (place, name, term) in zip(aligned, (*MARKED, CUBIC) if cubic else MARKED, strict=False):
+        ax.axvline(place, color=colour(term), lw=1.2, ls="--")
+        ax.text(place, 1.25, name, color=colour(term), fontsize=7.5, ha=side, va="bottom")
+    ax.plot([found.low, found.high], [0.0, 0.0], color=INK, lw=3.0, solid_capstyle="butt")
+    ax.plot([found.value], [0.0], "o", color=INK, ms=5)
+    ax.set_xlim(*ENDS)
+    ax.set_ylim(-1.0, 1.0)
+    ax.set_yticks([])
+    ax.set_xlabel("exponent of the velocity", fontsize=8.5, color=INK)
+    ax.tick_params(labelsize=8)
+
+
+def draw_envelope(
+    axes: Sequence[Axes], arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str
+) -> None:
+    """Draw on three axes: the record with its fit, what the fit leaves, and the exponent; without a decay only the
+    first.
+
+    Parameters
+    ----------
+    axes
+        Three; those that stay empty are switched off.
+    arrays
+        `t` (s) and `level` (dB) of the record; `curve/...` of the decay as `envelope.answer.answer.Curve` has them.
+    verdict
+        On the record.
+    unit
+        Of the levels.
+    """
+    whole, rest, below = axes
+    whole.plot(*thinned(arrays["t"], arrays["level"], POINTS), color=QUIET, lw=0.7)
+    whole.set_xlabel("time / s", color=INK)
+    whole.set_ylabel(f"level / {unit}", color=INK)
+    title = f"{verdict.record}: {named(verdict.damping)}" if verdict.damping else verdict.record
+    whole.set_title(title, loc="left", fontsize=9)
+    whole.tick_params(labelsize=8)
+    if verdict.exponent is None:
+        below.set_axis_off()
+    else:
+        _exponent(below, verdict.exponent, any(share.term == "cubic" for share in verdict.energy))
+    if "curve/t" not in arrays or verdict.window is None:
+        rest.set_axis_off()
+        return
+    t, level, fit, scatter = (arrays[f"curve/{name}"] for name in ("t", "level", "fit", "scatter"))
+    whole.plot(t, fit, color=FIT, lw=1.4)
+    for at in (verdict.window.start, verdict.window.stop):
+        whole.axvline(at, color=BAND, lw=0.8)
+    if np.isfinite(verdict.window.floor_db):
+        whole.axhline(verdict.window.floor_db, color=QUIET, lw=0.6, ls=":")
+    rest.fill_between(t, -2 * scatter, 2 * scatter, color=BAND, alpha=0.15, lw=0)
+    rest.plot(t, level - fit, color=INK, lw=0.8)
+    rest.axhline(0.0, color=FIT, lw=0.8)
+    rest.set_xlabel("time / s", color=INK, fontsize=8.5)
+    rest.set_title("means of readings less the fit, in dB; ± 2 sd", loc="left", fontsize=9)
+    rest.tick_params(labelsize=8)
+
+
+def picture(arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str) -> bytes:
+    """Return a PNG of it. Arguments as of `draw_envelope`."""
+    figure = Figure(figsize=(9.6, 4.2), dpi=90)
+    canvas = FigureCanvasAgg(figure)
+    draw_envelope([figure.add_axes(place) for place in PLACES], arrays, verdict, unit)
+    drawn = io.BytesIO()
+    canvas.print_png(drawn, metadata={"Software": "bayesdamp"})
+    return drawn.getvalue()

@@ -1,0 +1,90 @@
+"""Envelopes as signals of a study, and in Python."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bayesdamp as bd
+from bayesdamp.cli import main
+from bayesdamp.envelope import analyse, made_record
+from tests.envelope.test_command import written
+
+STUDY = """
+version = 1
+name = "both"
+[models]
+compare = ["viscous", "coulomb"]
+[estimators]
+use = []
+[posterior]
+samplers = []
+[evidence]
+methods = ["laplace"]
+[[signal]]
+name = "level"
+file = "r.txt"
+quantity = "envelope"
+"""
+
+
+def test_a_study_answers_an_envelope_as_compare_does(tmp_path: Path, capsys) -> None:
+    record = bd.read_envelope(written(tmp_path / "r.txt"))
+    (tmp_path / "both.toml").write_text(STUDY)
+    assert main(["study", str(tmp_path / "both.toml"), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
+    (stored,) = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    direct = bd.compare(record, damping=["viscous", "coulomb"]).verdict
+    assert stored["record"] == "level"
+    assert direct.quality_factor is not None
+    assert stored["quality_factor"]["value"] == direct.quality_factor.value
+    assert [share["term"] for share in stored["energy"]] == ["viscous", "coulomb"]
+    assert main(["check", str(tmp_path / "both.toml")]) == 0
+    assert capsys.readouterr().out.endswith("both.toml: ok\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "what"),
+    [
+        ('clock = "uniform"', "signal[level].clock: does not apply to an envelope"),
+        ("system = { stiffness = 1.0 }", "signal[level].system: does not apply to an envelope"),
+        ("frequency = -1.0", "signal[level].frequency: is -1.0; it must be the frequency"),
+        ('compare = ["viscous+coulomb+quadratic+cubic"]', "sums of 3 terms at most"),
+        ("start = 1e9", "readings stand between start and stop"),
+    ],
+)
+def test_what_is_wrong_is_one_line(tmp_path: Path, capsys, line: str, what: str) -> None:
+    written(tmp_path / "r.txt")
+    (tmp_path / "both.toml").write_text(STUDY + line + "\n")
+    assert main(["study", str(tmp_path / "both.toml"), "--out", str(tmp_path / "out"), "--workers", "1"]) == 2
+    said = capsys.readouterr().err
+    assert what in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_comparison_in_python_is_the_analysis(tmp_path: Path) -> None:
+    t = np.linspace(0.0, 60.0, 300)
+    noise = 0.1 * np.random.default_rng(1).standard_normal(t.size)
+    record = made_record("r", t, -40.0 - 0.8 * t + noise, "dBm", 1e6)
+    result = bd.compare(record)
+    assert result.verdict.to_dict() == analyse(record).verdict.to_dict()
+    assert bd.load(result.save(tmp_path / "r.npz")).verdict.to_dict() == result.verdict.to_dict()
+    page = result.report(tmp_path / "r.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png") == 1
+    assert len(result.plot()) == 3
+    many = bd.compare([record, made_record("s", t, record.level + noise[::-1], "dBm", 1e6)], repeats=True)
+    assert many.verdict.records == 2
+    assert [one.verdict.record for one in many.records] == ["r", "s"]
+
+
+@pytest.mark.parametrize(
+    "option", [{"noise": "gaussian"}, {"restoring": "linear"}, {"known": {"stiffness": 1.0}}]
+)
+def test_an_option_of_motions_is_refused(option: dict[str, Any]) -> None:
+    t = np.linspace(0.0, 60.0, 300)
+    with pytest.raises(bd.InputError, match="does not apply to envelopes"):
+        bd.compare(made_record("r", t, -40.0 - 0.8 * t, "dBm"), **option)
