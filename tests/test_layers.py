@@ -46,8 +46,6 @@ MAY_IMPORT: dict[str, set[str]] = {
     "records.cleaning": NEUTRAL
     | {"records.record", "records.files", "records.oscillation", "records.decay", "records.cleaning"},
     "records": NEUTRAL | {"physics", "records"},
-    "envelope": NEUTRAL
-    | {"physics", "records", "envelope", "inference.envelope", "inference.deviation", "verdict"},
     "config": NEUTRAL | {"physics", "config"} | REGISTRIES,
     "estimators.networks": _BELOW | {"estimators.shared", "estimators.networks"},
     "estimators.regression": _BELOW | {"estimators.shared", "estimators.regression"},
@@ -67,7 +65,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "report": NEUTRAL | {"physics.symbols", "store", "verdict", "report"},
     "calibrate": _BELOW | {"config", "estimators", "inference", "store", "pipeline", "report", "calibrate"},
     "claims": _BELOW | {"estimators", "report", "claims"},
-    "validation.reports": NEUTRAL | {"calibrate", "envelope", "pipeline", "store", "report", "validation"},
+    "validation.reports": NEUTRAL | {"calibrate", "pipeline", "records", "store", "report", "validation"},
     "validation.truth": NEUTRAL | {"validation.truth"},
     "validation": NEUTRAL | {"report.markdown", "store", "verdict.types", "validation"},
     "interface": NEUTRAL

@@ -9,13 +9,14 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
-from bayesdamp.envelope.analysis import analyse
-from bayesdamp.envelope.dampings import Sums, assumed, further_terms, weighable
-from bayesdamp.envelope.specimen import specimen
+from bayesdamp.inference.envelope.analysis import free_decay
+from bayesdamp.inference.envelope.dampings import Sums, assumed, further_terms, weighable
 from bayesdamp.inference.envelope.likelihood import RateLikelihood
+from bayesdamp.physics.amplitude.laws import SUMS
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.pipeline.answer import Answer
 from bayesdamp.pipeline.keys import task_key
@@ -29,6 +30,9 @@ from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents.answers import AnswerContent, EnvelopeContent
 from bayesdamp.types import InputError, Refusal
 from bayesdamp.verdict.envelope.answer import Answer as EnvelopeAnswer
+from bayesdamp.verdict.envelope.answer import answer
+from bayesdamp.verdict.envelope.specimen import specimen
+from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
 
 KEPT = 2000
@@ -73,6 +77,43 @@ def check_recording(study: Study, spec: SignalSpec) -> None:
     sums, _ = weighable([parse_model(name) for name in study.dampings(spec)])
     if further_terms(sums):
         scale_of(record, sums, 0.0)
+
+
+def analyse(
+    record: EnvelopeRecord,
+    window: Window | None = None,
+    seed: int = 0,
+    sums: Sequence[tuple[str, ...]] = SUMS,
+) -> EnvelopeAnswer:
+    """Return the damping of an envelope with its uncertainty; a refusal is a verdict of grade "no_free_decay".
+
+    Parameters
+    ----------
+    record
+        As it was read.
+    window
+        Of the free decay; None where it is to be found.
+    seed
+        Of the draws that intervals are read from.
+    sums
+        Of registered damping terms, each by their names, three at most.
+
+    Raises
+    ------
+    InputError
+        Where the scale of a term is not known.
+    """
+    try:
+        # Matrices of a hundred rows: threads of a linear algebra library only wait for each other.
+        with threadpool_limits(1, "blas"):
+            decay, weighed = free_decay(record, window, sums)
+            return answer(decay, weighed, seed)
+    except Refusal as refusal:
+        why = f"No free decay: {refusal}."
+        nan = float("nan")
+        return EnvelopeAnswer(
+            Verdict(record.name, Grade.NO_FREE_DECAY, False, "", nan, quantity="envelope", sentence=why)
+        )
 
 
 def answer_envelope(

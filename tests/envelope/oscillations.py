@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from bayesdamp.envelope import EnvelopeRecord, made_record
+from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 
 OMEGA = 2 * np.pi * 3.0
 START = 0.2

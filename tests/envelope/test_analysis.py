@@ -10,14 +10,15 @@ from scipy.integrate import solve_ivp
 from scipy.signal import find_peaks, hilbert
 from scipy.stats import halfnorm
 
-from bayesdamp.envelope import EnvelopeRecord, analyse, made_record
-from bayesdamp.envelope.specimen import specimen
 from bayesdamp.inference.envelope.candidates import Blocks, weigh, weigh_power
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.physics.amplitude.law import ClosedForm
+from bayesdamp.pipeline.envelopes import analyse
+from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.records.envelope.window import Window, bounded
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
+from bayesdamp.verdict.envelope.specimen import specimen
 from tests.envelope.ringdowns import Ringdown, simulate
 from tests.envelope.weighed import log_evidence_as_given, place_as_given
 from tests.validation.envelopes import drawn

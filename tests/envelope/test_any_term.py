@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.envelope import analyse
-from bayesdamp.envelope.dampings import weighable
+from bayesdamp.inference.envelope.dampings import weighable
 from bayesdamp.physics.damping import parse_model
+from bayesdamp.pipeline.envelopes import analyse
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
 from tests.envelope.oscillations import FORCES, OMEGA, START, envelope, turning_points

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.envelope import are_envelopes, is_envelope, read_envelope
+from bayesdamp.records.envelope.reading import are_envelopes, is_envelope, read_envelope
 from bayesdamp.records.envelope.record import unit_in
 from bayesdamp.store import Store
 from bayesdamp.types import InputError
@@ -196,8 +196,8 @@ def test_repeats_of_measured_samples_agree_within_their_intervals():
     the records found, within 8 %."""
     if not DATA.exists():
         pytest.skip("the measured decays are not here")
-    from bayesdamp.envelope import analyse
-    from bayesdamp.envelope.specimen import specimen
+    from bayesdamp.pipeline.envelopes import analyse
+    from bayesdamp.verdict.envelope.specimen import specimen
 
     for sample, count in (("SP23-62", 4), ("0344", 2)):
         records = [read_envelope(path) for path in sorted(DATA.glob(f"*{sample}.txt"))]

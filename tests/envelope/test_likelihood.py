@@ -5,23 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.envelope import analyse, made_record
-from bayesdamp.envelope.analysis import _decay
-from bayesdamp.envelope.specimen import joint_damping, shared_likelihoods, specimen
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Normals, with_priors
+from bayesdamp.inference.envelope.analysis import free_decay
 from bayesdamp.inference.envelope.candidates import KNOTS
 from bayesdamp.inference.envelope.likelihood import merged
 from bayesdamp.inference.envelope.sums import weighed
 from bayesdamp.odds import odds
 from bayesdamp.physics.amplitude.laws import SUMS
 from bayesdamp.pipeline.answer import Answer
-from bayesdamp.pipeline.envelopes import answer_envelope, specimen_of_envelopes
+from bayesdamp.pipeline.envelopes import analyse, answer_envelope, specimen_of_envelopes
 from bayesdamp.priors import SCORE_RATIO
-from bayesdamp.records.envelope.record import EnvelopeRecord
+from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
+from bayesdamp.verdict.envelope.specimen import joint_damping, shared_likelihoods, specimen
 from tests.envelope.ringdowns import Ringdown, simulate
 
 SIZES = grid_of(KNOTS, phases=False).log_prior
@@ -48,7 +47,7 @@ def log_evidence(log, slope, information) -> float:
 
 def test_merging_noises_loses_little_evidence():
     for seed in (1, 2, 3):
-        decay, sums = _decay(record(seed), None, SUMS)
+        decay, sums = free_decay(record(seed), None, SUMS)
         found = weighed(decay.blocks, sums, decay.noises, decay.inverse)
         most = max(c.total for c in found)
         for c in found:

@@ -22,8 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.envelope import analyse, made_record
 from bayesdamp.pipeline.answer import answer
+from bayesdamp.pipeline.envelopes import analyse
+from bayesdamp.records.envelope.record import made_record
 from bayesdamp.types import Signal
 from tests.envelope.ringdowns import simulate
 from tests.measured.run import signals

@@ -13,8 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.envelope import Answer, analyse, made_record
 from bayesdamp.physics.amplitude.laws import rate
+from bayesdamp.pipeline.envelopes import analyse
+from bayesdamp.records.envelope.record import made_record
+from bayesdamp.verdict.envelope.answer import Answer
 from tests.envelope.ringdowns import NEPER, Ringdown, Simulated, simulate
 
 CASES = ("viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic")

@@ -13,7 +13,8 @@ from typing import Any, get_args, get_type_hints
 import numpy as np
 import pytest
 
-from bayesdamp.envelope import analyse, made_record
+from bayesdamp.pipeline.envelopes import analyse
+from bayesdamp.records.envelope.record import made_record
 from bayesdamp.store import VERDICTS
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.files import read, write

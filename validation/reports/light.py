@@ -17,9 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.envelope import analyse, made_record
 from bayesdamp.odds import FURTHER_TERM, odds
 from bayesdamp.pipeline.answer import Answer, answer
+from bayesdamp.pipeline.envelopes import analyse
+from bayesdamp.records.envelope.record import made_record
 from bayesdamp.report.markdown import table
 from bayesdamp.types import OK, InputError, Signal
 from validation.rows import gathered, rounded, shipped

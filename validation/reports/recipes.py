@@ -112,7 +112,7 @@ RECIPES: tuple[Recipe, ...] = (
     Recipe(
         "light", 14, _made(f"{PAGES}.light", "--few 20"),
         (
-            *ENGINE, "bayesdamp/envelope", "validation/truth", "validation/scoring.py",
+            *ENGINE, "validation/truth", "validation/scoring.py",
             "validation/reports/light.py",
         ),
         _made(f"{PAGES}.light", "--records 200 --few 100"),

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from bayesdamp.envelope import analyse, made_record
 from bayesdamp.inference.deviation.gaussian import linear
 from bayesdamp.inference.envelope.candidates import Blocks, Candidate, weigh
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.physics.amplitude.law import ClosedForm
 from bayesdamp.physics.amplitude.laws import SUMS, decay
+from bayesdamp.pipeline.envelopes import analyse
 from bayesdamp.priors import SCORE_RATIO
+from bayesdamp.records.envelope.record import made_record
 from tests.envelope.ringdowns import Ringdown, simulate
 from tests.envelope.weighed import log_evidence_as_given
 

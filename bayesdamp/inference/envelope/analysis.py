@@ -1,4 +1,4 @@
-"""From a record of an envelope to its damping."""
+"""The free decay of an envelope: its window, its readings in blocks, and their noise."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.envelope.candidates import Blocks
 from bayesdamp.inference.envelope.decay import Decay
@@ -19,9 +18,6 @@ from bayesdamp.records.envelope.one_law import LEAST_DROP, NEPER, blocks
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.records.envelope.window import Window, find_window
 from bayesdamp.types import Refusal
-from bayesdamp.verdict.envelope.answer import Answer, answer
-from bayesdamp.verdict.parts import Grade
-from bayesdamp.verdict.types import Verdict
 
 MOST = 100
 """Means of readings that are weighed: enough for what a decay of 40 dB and its noise are made of."""
@@ -32,31 +28,7 @@ SPARSE = 40
 """Readings below which none is left out for standing off."""
 
 
-def analyse(
-    record: EnvelopeRecord,
-    window: Window | None = None,
-    seed: int = 0,
-    sums: Sequence[tuple[str, ...]] = SUMS,
-) -> Answer:
-    """The damping of an envelope with its uncertainty; a refusal is a verdict of grade "no_free_decay".
-
-    window: the free decay, else it is found. seed: of the draws that intervals are read from. sums: of registered
-    damping terms, each by their names, three at most. Raises InputError where the scale of a term is not known.
-    """
-    try:
-        # Matrices of a hundred rows: threads of a linear algebra library only wait for each other.
-        with threadpool_limits(1, "blas"):
-            decay, asked = _decay(record, window, sums)
-            return answer(decay, asked, seed)
-    except Refusal as refusal:
-        said = f"No free decay: {refusal}."
-        nan = float("nan")
-        return Answer(
-            Verdict(record.name, Grade.NO_FREE_DECAY, False, "", nan, quantity="envelope", sentence=said)
-        )
-
-
-def _decay(
+def free_decay(
     record: EnvelopeRecord, window: Window | None, sums: Sequence[tuple[str, ...]]
 ) -> tuple[Decay, tuple[Sum, ...]]:
     """The decay where its noise shows it to be, and the sums on it. Raises Refusal where the level does not fall."""
