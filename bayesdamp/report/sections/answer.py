@@ -12,7 +12,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
 from bayesdamp.report.figures.curves import exponent
 from bayesdamp.report.figures.record import motions
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.html import fill, folded, paragraph
 from bayesdamp.report.results.answers import Answer, answer_of
 from bayesdamp.report.results.checks import Check, Checks, sampled
 from bayesdamp.report.results.overview import ANCHOR
@@ -68,8 +68,8 @@ class AnswerSection(Section):
     def render(self, run: Run) -> str:
         """Show one block a record."""
         if not run.signals:
-            return Markup("<p>The folder holds no signal yet: run the study.</p>")
-        return by_signal(run, lambda signal: _block(run, signal), anchor=ANCHOR)
+            return paragraph("The folder holds no signal yet: run the study.")
+        return by_signal(run, _block, anchor=ANCHOR)
 
 
 def _block(run: Run, signal: str) -> Markup:

@@ -7,7 +7,7 @@ from typing import Any
 
 from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.html import folded, stack
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.places import Place
@@ -46,7 +46,7 @@ class Provenance(Section):
         parts += _without_result(run)
         parts += _timing(info.get("seconds") or {})
         parts += _budget(info.get("error_budget") or {})
-        return fill("stack.html", parts=parts)
+        return stack(*parts)
 
 
 def _without_result(run: Run) -> list[object]:
