@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.cli.options import wrong
-from bayesdamp.cli.single_file import SIMULATED
+from bayesdamp.cli.single_file import FIRST_LINE
 from bayesdamp.config import Simulation
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.signals import resolve_signal, term_keys
@@ -120,7 +120,7 @@ def _record(made: Simulation, restoring: str, noise_sd: float, seed: int) -> Sig
 def as_csv(signal: Signal) -> str:
     """The record as CSV, behind a line by which it is known as ours."""
     rows = (f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y, strict=True))
-    return "\n".join([SIMULATED, "t (s),angle (rad)", *rows]) + "\n"
+    return FIRST_LINE + "\n".join(["t (s),angle (rad)", *rows]) + "\n"
 
 
 def _checked(given: Mapping[str, object], restoring: str) -> Simulation:

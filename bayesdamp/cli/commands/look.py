@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.single_file import SingleFile, is_page
+from bayesdamp.cli.single_file import LOOK_PAGE, SingleFile
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def look(
     from bayesdamp.plugins import read_modules, use
     from bayesdamp.records.opening.opening import contents
 
-    page = SingleFile(html, is_page, "--html", (file, *(plugin or ()))) if html is not None else None
+    page = SingleFile(html, LOOK_PAGE, "--html", (file, *(plugin or ()))) if html is not None else None
     if page is not None:
         page.check()
     use(read_modules(plugin or ()))

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.single_file import SingleFile, is_simulated
+from bayesdamp.cli.single_file import SIMULATED, SingleFile
 
 
 def simulate(
@@ -43,7 +43,7 @@ def simulate(
     from bayesdamp.cli.simulated import as_csv, pairs, simulated, taken, terms_and_set
     from bayesdamp.plugins import read_modules, use
 
-    file = SingleFile(out, is_simulated, "--out", tuple(plugin or ()))
+    file = SingleFile(out, SIMULATED, "--out", tuple(plugin or ()))
     file.check()
     use(read_modules(plugin or ()))
     terms, system = pairs(damping or [], "--damping"), pairs(set_ or [], "--set")

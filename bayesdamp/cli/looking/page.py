@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from bayesdamp.cli.looking.said import curve, described, kept, reading, sentences
-from bayesdamp.cli.single_file import PAGE
+from bayesdamp.cli.single_file import GENERATOR
 from bayesdamp.report.style import QUIET, RC, WIDTH
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def page_of(file: Path, held: Contents, found: Sequence[Found]) -> str:
         '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
         "{7}<title>{0}</title><style>{1}</style>"
         "<h1>{0}</h1><p>{2}</p><table>{3}{4}</table><ul>{5}</ul>{6}</html>\n"
-    ).format(file.name, Markup(_STYLE), held.format, head, rows, facts, records, Markup(PAGE))
+    ).format(file.name, Markup(_STYLE), held.format, head, rows, facts, records, Markup(GENERATOR))
 
 
 def _row(cells: Sequence[str], kind: str) -> Markup:
