@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -87,23 +88,11 @@ def _width(console: Console) -> int:
 
 
 def _show_file(console: Console, file: Path, held: Contents) -> None:
-    from rich.table import Table
-
     from bayesdamp.cli.looking.said import described
 
-    table = Table(
-        "",
-        "column",
-        "unit",
-        "samples",
-        "from",
-        "to",
-        title=f"{file.name}: {held.format}",
-        title_justify="left",
-    )
-    for row in described(held)[:COLUMNS]:
-        table.add_row(*row)
-    console.print(table)
+    table = described(held)
+    first = replace(table, lines=table.lines[:COLUMNS])
+    console.print(first.rich(title=f"{file.name}: {held.format}", title_justify="left"))
     if len(held.columns) > COLUMNS:
         console.print(f"and {len(held.columns) - COLUMNS} more columns", style="bright_black")
     for name, value in list(held.facts.items())[:FACTS]:

@@ -13,6 +13,7 @@ from bayesdamp.records.oscillation.modes import Modes, damped_modes, few_samples
 from bayesdamp.records.oscillation.returning import wandering
 from bayesdamp.records.oscillation.rough import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_period
+from bayesdamp.records.oscillation.turning import zigzag
 
 EXPLAINED = 0.95
 """Share of what one damped sinusoid leaves that a second must explain, and of the whole that both must."""
@@ -139,31 +140,13 @@ def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
         or wandering(t, y, period, noise)
     ):
         return None
-    steps = _zigzag(np.log(ranges))
-    rises = [b - a for a, b, up in steps if up and b - a >= SLOWLY]
+    turns, _ = zigzag(np.log(ranges), np.full(ranges.size, np.log(AGAIN)))
+    rises = [b - a for a, b in pairwise(turns[:-1]) if ranges[b] > ranges[a] and b - a >= SLOWLY]
     if len(rises) < RISES or sum(rises) < RISING * ranges.size:
         return None
     nan, f = np.array([np.nan]), np.array([1 / period])
     modes = Modes(f, nan, nan, np.array([0.5 * ranges.min()]), np.array([0.5 * ranges.max()]), 1.0)
     return NotOne("excited", modes, float(len(rises)))
-
-
-def _zigzag(logs: np.ndarray) -> list[tuple[int, int, bool]]:
-    """The rises and falls of values (n,) by `AGAIN` and more: (first, last, whether it rises) of each."""
-    found: list[tuple[int, int, bool]] = []
-    low = high = 0
-    up: bool | None = None
-    least = float(np.log(AGAIN))
-    for i, value in enumerate(logs.tolist()):
-        low = i if up is not True and value < logs[low] else low
-        high = i if up is not False and value > logs[high] else high
-        if up is not True and value - logs[low] > least:
-            found += [(high, low, False)] if up is False else []
-            up, high = True, i
-        elif up is not False and logs[high] - value > least:
-            found += [(low, high, True)] if up is True else []
-            up, low = False, i
-    return found
 
 
 def _stays(one: Modes, duration: float) -> bool:
