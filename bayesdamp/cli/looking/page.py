@@ -56,8 +56,8 @@ def _listed(lines: Iterable[object], look: str = "") -> Markup:
 def _record(one: Found) -> Markup:
     lines = _listed(sentences(one)) + _listed(one.findings, "doubt")
     title = one.label or one.raw.channel or "the record"
-    drawing = Drawings(None).add(title, "", partial(_drawn, one))
-    return Markup("<h2>{}</h2><p>{}</p><ul>{}</ul>{}").format(title, reading(one), lines, drawing)
+    drawing = Drawings(None).add(title, reading(one), partial(_drawn, one))
+    return Markup("<h2>{}</h2><ul>{}</ul>{}").format(title, lines, drawing)
 
 
 def _drawn(one: Found) -> Figure:
