@@ -112,7 +112,7 @@ def _modes_of(t: np.ndarray, y: np.ndarray, one: Modes, harmonics: bool) -> NotO
         return None  # a base line that wanders
     if g / f - 1 < CLOSE:
         ranges, noise = _ranges(t, y, 1 / f), float(np.std(y)) * two.left**0.5
-        if _lifted(ranges, noise) < LIFTED and not (
+        if lifted(ranges, noise) < LIFTED and not (
             steady and _levels(two, ranges, noise, float(t[-1] - t[0]))
         ):
             return None
@@ -183,18 +183,26 @@ def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
     return np.array([np.ptp(y[a:b]) for a, b in whole])
 
 
-def _lifted(ranges: np.ndarray, noise: float) -> float:
-    """By how much the amplitude surely rises again after it has fallen, relative to itself then.
+def lifted(ranges: np.ndarray, noise: float, together: int = TOGETHER) -> float:
+    """Return by how much an amplitude surely rises again after it has fallen, relative to itself then.
 
-    The larger of two ranges in a row is compared with the lesser of two later ones. Damping of any law takes energy: of
-    one oscillator this is noise. noise: standard deviation of a sample.
+    Damping of any law takes energy: of one oscillator this is noise.
+
+    Parameters
+    ----------
+    ranges : ndarray, shape (n,)
+        Ranges of periods or of swings, in their order.
+    noise : float
+        Standard deviation of a sample.
+    together : int
+        The largest of so many ranges in a row is compared with the least of as many later ones.
     """
-    if ranges.size < 2 * TOGETHER:
+    if ranges.size < 2 * together:
         return 0.0
-    runs = np.lib.stride_tricks.sliding_window_view(ranges, TOGETHER)
-    before, later = np.minimum.accumulate(runs.max(axis=1))[:-TOGETHER], runs.min(axis=1)[TOGETHER:]
-    lifted = later - before - CLEAR * noise
-    return float(max(np.max(lifted / np.maximum(later, 1e-300)), 0.0))
+    runs = np.lib.stride_tricks.sliding_window_view(ranges, together)
+    before, later = np.minimum.accumulate(runs.max(axis=1))[:-together], runs.min(axis=1)[together:]
+    rises = later - before - CLEAR * noise
+    return float(max(np.max(rises / np.maximum(later, 1e-300)), 0.0))
 
 
 def _levels(two: Modes, ranges: np.ndarray, noise: float, duration: float) -> bool:
