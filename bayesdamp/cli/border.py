@@ -27,7 +27,12 @@ def one_line(text: object) -> str:
 
 def refused_by_the_machine(error: BaseException) -> str | None:
     """What is said of a full disk, too little memory or a path that the system refuses; None of all else."""
-    if isinstance(error, MemoryError) or any(mark in str(error) for mark in _MEMORY):
+    number = getattr(error, "errno", None)
+    if (
+        isinstance(error, MemoryError)
+        or number == errno.ENOMEM
+        or any(mark in str(error) for mark in _MEMORY)
+    ):
         return (
             "too little memory for this; close other programs, give fewer --workers, or a part of the record"
         )
@@ -37,10 +42,6 @@ def refused_by_the_machine(error: BaseException) -> str | None:
     where = os.fsdecode(place) if place is not None else ""
     if error.errno in _FULL:
         return f"{where or 'the output'}: the disk is full; make room there, then run the same command again"
-    if error.errno == errno.ENOMEM:
-        return (
-            "too little memory for this; close other programs, give fewer --workers, or a part of the record"
-        )
     if not where:
         return None
     return f"{where}: {(error.strerror or str(error)).lower()}; mend that, or give another path"

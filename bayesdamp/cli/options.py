@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,87 +12,55 @@ from bayesdamp.types import InputError
 READING, WEIGHED, RUNNING, SAID = "Reading the file", "What is weighed", "The run", "What is said"
 """Groups of options."""
 
-Angle = Annotated[
-    str | None,
-    typer.Option(help="Column of the recorded quantity, by name or number from 1.", rich_help_panel=READING),
-]
-Time = Annotated[
-    str | None, typer.Option(help="Column of the times, by name or number.", rich_help_panel=READING)
-]
-TimeUnit = Annotated[
-    str | None, typer.Option(help="Unit of the times: s, ms, us, ns or min.", rich_help_panel=READING)
-]
-Rate = Annotated[
-    float | None, typer.Option(help="Sampling rate in Hz, for a file without times.", rich_help_panel=READING)
-]
+
+def _option(group: str, text: str, *names: str, **more: Any) -> Any:
+    """Return an option of a group with its help."""
+    return typer.Option(*names, help=text, rich_help_panel=group, **more)
+
+
+Angle = Annotated[str | None, _option(READING, "Column of the recorded quantity, by name or number from 1.")]
+Time = Annotated[str | None, _option(READING, "Column of the times, by name or number.")]
+TimeUnit = Annotated[str | None, _option(READING, "Unit of the times: s, ms, us, ns or min.")]
+Rate = Annotated[float | None, _option(READING, "Sampling rate in Hz, for a file without times.")]
 Unit = Annotated[
     str | None,
-    typer.Option(
-        help="rad, deg, m, mm, V, g and others (a wrong one lists them): of the displacement itself, or g, rpm, dps; "
+    _option(
+        READING,
+        "rad, deg, m, mm, V, g and others (a wrong one lists them): of the displacement itself, or g, rpm, dps; "
         "else as the file says, else rad, or deg or counts where the values are too large for that.",
-        rich_help_panel=READING,
     ),
 ]
 Quantity = Annotated[
     str | None,
-    typer.Option(
-        help="angle (any displacement), velocity or acceleration; compare and look: envelope too (amplitude, power or "
+    _option(
+        READING,
+        "angle (any displacement), velocity or acceleration; compare and look: envelope too (amplitude, power or "
         "level alone); else as the file says, else angle.",
-        rich_help_panel=READING,
     ),
 ]
-Clock = Annotated[str, typer.Option(help="auto, as_logged or uniform.", rich_help_panel=READING)]
-Start = Annotated[
-    str, typer.Option(help="Where the free decay starts, in s, or auto.", rich_help_panel=READING)
-]
-Stop = Annotated[str, typer.Option(help="Where it stops, in s, or auto.", rich_help_panel=READING)]
-Runs = Annotated[
-    str | None,
-    typer.Option(help="Runs of a file that has several: 1,3-5; all by default.", rich_help_panel=READING),
-]
+Clock = Annotated[str, _option(READING, "auto, as_logged or uniform.")]
+Start = Annotated[str, _option(READING, "Where the free decay starts, in s, or auto.")]
+Stop = Annotated[str, _option(READING, "Where it stops, in s, or auto.")]
+Runs = Annotated[str | None, _option(READING, "Runs of a file that has several: 1,3-5; all by default.")]
 Channels = Annotated[
     list[str] | None,
-    typer.Option(
-        "--channel",
-        help="A channel of a file that has several, may be given again.",
-        rich_help_panel=READING,
-    ),
+    _option(READING, "A channel of a file that has several, may be given again.", "--channel"),
 ]
 Plugins = Annotated[
     list[Path] | None,
-    typer.Option(
-        "--plugin",
-        help="A Python file with plug-ins of your own; may be given again.",
-        rich_help_panel=WEIGHED,
-    ),
+    _option(WEIGHED, "A Python file with plug-ins of your own; may be given again.", "--plugin"),
 ]
-Out = Annotated[
-    Path | None, typer.Option(help="The folder to write; by default reports/NAME.", rich_help_panel=RUNNING)
-]
-Workers = Annotated[
-    int | None, typer.Option(min=1, help="Processes; as many as cores by default.", rich_help_panel=RUNNING)
-]
+Out = Annotated[Path | None, _option(RUNNING, "The folder to write; by default reports/NAME.")]
+Workers = Annotated[int | None, _option(RUNNING, "Processes; as many as cores by default.", min=1)]
 Scheduler = Annotated[
-    str | None,
-    typer.Option(help="Address of a Dask scheduler whose workers share the work.", rich_help_panel=RUNNING),
+    str | None, _option(RUNNING, "Address of a Dask scheduler whose workers share the work.")
 ]
-Fresh = Annotated[bool, typer.Option("--fresh", help="Compute everything again.", rich_help_panel=RUNNING)]
+Fresh = Annotated[bool, _option(RUNNING, "Compute everything again.", "--fresh")]
 Quick = Annotated[
-    bool,
-    typer.Option(
-        "--quick",
-        help="Only the answer, within seconds; no sampling to confirm it.",
-        rich_help_panel=RUNNING,
-    ),
+    bool, _option(RUNNING, "Only the answer, within seconds; no sampling to confirm it.", "--quick")
 ]
-Quiet = Annotated[
-    bool,
-    typer.Option("--quiet", "-q", help="The answer and what failed; nothing else.", rich_help_panel=SAID),
-]
-AsJson = Annotated[
-    bool,
-    typer.Option("--json", help="The verdicts as JSON, as in verdict.json.", rich_help_panel=SAID),
-]
+Quiet = Annotated[bool, _option(SAID, "The answer and what failed; nothing else.", "--quiet", "-q")]
+AsJson = Annotated[bool, _option(SAID, "The verdicts as JSON, as in verdict.json.", "--json")]
 
 
 LONGEST = 40

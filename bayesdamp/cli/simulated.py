@@ -1,27 +1,23 @@
-"""A simulated record from the words of a command: checked as a study's own would be, and written as CSV."""
+"""A simulated record from the words of a command, written as CSV."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from bayesdamp.cli.options import wrong
-from bayesdamp.cli.single_file import SIMULATED
-from bayesdamp.config import Simulation
-from bayesdamp.config.checks import StudyError
-from bayesdamp.config.signals import resolve_signal, term_keys
+from bayesdamp.cli.single_file import FIRST_LINE
+from bayesdamp.interface.records.signal import Signal
+from bayesdamp.interface.records.simulate import START, simulate
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.plugins import nearest
-from bayesdamp.records.simulate import simulate_signal
-from bayesdamp.types import InputError, Signal
+from bayesdamp.types import InputError
 
 DAMPING = {"viscous": 0.1}
 """What damps where nothing is given, in 1/s: Q of about 30."""
-START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
 LAW = {"stiffness": 40.0, "gravity": 4.0, "cubic": 40.0, "rest_angle": 0.0, "spring_angle": 0.0}
 """What holds where it is not given, of the laws that have it: about 1 Hz, and bends that one sees."""
 
@@ -42,22 +38,6 @@ def pairs(texts: Sequence[str], option: str) -> dict[str, float]:
             raise InputError(f"{option}: {name[:40]!r} is given twice; once is enough")
         found[name] = number
     return found
-
-
-def terms_and_set(
-    damping: Mapping[str, float], other: Mapping[str, float], restoring: str
-) -> dict[str, object]:
-    """Coefficients by damping term and other parameters by name, as a study's `simulate` has them in one table.
-
-    Raises InputError for a term that there is not.
-    """
-    further = {key for name in TERMS.names() for key in TERMS.get(name).further}
-    for term in damping:
-        if term not in TERMS.names() and term not in further:
-            raise InputError(f"--damping: unknown damping term {term[:40]!r}{nearest(term, TERMS.names())}")
-    law = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
-    keys = {term: name for name, term in term_keys(law).items()}
-    return {**{keys.get(term, term): value for term, value in (damping or DAMPING).items()}, **other}
 
 
 def taken(damping: Mapping[str, float], other: Mapping[str, float], restoring: str) -> str:
@@ -82,61 +62,32 @@ NOISE = 0.01
 """Share of the amplitude that the noise has where it is not given: a record without any has no likelihood."""
 
 
-def simulated(given: Mapping[str, object], restoring: str, seed: int) -> tuple[Signal, float]:
-    """The record of one simulation, whose entries are those of a study's `simulate`, and its noise's sd in rad.
+def simulated(
+    damping: Mapping[str, float],
+    other: Mapping[str, float],
+    restoring: str,
+    noise_sd: float | None = None,
+    **options: Any,
+) -> tuple[Signal, float]:
+    """Return the record that `simulate` makes of the words of the command, and its noise's sd in rad.
 
-    Without `noise_sd` the sd is a hundredth of the amplitude. Raises InputError in the terms of the command's options.
+    Without `noise_sd` the sd is a hundredth of the amplitude. Raises InputError, one line.
     """
-    own = {key for name in TERMS.names() if name in given for key in _own(name)}
-    if lacking := sorted(own - set(given)):
-        needed = ",".join(f"{name}=NUMBER" for name in lacking)
-        raise InputError(f"--set: the damping has parameters of its own; give --set {needed} too")
-    made = _checked({"noise_sd": 0.0, **given}, restoring)
-    sd = made.truth["noise_sd"]
-    if "noise_sd" not in given:
-        clean = _record(made, restoring, 0.0, seed)
-        sd = float(f"{NOISE * np.ptp(clean.y) / 2:.1e}")
-        if sd == 0:
+    further = {key for name in TERMS.names() for key in TERMS.get(name).further}
+    terms = {name: value for name, value in damping.items() if name not in further} or DAMPING
+    beside = {name: value for name, value in damping.items() if name in further}
+    needed = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
+    known = {name: value for name, value in LAW.items() if name in needed}
+    make = partial(simulate, terms, restoring, **{**known, **beside, **other}, **options)
+    clean = make()
+    if noise_sd is None:
+        noise_sd = float(f"{NOISE * np.ptp(clean.y) / 2:.1e}")
+        if noise_sd == 0:
             raise InputError("simulate: nothing moves; start away from rest, such as --set theta0=0.3")
-    return _record(made, restoring, sd, seed), sd
-
-
-def _own(term: str) -> tuple[str, ...]:
-    return tuple(parameter.name for parameter in TERMS.get(term).inferred)
-
-
-def _record(made: Simulation, restoring: str, noise_sd: float, seed: int) -> Signal:
-    return simulate_signal(
-        Oscillator(made.damping, restoring),
-        dict(made.truth),
-        duration=made.duration,
-        samples=made.samples,
-        noise_sd=noise_sd,
-        name="simulated",
-        rng=np.random.default_rng(seed),
-    )
+    return make(noise_sd=noise_sd), noise_sd
 
 
 def as_csv(signal: Signal) -> str:
     """The record as CSV, behind a line by which it is known as ours."""
     rows = (f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y, strict=True))
-    return "\n".join([SIMULATED, "t (s),angle (rad)", *rows]) + "\n"
-
-
-def _checked(given: Mapping[str, object], restoring: str) -> Simulation:
-    if restoring not in LAWS.names():
-        raise InputError(
-            f"--restoring: unknown restoring law {restoring[:40]!r}{nearest(restoring, LAWS.names())}"
-        )
-    needed = LAWS.get(restoring).parameters
-    given = {**{name: value for name, value in LAW.items() if name in needed}, **given}
-    missing = [name for name in needed if name not in given]
-    if missing:
-        raise InputError(f"--set: {restoring} needs {', '.join(f'{name}=NUMBER' for name in missing)} too")
-    entry = {"name": "simulated", "simulate": {**START, **given}, "system": {"restoring": restoring}}
-    try:
-        made = resolve_signal(entry, {}, Path(), "").source
-    except StudyError as error:
-        raise InputError(error.within("simulate"), "simulate") from None
-    assert isinstance(made, Simulation)
-    return made
+    return FIRST_LINE + "\n".join(["t (s),angle (rad)", *rows]) + "\n"

@@ -4,45 +4,35 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Callable
+import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from bayesdamp.types import InputError
 
-SIMULATED = "# simulated by bayesdamp"
+FIRST_LINE = "# simulated by bayesdamp\n"
 """First line of a simulated record."""
-PAGE = '<meta name="generator" content="bayesdamp look">'
+GENERATOR = '<meta name="generator" content="bayesdamp look">'
 """In the head of a page of `bayesdamp look`."""
+SIMULATED = re.compile(FIRST_LINE)
+LOOK_PAGE = re.compile(rf"<!doctype html>(?:(?!</style>).)*{re.escape(GENERATOR)}", re.DOTALL)
+CLAIMS_PAGE = re.compile(r"# The paper's claims, measured\n.*\nMade by `bayesdamp claims`\.", re.DOTALL)
+"""How files begin that `bayesdamp simulate`, `look` and `claims` have written."""
 _HEAD = 4096
 """Bytes of a file in which it says what it is."""
-
-
-def is_simulated(head: str) -> bool:
-    """Whether a file that begins so is a record of `bayesdamp simulate`."""
-    return head.startswith(f"{SIMULATED}\n")
-
-
-def is_page(head: str) -> bool:
-    """Whether it is a page of `bayesdamp look`."""
-    return head.startswith("<!doctype html>") and PAGE in head.partition("</style>")[0]
-
-
-def is_claims(head: str) -> bool:
-    """Whether it is the page of `bayesdamp claims`."""
-    return head.startswith("# The paper's claims, measured\n") and "\nMade by `bayesdamp claims`." in head
 
 
 @dataclass(frozen=True)
 class SingleFile:
     """A file that a command writes.
 
-    ours: whether one that begins so was made by the same command, and may be replaced. option: by which it was named.
-    inputs: files that the command reads.
+    ours: how one begins that was made by the same command, and may be replaced. option: by which it was named. inputs:
+    files that the command reads.
     """
 
     path: Path
-    ours: Callable[[str], bool]
+    ours: re.Pattern[str]
     option: str
     inputs: tuple[Path, ...] = ()
 
@@ -59,10 +49,16 @@ class SingleFile:
             raise self._refused(error) from None
         except InputError as error:
             raise InputError(f"{self.option} {error}") from None
-        if any(_same(self.path, one) for one in self.inputs):
-            raise InputError(f"{self.option} {self.path}: is read by this command; give another name")
-        if os.path.lexists(self.path) and not self.ours(_head(self.path)):
-            raise self._taken()
+        for other in self.inputs:
+            with suppress(OSError):
+                if self.path.samefile(other):
+                    raise InputError(f"{self.option} {self.path}: is read by this command; give another name")
+        if os.path.lexists(self.path):
+            head = ""
+            with suppress(OSError), self.path.open("rb") as handle:
+                head = handle.read(_HEAD).decode("utf-8", "replace")
+            if self.ours.match(head) is None:
+                raise self._taken()
 
     def write(self, text: str) -> None:
         """Write it in one step, all of it or nothing. Raises InputError; OSError where the disk is full."""
@@ -88,18 +84,3 @@ class SingleFile:
         what = error.strerror or str(error)
         what = what if error.errno == errno.ENOTDIR else what.lower()
         return InputError(f"{self.option} {self.path}: cannot be written: {what}; give a new file's name")
-
-
-def _same(one: Path, other: Path) -> bool:
-    try:
-        return one.samefile(other)
-    except OSError:
-        return False
-
-
-def _head(path: Path) -> str:
-    try:
-        with path.open("rb") as handle:
-            return handle.read(_HEAD).decode("utf-8", "replace")
-    except OSError:
-        return ""

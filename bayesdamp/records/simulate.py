@@ -11,6 +11,7 @@ from bayesdamp.physics.trajectories import simulate
 from bayesdamp.provenance import Provenance
 from bayesdamp.types import InputError, Signal
 
+NOISES = ("gaussian", "correlated", "student_t")
 GAP = 0.02
 """Length of one gap, as a share of the record."""
 
@@ -26,7 +27,7 @@ def simulate_signal(
     noise_time: float | None = None,
     noise_dof: float | None = None,
     outliers: float = 0,
-    gaps: float = 0,
+    gaps: int = 0,
     quantum: float = 0.0,
     quantity: str = "angle",
     unit: str = "rad",
@@ -36,43 +37,20 @@ def simulate_signal(
     """A record of the oscillator `osc` with the parameters p, equally spaced from 0 to duration (s),
     both kept.
 
-    noise_sd: standard deviation of the noise in the unit of the recorded quantity; for noise =
-    "student_t" its scale, with noise_dof degrees of freedom; for "correlated" its stationary value, the
-    correlation falling as exp(−Δt/noise_time), noise_time in s. "gaussian" is white. outliers: how many
-    samples are spikes, or below 1 which share of them; a spike is 0.3 to 1 times half of the record's
-    range, up or down. gaps: below 1 the share of samples that are missing, in stretches of a fiftieth
-    of the record or a little less; else how many such stretches; never at the ends. quantum: recording
-    step that values are rounded to. unit: "rad" or "m", that of the displacement.
-    The provenance holds nothing of the truth. Raises InputError, one line, where an option makes no sense.
+    noise_sd: standard deviation of the noise in the unit of the recorded quantity; for noise = "student_t" its scale,
+    with noise_dof degrees of freedom; for "correlated" its stationary value, the correlation falling as
+    exp(−Δt/noise_time), noise_time in s. "gaussian" is white. outliers: how many samples are spikes, or below 1 which
+    share of them; a spike is 0.3 to 1 times half of the record's range, up or down. gaps: stretches of a fiftieth of
+    the record that are missing, never at the ends. quantum: recording step that values are rounded to. unit: "rad" or
+    "m", that of the displacement. Options are as `resolve_signal` has checked them.
+    The provenance holds nothing of the truth. Raises InputError, one line, for a noise that it cannot draw, for gaps
+    that leave too little, and where the motion does not stay finite.
     """
-    many, length = _stretches(samples, gaps)
-    checks = (
-        (duration > 0, f"duration must be positive, not {duration:g}"),
-        (samples >= 10, f"samples must be at least 10, not {samples}"),
-        (noise_sd >= 0, f"noise_sd must not be negative, it is {noise_sd:g}"),
-        (
-            noise in ("gaussian", "correlated", "student_t"),
-            f"unknown noise {noise!r}; valid are gaussian, correlated, student_t",
-        ),
-        (
-            noise != "correlated" or (noise_time or 0) > 0,
-            'noise = "correlated" needs noise_time, a positive time in s',
-        ),
-        (
-            noise != "student_t" or (noise_dof or 0) > 0,
-            'noise = "student_t" needs noise_dof, a positive number',
-        ),
-        (
-            0 <= outliers <= samples,
-            f"outliers must be a number of samples or a share below 1, not {outliers:g}",
-        ),
-        (gaps >= 0 and many * length <= samples / 2, f"gaps must leave half of the record, {gaps:g} do not"),
-        (quantum >= 0, f"quantum must not be negative, it is {quantum:g}"),
-        (unit in ("rad", "m"), f"unit must be rad or m, not {unit!r}"),
-    )
-    for holds, wrong in checks:
-        if not holds:
-            raise InputError(wrong, name)
+    length = max(int(GAP * samples), 1)
+    if noise not in NOISES:
+        raise InputError(f"unknown noise {noise!r}; valid are {', '.join(NOISES)}", name)
+    if gaps * length > samples / 2:
+        raise InputError(f"gaps must leave half of the record, {gaps} do not", name)
     t = np.linspace(0.0, duration, samples)
     clean = np.asarray(simulate(osc, dict(p), t, quantity=quantity), float)
     if not np.all(np.isfinite(clean)):
@@ -87,7 +65,7 @@ def simulate_signal(
     if quantum:
         y = np.round(y / quantum) * quantum
         notes.append(f"The values lie on steps of {quantum:.4g}.")
-    keep = _kept(samples, many, length, rng)
+    keep = _kept(samples, gaps, length, rng)
     if not keep.all():
         notes.append(f"{int((~keep).sum())} samples are missing.")
     provenance = Provenance(
@@ -116,16 +94,6 @@ def _noise(
     for i in range(1, t.size):
         out[i] = rho[i - 1] * out[i - 1] + np.sqrt(1 - rho[i - 1] ** 2) * white[i]
     return out
-
-
-def _stretches(samples: int, gaps: float) -> tuple[int, int]:
-    """(number, length) of the stretches that are missing."""
-    usual = max(int(GAP * samples), 1)
-    if gaps >= 1 or gaps == 0:
-        return int(gaps), usual
-    missing = max(round(gaps * samples), 1)
-    count = -(-missing // usual)
-    return count, -(-missing // count)
 
 
 def _kept(samples: int, gaps: int, length: int, rng: np.random.Generator) -> np.ndarray:

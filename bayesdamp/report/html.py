@@ -36,3 +36,13 @@ def fill(template: str, **values: object) -> Markup:
 def folded(summary: str, *content: object, open_: bool = False) -> Markup:
     """Content behind a line that unfolds it."""
     return fill("folded.html", summary=summary, content=content, open_=open_)
+
+
+def stack(*parts: object) -> Markup:
+    """Return parts below each other; empty ones are left out."""
+    return fill("stack.html", parts=parts)
+
+
+def paragraph(text: object, look: str = "") -> Markup:
+    """Return a text as a paragraph, escaped. look: its class in the style sheet."""
+    return Markup("<p{}>{}</p>").format(Markup(f' class="{look}"') if look else "", text)

@@ -116,11 +116,11 @@ WRONG = {
     ),
     "term before what is not set": (
         ["simulate", "--out", "x.csv", "--damping", "viscos=1"],
-        "--damping: unknown damping term 'viscos'; did you mean 'viscous'?",
+        "simulate: unknown damping term 'viscos'; did you mean 'viscous'?",
     ),
     "nearly set": (
         ["simulate", "--out", "x.csv", "--damping", "viscous=1", "--set", "stifness=20,gravity=1"],
-        "simulate: stifness: unknown key; did you mean 'stiffness'?",
+        "simulate: linear has no parameter 'stifness'; did you mean 'stiffness'?",
     ),
     "set": (["simulate", "--out", "x.csv", "--damping", "viscous=1", *SET, "--set", "thet0=1"], "'theta0'"),
     "samples": (
@@ -395,5 +395,5 @@ def test_simulate_names_what_a_term_needs_beside_its_coefficient(tmp_path, capsy
     """The control: given, it is simulated."""
     asked = ["simulate", "--damping", "power=0.1", "--out", str(tmp_path / "a.csv")]
     assert main(asked) == 2
-    assert "--set exponent=NUMBER" in capsys.readouterr().err
+    assert "power needs exponent too; give exponent=NUMBER" in capsys.readouterr().err
     assert main([*asked, "--set", "exponent=1.5"]) == 0

@@ -9,7 +9,7 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.cli.looking import page
-from bayesdamp.cli.single_file import PAGE, is_claims, is_page, is_simulated
+from bayesdamp.cli.single_file import CLAIMS_PAGE, GENERATOR, LOOK_PAGE, SIMULATED
 
 ROOT = Path(__file__).parents[2]
 SIMULATE = ("simulate", "--samples", "400", "--duration", "8", "--out")
@@ -91,13 +91,13 @@ def test_a_file_that_comes_up_meanwhile_stays(
 
 
 def test_what_a_command_wrote_is_known(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert is_claims((ROOT / "reports" / "claims.md").read_text(encoding="utf-8")[:4096])
+    assert CLAIMS_PAGE.match((ROOT / "reports" / "claims.md").read_text(encoding="utf-8")[:4096])
     assert main(["look", "ok.csv", "--html", "ok.html"]) == 0
     capsys.readouterr()
     now = (folder / "ok.html").read_text(encoding="utf-8")
-    assert is_page(now)
-    assert not is_page(now.replace(PAGE, ""))
+    assert LOOK_PAGE.match(now)
+    assert not LOOK_PAGE.match(now.replace(GENERATOR, ""))
     # the controls: pages of others that say the same in their text
-    assert not is_page(f"<!doctype html><style></style><p>{PAGE}")
-    assert not is_claims("# Mine\n\nMade by `bayesdamp claims`. So he said.")
-    assert not is_simulated("t (s),angle (rad)\n0.0,0.3\n# simulated by bayesdamp\n")
+    assert not LOOK_PAGE.match(f"<!doctype html><style></style><p>{GENERATOR}")
+    assert not CLAIMS_PAGE.match("# Mine\n\nMade by `bayesdamp claims`. So he said.")
+    assert not SIMULATED.match("t (s),angle (rad)\n0.0,0.3\n# simulated by bayesdamp\n")

@@ -151,7 +151,7 @@ FILES: dict[str, tuple[str, Callable[[Path], object], str]] = {
     "npz encrypted": ("a.npz", encrypted_zip, "encrypted"),
     "npz bomb": ("a.npz", zip_bomb, "GiB"),
     "npy cut": ("a.npy", npy_bomb, "cut off"),
-    "npy bomb": ("a.npy", npy_huge, "GiB"),
+    "npy bomb": ("a.npy", npy_huge, "cut off"),
     "npy header": ("a.npy", lambda p: p.write_bytes(b"\x93NUMPY\1\0\x10\0{'x': ((((((((((("), "not readable"),
     "mat cut": ("a.mat", lambda p: p.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM\x0f\0\0\0"), "cut off"),
     "mat damaged": ("a.mat", damaged("mat"), "not readable"),

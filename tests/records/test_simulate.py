@@ -59,7 +59,6 @@ def test_outliers_gaps_and_quantum():
     assert np.sum(made(outliers=7).y != still) == 7
     assert np.sum(made(outliers=0.01).y != still) == 20
     assert made(gaps=2).t.size == 2001 - 2 * 40
-    assert made(gaps=0.1).t.size == pytest.approx(2001 * 0.9, abs=10)
     assert np.sum(np.diff(made(gaps=2).t) > 0.006) == 2
     assert made(gaps=2).t[-1] == 10.0
     rounded = made(quantum=0.01)
@@ -68,20 +67,9 @@ def test_outliers_gaps_and_quantum():
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"duration": 0.0}, "duration"),
-        ({"samples": 3}, "samples"),
-        ({"noise_sd": -1.0}, "noise_sd"),
-        ({"noise": "pink"}, "unknown noise 'pink'"),
-        ({"noise": "correlated"}, "noise_time"),
-        ({"noise": "student_t"}, "noise_dof"),
-        ({"gaps": 0.9}, "gaps"),
-        ({"outliers": -1}, "outliers"),
-        ({"quantum": -1.0}, "quantum"),
-        ({"unit": "deg"}, "unit"),
-    ],
+    ("options", "message"), [({"noise": "pink"}, "unknown noise 'pink'"), ({"gaps": 30}, "gaps")]
 )
-def test_nonsense_is_refused(options, message):
+def test_what_cannot_be_drawn_is_refused(options, message):
+    """What else makes no sense is refused by the study's own checks, which all callers go through."""
     with pytest.raises(InputError, match=message):
         made(**options)

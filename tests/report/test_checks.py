@@ -268,12 +268,12 @@ def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     told = {"viscous+coulomb": 0.6, "viscous@linear": 0.3, "viscous@pendulum": 0.1}
     found = ranking(run_of(evidence=evidence(**told)), "a", 0)
     assert found is not None
-    lower, own, higher = over_odds(found)
-    assert [lower.factor, own.factor, higher.factor] == [0.5 * FURTHER_TERM, FURTHER_TERM, 2 * FURTHER_TERM]
-    assert own.dampings == pytest.approx({"viscous+coulomb": 0.6, "viscous": 0.4})
-    assert lower.dampings == pytest.approx({"viscous": 0.4 / 0.7, "viscous+coulomb": 0.3 / 0.7})
-    assert next(iter(lower.dampings)) == "viscous"
-    assert higher.dampings["viscous+coulomb"] == pytest.approx(1.2 / 1.6)
+    shares = over_odds(found)
+    assert list(shares) == [0.5 * FURTHER_TERM, FURTHER_TERM, 2 * FURTHER_TERM]
+    lower, own, higher = shares.values()
+    assert own == pytest.approx({"viscous+coulomb": 0.6, "viscous": 0.4})
+    assert lower == pytest.approx({"viscous": 0.4 / 0.7, "viscous+coulomb": 0.3 / 0.7})
+    assert higher["viscous+coulomb"] == pytest.approx(1.2 / 1.6)
     single = ranking(run_of(evidence=evidence(viscous=0.6, coulomb=0.4)), "a", 0)
     assert single is not None
-    assert over_odds(single) == []  # all have as many terms
+    assert over_odds(single) == {}  # all have as many terms

@@ -18,7 +18,7 @@ from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.answer import answer
 from bayesdamp.report.figures.curves import backbone, exponent
 from bayesdamp.report.figures.density import contours, outline
-from bayesdamp.report.figures.evidence import Bar, bars
+from bayesdamp.report.figures.evidence import bars
 from bayesdamp.report.figures.posterior import marginals
 from bayesdamp.report.figures.record import motions, thinned
 from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
@@ -232,7 +232,8 @@ def test_a_legend_has_as_many_columns_as_there_is_room_for(count):
 
 
 def test_a_candidate_without_evidence_is_not_called_the_best():
-    found = [Bar(name, name, value, 0.0, 0.5) for name, value in (("a", 0.0), ("b", -2.0), ("c", np.nan))]
+    values = {"a": 0.0, "b": -2.0, "c": np.nan}
+    found = [{"model": name, "log_bayes_factor": x, "probability": 0.5} for name, x in values.items()]
     said = [text.get_text() for text in bars(found).axes[0].texts]
     assert (said[0], said[2]) == ("best", "not weighed")
     assert said[1].startswith("−2")

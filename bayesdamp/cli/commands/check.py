@@ -22,27 +22,23 @@ def check(
 ) -> int:
     """Read a study and its records, list its tasks, say what is wrong; run nothing."""
     from rich.console import Console
-    from rich.table import Table
 
     loaded = read_study(file, plugin)
     from bayesdamp.config import in_keys
     from bayesdamp.pipeline import cells
     from bayesdamp.pipeline.run import read_records
     from bayesdamp.store.places import Place
+    from bayesdamp.table import Table
 
     with in_keys():
         read_records(loaded)
     counts = Counter(Place.of(cell.name).kind for cell in cells(loaded))
     console = Console()
-    summary = Table("", "what the study asks for", title=f"{loaded.name}: {file}", title_justify="left")
-    for label, names in _asked(loaded):
-        summary.add_row(label, ", ".join(names) or "none")
-    console.print(summary)
-    table = Table("tasks", "number")
-    for kind, number in counts.items():
-        table.add_row(kind, str(number))
-    table.add_row("all", str(sum(counts.values())), style="bold")
-    console.print(table)
+    asked = [(label, ", ".join(names) or "none") for label, names in _asked(loaded)]
+    summary = Table(["", "what the study asks for"], asked)
+    console.print(summary.rich(title=f"{loaded.name}: {file}", title_justify="left"))
+    tasks = [(kind, str(number)) for kind, number in (*counts.items(), ("all", counts.total()))]
+    console.print(Table(["tasks", "number"], tasks).rich())
     typer.echo(f"{file}: ok")
     return 0
 

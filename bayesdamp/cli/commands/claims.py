@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bayesdamp.cli.single_file import SingleFile, is_claims
+from bayesdamp.cli.single_file import CLAIMS_PAGE, SingleFile
 from bayesdamp.types import InputError
 
 
@@ -25,7 +25,7 @@ def claims(
     for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
         if folder is not None and not (folder / "run.json").is_file():
             raise InputError(f"{option} {folder}: holds no run; give the folder that bayesdamp study wrote")
-    page = SingleFile(out, is_claims, "--out")
+    page = SingleFile(out, CLAIMS_PAGE, "--out")
     page.check()
     if paper is not None:
         _require_the_paper_s(paper)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.single_file import SingleFile, is_page
+from bayesdamp.cli.single_file import LOOK_PAGE, SingleFile
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def look(
     from bayesdamp.records.envelope.reading import are_envelopes
     from bayesdamp.records.opening.opening import contents
 
-    page = SingleFile(html, is_page, "--html", (file, *(plugin or ()))) if html is not None else None
+    page = SingleFile(html, LOOK_PAGE, "--html", (file, *(plugin or ()))) if html is not None else None
     if page is not None:
         page.check()
     use(read_modules(plugin or ()))
@@ -90,23 +91,11 @@ def _width(console: Console) -> int:
 
 
 def _show_file(console: Console, file: Path, held: Contents) -> None:
-    from rich.table import Table
-
     from bayesdamp.cli.looking.said import described
 
-    table = Table(
-        "",
-        "column",
-        "unit",
-        "samples",
-        "from",
-        "to",
-        title=f"{file.name}: {held.format}",
-        title_justify="left",
-    )
-    for row in described(held)[:COLUMNS]:
-        table.add_row(*row)
-    console.print(table)
+    table = described(held)
+    first = replace(table, lines=table.lines[:COLUMNS])
+    console.print(first.rich(title=f"{file.name}: {held.format}", title_justify="left"))
     if len(held.columns) > COLUMNS:
         console.print(f"and {len(held.columns) - COLUMNS} more columns", style="bright_black")
     for name, value in list(held.facts.items())[:FACTS]:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.single_file import SingleFile, is_simulated
+from bayesdamp.cli.single_file import SIMULATED, SingleFile
 
 
 def simulate(
@@ -40,21 +40,18 @@ def simulate(
     plugin: o.Plugins = None,
 ) -> int:
     """Write a simulated record to play with: a CSV of times in s and angles in rad."""
-    from bayesdamp.cli.simulated import as_csv, pairs, simulated, taken, terms_and_set
+    from bayesdamp.cli.simulated import as_csv, pairs, simulated, taken
     from bayesdamp.plugins import read_modules, use
 
-    file = SingleFile(out, is_simulated, "--out", tuple(plugin or ()))
+    file = SingleFile(out, SIMULATED, "--out", tuple(plugin or ()))
     file.check()
     use(read_modules(plugin or ()))
     terms, system = pairs(damping or [], "--damping"), pairs(set_ or [], "--set")
-    given = terms_and_set(terms, system, restoring)
-    given |= {"duration": duration, "samples": samples}
-    given |= {} if noise_sd is None else {"noise_sd": noise_sd}
-    record, sd = simulated(given, restoring, seed)
+    record, sd = simulated(terms, system, restoring, noise_sd, duration=duration, samples=samples, seed=seed)
     file.write(as_csv(record))
     if by_default := taken(terms, system, restoring):
         typer.echo(f"taken where nothing was said: {by_default}", err=True)
-    if "noise_sd" not in given:
+    if noise_sd is None:
         typer.echo(f"noise: sd {sd:g} rad, 1 % of the amplitude (--noise-sd 0 for none)", err=True)
     typer.echo(out)
     return 0

@@ -11,17 +11,19 @@ if TYPE_CHECKING:
 
     from bayesdamp.cli.asking import Found
     from bayesdamp.records.files.contents import Contents
+    from bayesdamp.table import Table
 
 
 MANY = 4
 """Holes that are named one by one."""
 
 
-def described(held: Contents) -> list[tuple[str, ...]]:
+def described(held: Contents) -> Table:
     """A row for each column: number, name, unit, samples, first and largest values."""
     import numpy as np
 
     from bayesdamp.records.columns.names import seconds_of_unit, unit_said
+    from bayesdamp.table import Table
     from bayesdamp.units import UNITS
 
     rows = []
@@ -32,7 +34,7 @@ def described(held: Contents) -> list[tuple[str, ...]]:
         y = column.values[np.isfinite(column.values)]
         ends = (f"{y.min():.6g}", f"{y.max():.6g}") if y.size else ("", "")
         rows.append((str(i), column.name or "-", said or "-", str(y.size), *ends))
-    return rows
+    return Table(["", "column", "unit", "samples", "from", "to"], rows, (1, 2))
 
 
 @dataclass(frozen=True)

@@ -70,8 +70,10 @@ def simulate(
         if key not in numbers:
             raise InputError(f"simulate: {restoring} has no parameter {key!r}{nearest(key, list(numbers))}")
     given = {**START, **{n: v for n, v in AT_REST.items() if n in needed}, **parameters}
-    if missing := [n for n in needed if n not in given]:
-        raise InputError(f"simulate: {restoring} needs {missing[0]} too; give {missing[0]}=NUMBER")
+    beside = {p.name: term for term in keys if keys[term] in damping for p in TERMS.get(term).inferred}
+    for parameter, what in {**dict.fromkeys(needed, restoring), **beside}.items():
+        if parameter not in given:
+            raise InputError(f"simulate: {what} needs {parameter} too; give {parameter}=NUMBER")
     options = {"duration": float(duration), "samples": samples, "noise_sd": float(noise_sd), "noise": noise}
     options |= {"outliers": float(outliers), "gaps": gaps, "quantum": float(quantum)}
     options |= {"quantity": quantity, "unit": unit}

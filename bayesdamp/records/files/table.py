@@ -47,18 +47,9 @@ class Layout:
     units: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()
 
-    def label(self, column: int) -> str:
-        """A column's name (index from 0) with its unit, where the file has a line of them; empty without a name."""
-        name, unit = self.names[column], self.units[column].strip("()[] -") if self.units else ""
-        return f"{name} ({unit})" if name and unit else name
-
     def cells(self, line: str) -> list[str]:
         """The cells of a line, stripped."""
         return split(line, self.separator)
-
-    def number(self, cell: str) -> float | None:
-        """The number (or the time of day in s) that a cell holds, None where it holds something else."""
-        return number(cell, self.decimal)
 
 
 def split(line: str, separator: str) -> list[str]:

@@ -95,12 +95,6 @@ def features(signal: Signal) -> Features:
     )
 
 
-def regular(turns: Turning, noise: float) -> Turning:
-    """The longest run of turning points that follow each other in step and stand out of the noise."""
-    runs = regular_runs(turns, noise)
-    return max(runs, key=lambda run: run.times.size, default=turns.cut(0, 0))
-
-
 def regular_runs(turns: Turning, noise: float) -> list[Turning]:
     """The runs of turning points that follow each other in step and stand out of the noise, in their order."""
     if turns.times.size < 3:

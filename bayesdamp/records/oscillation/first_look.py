@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bayesdamp import formatting as fmt
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.law_free import TWO_SIDED, law_free
 from bayesdamp.types import Signal
 from bayesdamp.units import Unit
-
-MOST_DECIMALS = 9
-"""Decimal places of a frequency in Hz beyond which it is written with an exponent."""
 
 
 @dataclass(frozen=True)
@@ -121,19 +119,10 @@ def first_words(signal: Signal) -> FirstWords:
 
 
 def _hertz(frequency: float, half: float) -> str:
-    """A frequency in Hz, as many digits as half its interval allows; about what it is where that has no end."""
-    if not half < frequency:
-        return f"about {frequency:.2g} Hz"
-    half = max(half, 1e-9 * frequency)
-    decimals = max(1 - int(np.floor(np.log10(half))), 0)
-    if decimals > MOST_DECIMALS:
-        digits = decimals + 1 + int(np.floor(np.log10(frequency)))
-        return f"{frequency:.{digits}g} ± {half:.2g} Hz"
-    return f"{frequency:.{decimals}f} ± {half:.{decimals}f} Hz"
+    """A frequency in Hz with half its interval; about what it is where that is as large as itself, or not known."""
+    return f"{fmt.with_error(frequency, half)} Hz" if half < frequency else f"about {frequency:.2g} Hz"
 
 
 def _percent(d: DampingAt) -> str:
-    """A damping ratio in per cent with half its 95 % interval, as many digits as that allows."""
-    half = 100 * TWO_SIDED * d.stderr
-    decimals = int(np.clip(1 - np.floor(np.log10(max(half, 1e-9))), 0, 6)) if half else 3
-    return f"{100 * d.ratio:.{decimals}f} ± {half:.{decimals}f} %"
+    """A damping ratio in per cent with half its 95 % interval."""
+    return f"{fmt.with_error(100 * d.ratio, 100 * TWO_SIDED * d.stderr)} %"

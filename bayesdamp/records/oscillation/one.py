@@ -13,6 +13,7 @@ from bayesdamp.records.oscillation.modes import Modes, damped_modes, few_samples
 from bayesdamp.records.oscillation.returning import wandering
 from bayesdamp.records.oscillation.rough import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_period
+from bayesdamp.records.oscillation.turning import zigzag
 
 EXPLAINED = 0.95
 """Share of what one damped sinusoid leaves that a second must explain, and of the whole that both must."""
@@ -111,7 +112,7 @@ def _modes_of(t: np.ndarray, y: np.ndarray, one: Modes, harmonics: bool) -> NotO
         return None  # a base line that wanders
     if g / f - 1 < CLOSE:
         ranges, noise = _ranges(t, y, 1 / f), float(np.std(y)) * two.left**0.5
-        if _lifted(ranges, noise) < LIFTED and not (
+        if lifted(ranges, noise) < LIFTED and not (
             steady and _levels(two, ranges, noise, float(t[-1] - t[0]))
         ):
             return None
@@ -139,31 +140,13 @@ def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
         or wandering(t, y, period, noise)
     ):
         return None
-    steps = _zigzag(np.log(ranges))
-    rises = [b - a for a, b, up in steps if up and b - a >= SLOWLY]
+    turns, _ = zigzag(np.log(ranges), np.full(ranges.size, np.log(AGAIN)))
+    rises = [b - a for a, b in pairwise(turns[:-1]) if ranges[b] > ranges[a] and b - a >= SLOWLY]
     if len(rises) < RISES or sum(rises) < RISING * ranges.size:
         return None
     nan, f = np.array([np.nan]), np.array([1 / period])
     modes = Modes(f, nan, nan, np.array([0.5 * ranges.min()]), np.array([0.5 * ranges.max()]), 1.0)
     return NotOne("excited", modes, float(len(rises)))
-
-
-def _zigzag(logs: np.ndarray) -> list[tuple[int, int, bool]]:
-    """The rises and falls of values (n,) by `AGAIN` and more: (first, last, whether it rises) of each."""
-    found: list[tuple[int, int, bool]] = []
-    low = high = 0
-    up: bool | None = None
-    least = float(np.log(AGAIN))
-    for i, value in enumerate(logs.tolist()):
-        low = i if up is not True and value < logs[low] else low
-        high = i if up is not False and value > logs[high] else high
-        if up is not True and value - logs[low] > least:
-            found += [(high, low, False)] if up is False else []
-            up, high = True, i
-        elif up is not False and logs[high] - value > least:
-            found += [(low, high, True)] if up is True else []
-            up, low = False, i
-    return found
 
 
 def _stays(one: Modes, duration: float) -> bool:
@@ -200,18 +183,26 @@ def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
     return np.array([np.ptp(y[a:b]) for a, b in whole])
 
 
-def _lifted(ranges: np.ndarray, noise: float) -> float:
-    """By how much the amplitude surely rises again after it has fallen, relative to itself then.
+def lifted(ranges: np.ndarray, noise: float, together: int = TOGETHER) -> float:
+    """Return by how much an amplitude surely rises again after it has fallen, relative to itself then.
 
-    The larger of two ranges in a row is compared with the lesser of two later ones. Damping of any law takes energy: of
-    one oscillator this is noise. noise: standard deviation of a sample.
+    Damping of any law takes energy: of one oscillator this is noise.
+
+    Parameters
+    ----------
+    ranges : ndarray, shape (n,)
+        Ranges of periods or of swings, in their order.
+    noise : float
+        Standard deviation of a sample.
+    together : int
+        The largest of so many ranges in a row is compared with the least of as many later ones.
     """
-    if ranges.size < 2 * TOGETHER:
+    if ranges.size < 2 * together:
         return 0.0
-    runs = np.lib.stride_tricks.sliding_window_view(ranges, TOGETHER)
-    before, later = np.minimum.accumulate(runs.max(axis=1))[:-TOGETHER], runs.min(axis=1)[TOGETHER:]
-    lifted = later - before - CLEAR * noise
-    return float(max(np.max(lifted / np.maximum(later, 1e-300)), 0.0))
+    runs = np.lib.stride_tricks.sliding_window_view(ranges, together)
+    before, later = np.minimum.accumulate(runs.max(axis=1))[:-together], runs.min(axis=1)[together:]
+    rises = later - before - CLEAR * noise
+    return float(max(np.max(rises / np.maximum(later, 1e-300)), 0.0))
 
 
 def _levels(two: Modes, ranges: np.ndarray, noise: float, duration: float) -> bool:

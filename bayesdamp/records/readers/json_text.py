@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.stamps import seconds, stamp
-from bayesdamp.records.files.table import number
+from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.files.tree import Walk
-from bayesdamp.records.readers.text import text_of
+from bayesdamp.records.readers.text import column_of, text_of
 from bayesdamp.types import InputError
 
 LARGEST = 2**28
@@ -91,20 +89,10 @@ def _samples(walk: Walk, path: str, rows: list[dict[str, Any]]) -> None:
     """Columns out of a list of samples, each a table of names and values; numbers may be in quotes."""
     for key in dict.fromkeys(key for row in rows for key in row):
         cells = [row.get(key) for row in rows]
-        texts = ["" if x is None or isinstance(x, bool) else str(x).strip() for x in cells]
-        found = [number(text, ".") if text else None for text in texts]
-        if all(x is None for x in found):
-            continue
-        values = np.array([np.nan if x is None else x for x in found])
-        clock = any(":" in text for text in texts)
-        if clock:
-            said = [stamp(text) for text in texts]
-            at = [i for i, x in enumerate(said) if x is not None]
-            values[at] = seconds([said[i][0] for i in at], values[at])  # type: ignore[index]
-        words = {i: t[:40] for i, (t, x) in enumerate(zip(texts, found, strict=True)) if t and x is None}
-        empty = np.array([not text for text in texts])
-        name = f"{path}.{key}" if path else str(key)
-        walk.columns.append(Column(name, values, path, clock=clock, empty=empty, words=words))
+        texts = [["" if x is None or isinstance(x, bool) else str(x).strip()] for x in cells]
+        column = column_of(texts, 0, ".", f"{path}.{key}" if path else str(key), path)
+        if np.isfinite(column.values).any():
+            walk.columns.append(column)
 
 
 PLUGIN = JsonReader()

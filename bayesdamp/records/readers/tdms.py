@@ -56,17 +56,12 @@ class TdmsReader(Reader):
 @contextmanager
 def _unlogged() -> Iterator[None]:
     """Without the library's own lines on stderr about damaged segments."""
-    from nptdms.log import log_manager
-
-    loggers = list(log_manager.loggers.values())
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.CRITICAL)
+    before = logging.root.manager.disable
+    logging.disable()
     try:
         yield
     finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
+        logging.disable(before)
 
 
 def _column(channel: Any, group: str, several: bool) -> Column | None:

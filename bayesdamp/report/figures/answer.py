@@ -111,8 +111,7 @@ def _energies(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
         a, values = arrays["free/amplitude"], arrays["free/lost"]
         ax.plot(a, values, color=INK, label="without a law")
         lost = bool(np.any(values > 0))
-    ax.set_xscale("log")
-    ax.set_yscale("log" if lost else "linear")
+    ax.set(xscale="log", yscale="log" if lost else "linear")
     _plain(ax)
     ax.set_xlim(a.min(), a.max())
     _finish(
@@ -132,6 +131,4 @@ def _plain(ax: Axes) -> None:
 
 
 def _finish(ax: Axes, title: str, xlabel: str, ylabel: str) -> None:
-    ax.set_title(title)
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
+    ax.set(title=title, xlabel=xlabel, ylabel=ylabel)

@@ -14,18 +14,34 @@ from bayesdamp.report.figures.density import outline
 from bayesdamp.report.style import INK, QUIET, WIDTH, colour, legend_above, looks
 
 
-def amplitude(model: str, amplitudes: np.ndarray, ratio: np.ndarray, reference: float, unit: str) -> Figure:
-    """ratio: its quantiles 2.5, 50 and 97.5 % at the amplitudes, shape (3, m); reference: amplitude of the tables, both
-    in `unit`."""
-    figure = Figure(figsize=(WIDTH * 0.5, 2.2))
+def ratio(
+    amplitudes: np.ndarray,
+    band: np.ndarray,
+    unit: str,
+    shade: str,
+    medians: Mapping[str, np.ndarray] | None = None,
+    reference: float | None = None,
+) -> Figure:
+    """Draw an equivalent damping ratio against amplitude.
+
+    band: its quantiles 2.5, 50 and 97.5 % at the amplitudes (in `unit`), shape (3, m); medians: of each model of which
+    it is the average, by name, shape (m,); reference: amplitude of the tables.
+    """
+    figure = Figure(figsize=(WIDTH * (0.7 if medians else 0.5), 2.7 if medians else 2.2))
     ax = figure.add_subplot()
-    low, median, high = 100.0 * ratio
-    ax.fill_between(amplitudes, low, high, color=colour(model), alpha=0.22, lw=0)
-    ax.plot(amplitudes, median, color=colour(model), lw=1.3)
-    ax.axvline(reference, color=INK, lw=0.7, ls=(0, (1, 2)))
-    ax.set_xlabel(f"amplitude / {unit}")
-    ax.set_ylabel("equivalent\ndamping ratio / %")
-    ax.set_ylim(0, 1.25 * float(np.nanmax(high)) or 1.0)
+    low, median, high = 100 * band
+    ax.fill_between(amplitudes, low, high, color=shade, alpha=0.2, lw=0)
+    ax.plot(amplitudes, median, color=shade, lw=1.6, label="average")
+    for model, (ink, dashes) in looks(medians or {}).items():
+        ax.plot(
+            amplitudes, 100 * (medians or {})[model], color=ink, ls=dashes, lw=1.0, label=words.model(model)
+        )
+    if reference is not None:
+        ax.axvline(reference, color=INK, lw=0.7, ls=(0, (1, 2)))
+    ax.set(xlabel=f"amplitude / {unit}", ylabel="equivalent\ndamping ratio / %")
+    ax.set_ylim(0, 1.4 * float(np.nanmax(high)) or 1.0)
+    if medians:
+        legend_above(figure)
     return figure
 
 
@@ -64,9 +80,7 @@ def backbone(
         # Few points do not say how far a picture should reach: the candidates do.
         low, high = (good.min(), good.max()) if good.size >= FEW else (seen.min(), seen.max())
         room = 0.35 * (high - low) + 0.01 * abs(high)
-        ax.set_ylim(max(low - room, 0.0), high + room)
-        ax.set_xlabel(f"amplitude / {unit}")
-        ax.set_ylabel(axis)
+        ax.set(ylim=(max(low - room, 0.0), high + room), xlabel=f"amplitude / {unit}", ylabel=axis)
     legend_above(figure)
     return figure
 
@@ -106,10 +120,7 @@ def draw_exponent(ax: Axes, draws: np.ndarray, interval: tuple[float, float, flo
     ax.plot(grid, height, color=INK, lw=1.0)
     ax.plot([low, high], [-0.13, -0.13], color=INK, lw=2.4)
     ax.plot([value], [-0.13], "o", color=INK, ms=5)
-    ax.set_xlim(*ENDS)
-    ax.set_ylim(-0.3, 1.12)
-    ax.set_yticks([])
+    ax.set(xlim=ENDS, ylim=(-0.3, 1.12), yticks=[])
     ax.spines["left"].set_visible(False)
-    ax.set_xticks([0, 0.5, 1, 1.5, 2, 2.5, 3])
-    ax.set_xlabel("exponent of the velocity")
+    ax.set(xticks=[0, 0.5, 1, 1.5, 2, 2.5, 3], xlabel="exponent of the velocity")
     ax.set_title(title, loc="left", pad=16)

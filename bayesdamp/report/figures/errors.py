@@ -130,8 +130,6 @@ def sweep(found: Series, methods: list[str]) -> Figure:
 
 
 def _finish(ax: Axes, x: np.ndarray, found: Series) -> None:
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_xlabel(FACTORS[found.factor])
+    ax.set(xscale="log", yscale="log", xlabel=FACTORS[found.factor])
     ax.set_xticks(x, [fmt.given(v) for v in found.values])
     ax.minorticks_off()

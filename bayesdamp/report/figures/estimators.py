@@ -62,10 +62,12 @@ def _panel(ax: Axes, one: CoefficientEstimates, methods: Sequence[str]) -> None:
             ax.plot(ends, [row + apart] * 2, "|", ms=7, mec=INK, mew=1.2)
         elif np.isfinite(error):
             off_axis(ax, f"published ± {error:g} %", False, row + apart)
-    ax.set_xlim(low, high)
-    ax.set_ylim(len(methods) - 0.4, -0.6)
-    ax.set_title(f"{one.signal}, {words.model(one.model)}" if one.signal != one.model else one.signal)
-    ax.set_xlabel(words.axis(one.parameter, one.unit))
+    ax.set(
+        xlim=(low, high),
+        ylim=(len(methods) - 0.4, -0.6),
+        title=f"{one.signal}, {words.model(one.model)}" if one.signal != one.model else one.signal,
+        xlabel=words.axis(one.parameter, one.unit),
+    )
     ax.locator_params(axis="x", nbins=4)
     ax.tick_params(axis="y", length=0)
     ax.spines["left"].set_visible(False)
@@ -107,8 +109,7 @@ def eigenvalues(real: Sequence[float], imaginary: Sequence[float], model: str) -
     ax.axvline(0, color=FAINT, lw=0.8, zorder=0.5)
     ax.axhline(0, color=FAINT, lw=0.8, zorder=0.5)
     ax.plot(real, imaginary, "x", ms=6, mew=1.4, color=colour(model))
-    ax.set_xlabel("real part / (1/s)")
-    ax.set_ylabel("imaginary part / (rad/s)")
+    ax.set(xlabel="real part / (1/s)", ylabel="imaginary part / (rad/s)")
     reach = 1.15 * max((abs(x) for x in real), default=1.0) or 1.0
     ax.set_xlim(-reach, reach)
     return figure
@@ -123,7 +124,6 @@ def force(
     ax.axhline(0, color=FAINT, lw=0.8, zorder=0.5)
     ax.plot(velocity, np.asarray(law, float), color=INK, lw=1.0, ls=(0, (3, 2)), label="law")
     ax.plot(velocity, np.asarray(learnt, float), color=colour(model), lw=1.4, label="learnt")
-    ax.set_xlabel(f"velocity / ({unit}/s)")
-    ax.set_ylabel(f"damping force / ({unit}/s²)")
+    ax.set(xlabel=f"velocity / ({unit}/s)", ylabel=f"damping force / ({unit}/s²)")
     ax.legend(loc="upper left", labelcolor=QUIET)
     return figure

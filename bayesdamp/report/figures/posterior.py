@@ -43,9 +43,7 @@ def marginals(
                 ax.fill_between(grid, height, color=fill, alpha=0.22, lw=0)
         if np.isfinite(truth.get(name, np.nan)):
             ax.axvline(truth[name], color=INK, lw=0.9, ls=(0, (2, 2)))
-        ax.set_xlabel(words.axis(name, units.get(name, "")))
-        ax.set_yticks([])
-        ax.set_ylim(0, 1.08)
+        ax.set(xlabel=words.axis(name, units.get(name, "")), yticks=[], ylim=(0, 1.08))
         ax.spines["left"].set_visible(False)
         ax.locator_params(axis="x", nbins=4)
     _legend(figure, model, list(draws), truth)
@@ -82,8 +80,7 @@ def pairs(
             _mark_truth(ax, across, None if row == column else below, truth)
             ax.locator_params(nbins=4)
             if row == column:
-                ax.set_ylim(0, 1.08)
-                ax.set_yticks([])
+                ax.set(ylim=(0, 1.08), yticks=[])
                 ax.spines["left"].set_visible(False)
             elif column == 0:
                 ax.set_ylabel(words.axis(below, units.get(below, "")))
@@ -144,8 +141,10 @@ def running(
             ax.axhline(truth[name], color=INK, lw=0.9, ls=(0, (2, 2)))
         late = t >= t[0] + SETTLING * (t[-1] - t[0])
         bottom, top = float(low[late].min()), float(high[late].max())
-        ax.set_ylim(max(bottom - 0.1 * (top - bottom), 0.0), top + 0.1 * (top - bottom))
-        ax.set_ylabel(words.axis(name, units.get(name, "")))
+        ax.set(
+            ylim=(max(bottom - 0.1 * (top - bottom), 0.0), top + 0.1 * (top - bottom)),
+            ylabel=words.axis(name, units.get(name, "")),
+        )
     figure.axes[-1].set_xlabel("time / s")
     handles = [
         Patch(color=colour(model), alpha=0.35, label="estimate from the record so far, ± 2 sd"),

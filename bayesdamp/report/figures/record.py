@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,6 @@ from bayesdamp.provenance import Piece
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import NARROW, broken
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, legend_columns, looks
-from bayesdamp.store.contents.candidates import Part
 from bayesdamp.verdict.parts import Mode
 
 KEPT = "#0072B2"
@@ -61,8 +60,7 @@ def record(t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], axis: str, unit: s
         whole.plot(at, values, color=colour(best.model), lw=0.6, label=f"fit of {words.model(best.model)}")
         whole.legend(loc="upper right", ncols=2, borderaxespad=0.1)
     _finish(whole, axis, "Record" + (" and best fit" if fits else ""))
-    whole.set_xlabel("time / s")
-    whole.set_xlim(t[0], t[-1])
+    whole.set(xlabel="time / s", xlim=(t[0], t[-1]))
     if not fits:
         return figure
     length = min(3.0 * period, 0.5 * (t[-1] - t[0]))
@@ -153,16 +151,16 @@ def _residuals(figure: Figure, place: SubplotSpec, t: np.ndarray, fits: Sequence
         left.plot(at, values, color=colour(fit.model), lw=0.5)
         left.axhline(0.0, color=QUIET, lw=0.6)
         reach = 1.15 * float(np.nanmax(np.abs(fit.residual), initial=0.0)) or 1.0
-        left.set_ylim(-reach, reach)
-        left.set_xlim(t[0], t[-1])
+        left.set(ylim=(-reach, reach), xlim=(t[0], t[-1]))
         _finish(left, unit, f"Residual of {words.model(fit.model)}, rms {fit.rms}")
         right = figure.add_subplot(grid[i, 1])
         if len(fit.autocorrelation):
             right.axhspan(-2 / np.sqrt(len(t)), 2 / np.sqrt(len(t)), color=FAINT, lw=0)
             _stems(right, fit.autocorrelation, colour(fit.model))
             right.axhline(0.0, color=QUIET, lw=0.6)
-            right.set_xlim(-0.5, lags - 0.5)
-            right.set_ylim(-1.05 if fit.autocorrelation.min() < -0.35 else -0.4, 1.08)
+            right.set(
+                xlim=(-0.5, lags - 0.5), ylim=(-1.05 if fit.autocorrelation.min() < -0.35 else -0.4, 1.08)
+            )
         else:
             right.set_axis_off()
         _finish(right, "", "Autocorrelation, whitened" if first_right is None else "")
@@ -185,40 +183,8 @@ def _stems(ax: Axes, values: np.ndarray, shade: str) -> None:
 
 
 def _finish(ax: Axes, ylabel: str, title: str) -> None:
-    ax.set_title(title)
-    ax.set_ylabel(ylabel)
+    ax.set(title=title, ylabel=ylabel)
     ax.locator_params(axis="y", nbins=5)
-
-
-def windows(model: str, names: Sequence[str], found: Sequence[Part], units: Mapping[str, str]) -> Figure:
-    """found: windows with label, values and sd by parameter; the first, the whole record, is a band too."""
-    figure = Figure(figsize=(WIDTH, 0.27 * len(found) + 0.85))
-    axes = np.atleast_1d(figure.subplots(1, len(names), sharey=True))
-    for ax, name in zip(axes, names):
-        values = [_number(w.values.get(name)) for w in found]
-        errors = [_number(w.sd.get(name)) for w in found]
-        if np.isfinite(values[0]) and np.isfinite(errors[0]):
-            ax.axvspan(values[0] - errors[0], values[0] + errors[0], color=colour(model), alpha=0.18, lw=0)
-        ax.errorbar(
-            values,
-            range(len(found)),
-            xerr=np.nan_to_num(errors),
-            fmt="o",
-            ms=4,
-            color=colour(model),
-            lw=1.0,
-        )
-        ax.set_xlabel(words.axis(name, units.get(name, "")))
-        ax.locator_params(axis="x", nbins=5)
-        ax.margins(x=0.12)
-        ax.tick_params(axis="y", length=0)
-    axes[0].set_yticks(range(len(found)), [w.label for w in found])
-    axes[0].set_ylim(len(found) - 0.4, -0.6)
-    return figure
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, (int, float)) else np.nan
 
 
 HEIGHT = 2.7

@@ -25,9 +25,9 @@ class Answer:
     arrays: Mapping[str, np.ndarray]
 
 
-def content_of(run: Run, signal: str, repeat: int) -> AnswerContent | None:
+def content_of(run: Run, signal: str) -> AnswerContent | None:
     """Return what is stored of the answer on one record before sampling; None where no law is the answer."""
-    cell = run.cell("answer", signal, repeat)
+    cell = run.cell("answer", signal, run.repeats(signal)[0])
     content = AnswerContent.of(cell) if cell is not None and cell.outcome == OK else None
     return None if content is None or content.verdict.get("law_free") else content
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,18 +77,13 @@ def sampled(run: Run, signal: str) -> list[Check]:
     if len(verdicts) < 2 or verdicts[0].grade is Grade.NO_FREE_DECAY or verdicts[-1].law_free:
         return []
     found = agreement(*verdicts)
-    if found.confirms:
-        return [Check(sampled_words(found))]
+    text = f"This result is from MCMC sampling; linear approximations alone gave: {verdicts[0].sentence}"
     if found.same:
-        return [
-            Check(
-                "This result is from MCMC sampling; linear approximations gave damping ratios up to "
-                f"{found.moved:.1f} standard deviations away."
-            )
-        ]
-    return [
-        Check(f"This result is from MCMC sampling; linear approximations alone gave: {verdicts[0].sentence}")
-    ]
+        text = (
+            "This result is from MCMC sampling; linear approximations gave damping ratios up to "
+            f"{found.moved:.1f} standard deviations away."
+        )
+    return [Check(sampled_words(found) if found.confirms else text)]
 
 
 def candidate_of(run: Run, signal: str, answer: Answer | None) -> str | None:
@@ -183,28 +179,26 @@ class Checks:
                 found.setdefault(row["sampler"], []).append(row)
         return {s: own for s, own in found.items() if s != ANSWERS}
 
-    def _convergence(self) -> list[Check]:
+    def _convergence(self) -> Iterator[Check]:
         rows = rows_of(self.run.posteriors, signal=self.signal, repeat=self.repeat, model=self.model)
         bad = {(r["sampler"], r["outcome"]) for r in rows if status_of(r["outcome"]) not in SILENT}
-        found = [Check(f"{_name(s)}: {outcome.rstrip('.')}.", fails=True) for s, outcome in sorted(bad)]
-        chains = {s: own for s, own in self._samplers().items() if all(r["outcome"] == OK for r in own)}
-        for s, own in chains.items():
+        for s, outcome in sorted(bad):
+            yield Check(f"{_name(s)}: {outcome.rstrip('.')}.", fails=True)
+        for s, own in self._samplers().items():
+            if any(r["outcome"] != OK for r in own):
+                continue
             sizes = [min(r["ess_bulk"], r["ess_tail"]) for r in own if math.isfinite(r["ess_bulk"])]
             rhat = max((r["rhat"] for r in own if math.isfinite(r["rhat"])), default=math.nan)
             size = f"effective sample size at least {min(sizes):,.0f}" if sizes else ""
             if math.isfinite(rhat):
-                found.append(Check(f"{_name(s)} converged: R̂ at most {rhat:.3f}, {size}."))
+                yield Check(f"{_name(s)} converged: R̂ at most {rhat:.3f}, {size}.")
             else:
-                found.append(
-                    Check(f"{_name(s)} is close to the posterior by its importance weights ({size}).")
-                )
-        return found
+                yield Check(f"{_name(s)} is close to the posterior by its importance weights ({size}).")
 
-    def _coefficients(self) -> list[Check]:
+    def _coefficients(self) -> Iterator[Check]:
         """Compare each coefficient of the chains with the answer's, where both make the same assumptions."""
         if self.verdict is None or self.exact_only:
-            return []
-        found = []
+            return
         for c in self.verdict.coefficients:
             sd = max(c.high - c.low, 1e-300) / (2 * Z95)
             for sampler, rows in self._samplers().items():
@@ -215,65 +209,61 @@ class Checks:
                             f"{_name(sampler)} contradicts the answer: its {words.symbol(c.name).text} is "
                             f"{moved:.1f} of the answer's standard deviations away."
                         )
-                        found.append(Check(text, fails=True))
-        return found
+                        yield Check(text, fails=True)
 
-    def _ratios(self) -> list[Check]:
+    def _ratios(self) -> Iterator[Check]:
         """Compare the damping ratios of the chains with the answer's."""
         v = self.verdict
         drawn = _drawn_ratios(self.run, self.signal, self.repeat, v) if v is not None else None
         if v is None or drawn is None:
-            return []
+            return
         sampler, ratios, averaged = drawn
         name = f"{_name(sampler)}, averaged over the damping models," if averaged else _name(sampler)
         likelier = [r for r in v.rivals if r.probability > v.probability]
         if not averaged and v.probability < 0.5 and likelier:
-            return [
-                Check(
-                    f"{name} sampled {words.model(v.damping)} damping alone, which has probability "
-                    f"{fmt.probability(v.probability)} in the answer; {words.model(likelier[0].damping)} has "
-                    f"{fmt.probability(likelier[0].probability)}."
-                )
-            ]
-        middle = len(ratios) // 2
-        at, size = v.damping_ratio[middle], fmt.with_interval(*ratios[middle], " %", 100)
-        given = f"{size} at {at.amplitude:.2g} {at.unit}"
-        if self.exact_only:
-            return [
-                Check(f"If the law held exactly, the damping ratio would be {given} ({name.rstrip(',')}).")
-            ]
-        off = intervals(v, ratios)
-        if off.confirms:
-            return [Check(f"{name} confirms the damping ratio: {given}.")]
-        i = next(k for k, r in enumerate(v.damping_ratio) if r.amplitude == off.amplitude)
-        at, size = v.damping_ratio[i], fmt.with_interval(*ratios[i], " %", 100)
-        if off.moved < SMALL:
-            text = (
-                f"{name} agrees with the damping ratio but gives an interval {off.wider:.1f} times as wide: {size} at "
-                f"{at.amplitude:.2g} {at.unit}."
+            yield Check(
+                f"{name} sampled {words.model(v.damping)} damping alone, which has probability "
+                f"{fmt.probability(v.probability)} in the answer; {words.model(likelier[0].damping)} has "
+                f"{fmt.probability(likelier[0].probability)}."
             )
-            return [Check(text, fails=off.wider > 1)]
-        return [
-            Check(
-                f"{name} contradicts the damping ratio: it gives {size} at {at.amplitude:.2g} {at.unit}, which is "
-                f"{off.moved:.1f} of the answer's standard deviations away, with an interval {off.wider:.1f} times "
-                "as wide.",
-                fails=True,
-            )
-        ]
+            return
 
-    def _evidence(self, chosen: Ranking | None) -> list[Check]:
+        def given(at: int) -> str:
+            """Return a ratio of the chains with the amplitude that it belongs to."""
+            place = v.damping_ratio[at]
+            size = fmt.with_interval(*ratios[at], " %", 100)
+            return f"{size} at {place.amplitude:.2g} {place.unit}"
+
+        off, middle = intervals(v, ratios), given(len(ratios) // 2)
+        if self.exact_only:
+            yield Check(f"If the law held exactly, the damping ratio would be {middle} ({name.rstrip(',')}).")
+        elif off.confirms:
+            yield Check(f"{name} confirms the damping ratio: {middle}.")
+        else:
+            most = given(next(k for k, r in enumerate(v.damping_ratio) if r.amplitude == off.amplitude))
+            if off.moved < SMALL:
+                size = f"an interval {off.wider:.1f} times as wide"
+                text = f"{name} agrees with the damping ratio but gives {size}: {most}."
+                yield Check(text, fails=off.wider > 1)
+            else:
+                text = (
+                    f"{name} contradicts the damping ratio: it gives {most}, which is {off.moved:.1f} of the answer's "
+                    f"standard deviations away, with an interval {off.wider:.1f} times as wide."
+                )
+                yield Check(text, fails=True)
+
+    def _evidence(self, chosen: Ranking | None) -> Iterator[Check]:
         if chosen is None or chosen.method == ANSWERS:
-            return []
+            return
         run, signal, repeat = self.run, self.signal, self.repeat
-        found = []
         for row in rows_of(run.evidence, signal=signal, repeat=repeat):
             counts = chosen.method != "combined" or row["method"] == "combined"
             if counts and status_of(row["outcome"]) not in SILENT:
                 text = f"The evidence of {label(row)} ({words.method(row['method'])}): {row['outcome'].rstrip('.')}."
-                found.append(Check(text, fails=True))
+                yield Check(text, fails=True)
         if len({damping_of(row) for row in chosen.rows}) < 2:
-            return [*found, Check("No other damping was compared.")]
+            yield Check("No other damping was compared.")
+            return
         methods = dict.fromkeys([chosen.method, *(m for m in chosen.shares if m != ANSWERS)])
         shares = {m: chosen.shares[m] for m in methods if len(chosen.shares[m]) == len(chosen.dampings)}
         leading = next(iter(chosen.dampings))
@@ -282,11 +272,9 @@ class Checks:
             by = fmt.listing(f"{fmt.probability(p[named])} by {words.method(m)}" for m, p in shares.items())
             compared = _among(self.verdict, list(chosen.dampings)) if self.verdict else math.nan
             own = f"; the answer gives {fmt.probability(compared)}" if math.isfinite(compared) else ""
-            found.append(
-                Check(
-                    f"Probability of {words.model(named)} among the compared damping models, other forms left out: "
-                    f"{by}{own}."
-                )
+            yield Check(
+                f"Probability of {words.model(named)} among the compared damping models, other forms left out: "
+                f"{by}{own}."
             )
         for method, p in shares.items():
             first = max(p, key=lambda damping: p[damping])
@@ -294,61 +282,48 @@ class Checks:
                 share = fmt.probability(p[first])
                 text = f"{_name(method)} puts {words.model(first)} first, with probability {share}"
                 if self.exact_only:
-                    found.append(
-                        Check(f"If the laws held exactly: {text}. The choice depends on how well they hold.")
+                    yield Check(
+                        f"If the laws held exactly: {text}. The choice depends on how well they hold."
                     )
                 else:
                     against = "the answer" if self.verdict else words.method(chosen.method)
-                    found.append(Check(f"{text}, which contradicts {against}.", fails=True))
+                    yield Check(f"{text}, which contradicts {against}.", fails=True)
         lowest = min(over_widths(run, signal, repeat, chosen), key=lambda w: w.probability, default=None)
         if lowest is not None and lowest.probability < min(HOLDS, chosen.dampings[leading]):
             text = (
                 f"The width of the priors matters: with priors {fmt.number(lowest.factor, 2)} times as wide, the "
                 f"probability of {words.model(leading)} is {fmt.probability(lowest.probability)}."
             )
-            found.append(Check(text, fails=True))
-        return [*found, *self._repeats()]
+            yield Check(text, fails=True)
+        every = [r for r in (ranking(run, signal, each) for each in run.repeats(signal)) if r]
+        if len(every) > 1:
+            wins = Counter(next(iter(found.dampings)) for found in every)
+            lowest_share = min(next(iter(found.dampings.values())) for found in every)
+            counted = fmt.listing(f"{words.model(d)} in {n}" for d, n in wins.most_common())
+            yield Check(
+                f"Most probable by evidence in {len(every)} repeats of this record: {counted} (at least "
+                f"{fmt.probability(lowest_share)})."
+            )
 
-    def _repeats(self) -> list[Check]:
-        """Say which damping the evidence puts first in each repeat of a simulated record."""
-        repeats = self.run.repeats(self.signal)
-        every = [r for r in (ranking(self.run, self.signal, repeat) for repeat in repeats) if r]
-        if len(every) < 2:
-            return []
-        wins: dict[str, int] = {}
-        for found in every:
-            first = next(iter(found.dampings))
-            wins[first] = wins.get(first, 0) + 1
-        lowest = min(next(iter(found.dampings.values())) for found in every)
-        counts = fmt.listing(
-            f"{words.model(d)} in {n}" for d, n in sorted(wins.items(), key=lambda pair: -pair[1])
-        )
-        text = f"Most probable by evidence in {len(every)} repeats of this record: {counts} (at least "
-        return [Check(f"{text}{fmt.probability(lowest)}).")]
-
-    def _residuals(self) -> list[Check]:
+    def _residuals(self) -> Iterator[Check]:
         """Say whether the candidate fits; not of a study whose laws may deviate, for the fits' laws are exact."""
-        if self.run.under_law:
-            return []
-        found = []
-        for row in rows_of(self.run.fits, signal=self.signal, repeat=self.repeat, model=self.model)[:1]:
+        rows = rows_of(self.run.fits, signal=self.signal, repeat=self.repeat, model=self.model)[:1]
+        for row in () if self.run.under_law else rows:
             verdict, name = row["verdict"].rstrip("."), words.model(self.model or "")
             misfit = fitting_of(verdict) is Fitting.DOES_NOT_FIT
             if verdict and status_of(verdict) not in SILENT:
                 says = f"{name} {verdict}" if fitting_of(verdict) else f"{name}: {verdict}"
-                fails = misfit and not self.exact_only
-                found.append(Check(f"Residuals: {says}.", fails=fails))
+                yield Check(f"Residuals: {says}.", fails=misfit and not self.exact_only)
             if math.isfinite(row["window_spread"]) and row["window_spread"] > WINDOW_SPREAD:
                 text = (
                     "Between parts of the record the coefficients move by "
                     f"{fmt.number(row['window_spread'], 2)} of the standard deviations that chance allows them."
                 )
-                found.append(Check(text, fails=True))
+                yield Check(text, fails=True)
             if math.isfinite(row["predictive_p"]) and not PREDICTIVE < row["predictive_p"] < 1 - PREDICTIVE:
                 p = fmt.number(row["predictive_p"], 2)
                 text = f"Records drawn from the model look different from this one (predictive p {p})."
-                found.append(Check(text, fails=not self.exact_only))
-        return found
+                yield Check(text, fails=not self.exact_only)
 
     def _fits(self, parameter: str) -> list[float]:
         """The trajectory fits of a coefficient under the candidate."""
@@ -356,10 +331,9 @@ class Checks:
         rows = rows_of(rows, stage="refined", parameter=parameter, outcome=OK)
         return [r["value"] for r in rows if math.isfinite(r["value"])]
 
-    def _estimators(self) -> list[Check]:
+    def _estimators(self) -> Iterator[Check]:
         """Say whether the trajectory fits agree with each other, and lie in the answer's intervals."""
         own = {c.name: c for c in self.verdict.coefficients} if self.verdict else {}
-        found = []
         for name in coefficients(self.run, self.model) if self.model else ():
             values = self._fits(name)
             if not values:
@@ -369,31 +343,23 @@ class Checks:
             text = f"{count} {words.symbol(name).text} = {_range(values)}"
             if outside and not self.exact_only:
                 text += f"; {len(outside)} of them outside the answer's 95 % interval"
-            found.append(Check(f"{text}.", fails=bool(outside) and not self.exact_only))
-        return found
+            yield Check(f"{text}.", fails=bool(outside) and not self.exact_only)
 
-    def _truth(self) -> list[Check]:
+    def _truth(self) -> Iterator[Check]:
         """Compare with what a record was simulated with."""
-        made = true_models(self.run).get(self.signal)
-        v, found = self.verdict, []
+        made, v = true_models(self.run).get(self.signal), self.verdict
         if made is not None and v is not None and v.damping:
-            same = set(made.split("+")) == set(v.damping.split("+"))
-            share = next(
-                (r.probability for r in v.rivals if set(r.damping.split("+")) == set(made.split("+"))), 0.0
-            )
             text = f"Truth: the record was simulated with {words.model(made)} damping"
-            if same and v.decided:
-                found.append(Check(f"{text}, as the answer says."))
-            elif same:
-                found.append(
-                    Check(f"{text}, the most probable in the answer ({fmt.probability(v.probability)}).")
-                )
+            if _same_sum([made], v.damping) is None:
+                share = next((r.probability for r in v.rivals if _same_sum([made], r.damping)), 0.0)
+                yield Check(f"{text}, to which the answer gives {fmt.probability(share)}.", fails=True)
+            elif v.decided:
+                yield Check(f"{text}, as the answer says.")
             else:
-                found.append(
-                    Check(f"{text}, to which the answer gives {fmt.probability(share)}.", fails=True)
-                )
-        limits = {c.name: (c.low, c.high) for c in v.coefficients} if v else {}
-        if v is None:
+                yield Check(f"{text}, the most probable in the answer ({fmt.probability(v.probability)}).")
+        if v is not None:
+            limits = {c.name: (c.low, c.high) for c in v.coefficients}
+        else:
             rows = next(iter(self._samplers().values()), [])
             limits = {r["parameter"]: (r["q2.5"], r["q97.5"]) for r in rows}
         for name in coefficients(self.run, self.model) if self.model else ():
@@ -404,10 +370,9 @@ class Checks:
             if name in limits:
                 inside = limits[name][0] <= true <= limits[name][1]
                 where = "inside" if inside else "outside"
-                found.append(Check(f"{text}, {where} the 95 % interval.", fails=not inside))
+                yield Check(f"{text}, {where} the 95 % interval.", fails=not inside)
             elif v is None:
-                found.append(Check(f"{text}."))
-        return found
+                yield Check(f"{text}.")
 
 
 def _name(method: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import takewhile
 
 import numpy as np
@@ -13,22 +13,12 @@ from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.results.answers import Answer
 from bayesdamp.table import Table
+from bayesdamp.verdict.parts import DampingRatio
 from bayesdamp.verdict.tables import number
 
 ANCHOR = "answer-"
 """With a signal's name, where its answer stands on the page."""
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-
-
-@dataclass(frozen=True)
-class Ratio:
-    """A damping ratio with its 95 % interval at an amplitude, which has a unit."""
-
-    value: float
-    low: float
-    high: float
-    amplitude: float
-    unit: str
 
 
 def short_names(names: Sequence[str]) -> dict[str, str]:
@@ -61,18 +51,17 @@ def common_amplitude(answers: Sequence[Answer]) -> float | None:
     return float(np.sqrt(low * high)) if low < high else None
 
 
-def ratio_of(answer: Answer, amplitude: float | None) -> Ratio | None:
+def ratio_of(answer: Answer, amplitude: float | None) -> DampingRatio | None:
     """A record's damping ratio at an amplitude, from its curve; without one, that in the middle of the record."""
     own = answer.verdict.damping_ratio
     if not own:
         return None
     curve = curve_of(answer)
     if amplitude is None or curve is None:
-        middle = own[len(own) // 2]
-        return Ratio(middle.value, middle.low, middle.high, middle.amplitude, middle.unit)
+        return own[len(own) // 2]
     order = np.argsort(curve[0])
     at = [float(np.interp(np.log(amplitude), np.log(curve[0][order]), c[order])) for c in curve[1:]]
-    return Ratio(at[0], at[1], at[2], amplitude, own[0].unit)
+    return replace(own[0], amplitude=amplitude, value=at[0], low=at[1], high=at[2])
 
 
 def overview_table(found: Sequence[Answer], brief: bool = False) -> Table:

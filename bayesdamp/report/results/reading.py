@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit
 
 from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.outcomes import Status, status_of
@@ -132,55 +131,25 @@ def over_widths(run: Run, signal: str, repeat: int, found: Ranking) -> list[AtWi
     ]
 
 
-@dataclass(frozen=True)
-class AtOdds:
-    """The ranking where each further term of a sum makes it so many times as probable beforehand (`factor`), summed
-    over the restoring laws: each damping's probability, the most probable first."""
+def over_odds(found: Ranking) -> dict[float, dict[str, float]]:
+    """Return each damping's probability under half, once and twice the prior factor of a further term, by that factor.
 
-    factor: float
-    dampings: dict[str, float]
-
-
-def over_odds(found: Ranking) -> list[AtOdds]:
-    """Return a ranking under half, once and twice the prior factor of a further term; nothing where all dampings have
-    as many terms."""
+    Empty where all dampings have as many terms.
+    """
     counts = {damping_of(row): damping_of(row).count("+") for row in found.rows}
     if len(set(counts.values())) < 2:
-        return []
-    shares = []
+        return {}
+    shares = {}
     for factor in (0.5 * FURTHER_TERM, FURTHER_TERM, 2 * FURTHER_TERM):
         moved = {d: p * (factor / FURTHER_TERM) ** counts[d] for d, p in found.dampings.items()}
-        total = sum(moved.values())
-        ordered = sorted(moved.items(), key=lambda item: -item[1])
-        shares.append(AtOdds(factor, {d: p / total for d, p in ordered}))
+        shares[factor] = {d: p / sum(moved.values()) for d, p in moved.items()}
     return shares
-
-
-@dataclass(frozen=True)
-class OtherForm:
-    """A form of damping that no candidate has: log Bayes factor, in nats, of a candidate with it beside its own damping
-    against that candidate alone, and the probability at equal odds."""
-
-    words: str
-    log_bayes: float
-
-    @property
-    def probability(self) -> float:
-        """Against none, at even odds: the logistic function of the log Bayes factor."""
-        return float(expit(self.log_bayes))
 
 
 def mode_of(run: Run, signal: str, repeat: int, model: str) -> ModeContent | None:
     """What is stored of a candidate's mode; None where it has none."""
     cell = run.cell("mode", signal, repeat, model)
     return ModeContent.maybe(cell) if cell is not None and cell.outcome == OK else None
-
-
-def other_forms(run: Run, signal: str, repeat: int, model: str) -> list[OtherForm]:
-    """The forms that were set beside a candidate, the likeliest first; none where they could not be."""
-    found = mode_of(run, signal, repeat, model)
-    rivals = found.rivals if found else ()
-    return sorted((OtherForm(r.words, r.log_bayes) for r in rivals), key=lambda form: -form.log_bayes)
 
 
 def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:

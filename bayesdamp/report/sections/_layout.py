@@ -1,17 +1,44 @@
-"""One signal after the other; many of them folded, so that the page stays short."""
+"""Sections that show one signal after the other; many signals are folded, so that the page stays short."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
 
 from markupsafe import Markup
 
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report import words
+from bayesdamp.report.html import folded, paragraph, stack
 from bayesdamp.report.results.run import Run
+from bayesdamp.report.sections._section import Section
 
 _OPEN = 4
 _MOST = 4
 """Models of a signal that are drawn: what is less likely than so many others is in the tables."""
+
+
+class SignalSection(Section):
+    """A section with a part for each signal that it applies to."""
+
+    lead = ""
+    """A sentence or two before the signals."""
+
+    @abstractmethod
+    def shows(self, run: Run, signal: str) -> bool:
+        """Return whether the section has something on a signal."""
+
+    @abstractmethod
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return the content on a signal."""
+
+    def applies(self, run: Run) -> bool:
+        """Return whether the section has something on any signal."""
+        return any(self.shows(run, signal) for signal in run.signals)
+
+    def render(self, run: Run) -> Markup:
+        """Return the lead and the content on each signal."""
+        wanted = [signal for signal in run.signals if self.shows(run, signal)]
+        return stack(self.lead and paragraph(self.lead), by_signal(run, self.part, wanted))
 
 
 def drawn(run: Run, place: int) -> bool:
@@ -20,7 +47,7 @@ def drawn(run: Run, place: int) -> bool:
 
 
 def by_signal(
-    run: Run, one: Callable[[str], Markup], wanted: list[str] | None = None, anchor: str = ""
+    run: Run, part: Callable[[Run, str], Markup], wanted: list[str] | None = None, anchor: str = ""
 ) -> Markup:
     """The content of each signal under its name; from the fifth on behind a line that unfolds it.
 
@@ -29,10 +56,23 @@ def by_signal(
     signals = run.signals if wanted is None else wanted
     parts: list[Markup] = []
     for i, signal in enumerate(signals):
-        body = one(signal)
+        body = part(run, signal)
         heading = Markup("<h3>{}</h3>").format(signal) if len(signals) > 1 else Markup("")
         shown = heading + body if i < _OPEN else folded(signal, body)
         parts.append(Markup('<div id="{}">{}</div>').format(anchor + signal, shown) if anchor else shown)
-    said = "With so many signals only the best model of each is drawn; the tables have all."
-    note = Markup('<p class="small">{}</p>').format(said) if len(run.signals) > _OPEN else Markup("")
-    return fill("stack.html", parts=[note, *parts])
+    note = "With so many signals only the best model of each is drawn; the tables have all."
+    return stack(paragraph(note, "small") if len(run.signals) > _OPEN else "", *parts)
+
+
+def by_model(models: Sequence[tuple[str, Sequence[object]]], lead: str = "", behind: str = "") -> Markup:
+    """Return the content on each model: the first open under its name, the others behind a line that unfolds them.
+
+    lead: words before the name; behind: words after the first name.
+    """
+    parts: list[Markup] = []
+    for model, content in models:
+        name = f"{lead}{words.model(model)}"
+        name = name[:1].upper() + name[1:]
+        first = Markup("<h4>{}</h4>").format(name + behind) + stack(*content)
+        parts.append(folded(name, *content) if parts else first)
+    return stack(*parts)

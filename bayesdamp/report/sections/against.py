@@ -10,7 +10,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report.figures._panels import ABREAST
 from bayesdamp.report.figures.estimators import against
-from bayesdamp.report.html import fill
+from bayesdamp.report.html import paragraph, stack
 from bayesdamp.report.results.estimates import CoefficientEstimates, coefficient_estimates
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
@@ -30,7 +30,7 @@ class AgainstSection(Section):
     def render(self, run: Run) -> str:
         """A sentence and the picture."""
         found = coefficient_estimates(run)
-        return fill("stack.html", parts=[Markup("<p>{}</p>").format(inside(found)), picture(run, found)])
+        return stack(paragraph(inside(found)), picture(run, found))
 
 
 def inside(found: Sequence[CoefficientEstimates]) -> str:

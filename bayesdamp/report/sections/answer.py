@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from markupsafe import Markup
 
@@ -12,7 +12,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
 from bayesdamp.report.figures.curves import exponent
 from bayesdamp.report.figures.record import motions
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.html import fill, folded, paragraph
 from bayesdamp.report.results.answers import Answer, answer_of
 from bayesdamp.report.results.checks import Check, Checks, sampled
 from bayesdamp.report.results.overview import ANCHOR
@@ -61,6 +61,11 @@ EXPONENT = (
     "on a dashed line is that damping; one between two lines is a sum, or none of the three."
 )
 
+EMPTY: dict[str, object] = {
+    "sentence": "", "numbers": (), "energy": (), "remarks": (), "parts": (), "checks": (), "table": ""
+}  # fmt: skip
+"""What the block of an answer shows, empty."""
+
 
 class AnswerSection(Section):
     """The verdict of each record: a sentence, three numbers, one picture, the checks of it."""
@@ -76,8 +81,8 @@ class AnswerSection(Section):
     def render(self, run: Run) -> str:
         """Show one block a record."""
         if not run.signals:
-            return Markup("<p>The folder holds no signal yet: run the study.</p>")
-        return by_signal(run, lambda signal: _block(run, signal), anchor=ANCHOR)
+            return paragraph("The folder holds no signal yet: run the study.")
+        return by_signal(run, _block, anchor=ANCHOR)
 
 
 def _block(run: Run, signal: str) -> Markup:
@@ -89,44 +94,44 @@ def _block(run: Run, signal: str) -> Markup:
     read = [
         Check(f"The record as it was read: {note}", fails=True) for note in run.provenance(signal).warnings
     ]
-    shown = {"checks": [*read, *sorted(found, key=lambda c: not c.fails)], "table": checks.table() or ""}
+    shown: dict[str, object] = dict(EMPTY)
+    shown["checks"] = [*read, *sorted(found, key=lambda c: not c.fails)]
+    shown["table"] = checks.table() or ""
     if answer is None:
-        return _filled(_why_none(run, signal), **shown)
-    v = answer.verdict
-    unit = v.damping_ratio[0].unit if v.damping_ratio else "rad"
-    if v.grade is Grade.NO_FREE_DECAY:
+        shown["sentence"] = _why_none(run, signal)
+    elif answer.verdict.grade is Grade.NO_FREE_DECAY:
+        v = answer.verdict
         parts = [_motions(run, signal, v), modes_table(v.modes, v.motion)]
-        return _filled(v.sentence, remarks=v.remarks, parts=parts, **shown)
-    recorded = run.unit(signal).displacement.of(run.quantity(signal))
+        shown |= {"sentence": v.sentence, "remarks": v.remarks, "parts": parts}
+    else:
+        v = answer.verdict
+        shown |= {
+            "sentence": v.sentence,
+            "numbers": _numbers(v),
+            "energy": energy_of(v),
+            "remarks": v.remarks,
+        }
+        shown["parts"] = _views(run, signal, answer)
+    return fill("answer.html", **shown)
+
+
+def _views(run: Run, signal: str, answer: Answer) -> list[object]:
+    """Return the pictures and tables of an answer."""
+    v, own = answer.verdict, run.unit(signal).displacement
+    unit, recorded = v.damping_ratio[0].unit if v.damping_ratio else "rad", own.of(run.quantity(signal))
     picture = run.drawings.add(
         f"answer-{signal}",
         _caption(v),
         lambda: figures.answer(answer.arrays, unit, v.damping, recorded),
         narrow=lambda: figures.answer(answer.arrays, unit, v.damping, recorded, narrow=True),
     )
-    candidates = _candidates(answer, recorded, run.unit(signal).displacement.scale)
-    parts = [
+    return [
         picture,
         _exponent(run, signal, answer),
         ratios_table(v.damping_ratio, "Damping ratio against amplitude", parts=True),
         _coefficients(v) if v.coefficients else "",
-        folded("All damping models that were compared", candidates),
+        folded("All damping models that were compared", _candidates(answer, recorded, own.scale)),
     ]
-    return _filled(
-        v.sentence, numbers=_numbers(v), energy=energy_of(v), remarks=v.remarks, parts=parts, **shown
-    )
-
-
-def _filled(
-    sentence: str,
-    numbers: Sequence[tuple[str, str]] = (),
-    energy: Sequence[str] = (),
-    remarks: Sequence[str] = (),
-    parts: Sequence[object] = (),
-    checks: Sequence[Check] = (),
-    table: Table | str = "",
-) -> Markup:
-    return fill("answer.html", **locals())
 
 
 def _envelope(run: Run, signal: str, answer: Answer) -> Markup:
@@ -139,7 +144,8 @@ def _envelope(run: Run, signal: str, answer: Answer) -> Markup:
     picture = run.drawings.show(f"answer-{signal}", LEVELS, answer.arrays["picture"].tobytes(), embed)
     remarks = [*([f"The decay {v.window.why}."] if v.window else []), *v.remarks]
     table = decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else ""
-    return _filled(v.sentence, numbers=numbers, remarks=remarks, parts=[picture, table, _weighed(v)])
+    shown = {"sentence": v.sentence, "numbers": numbers, "remarks": remarks}
+    return fill("answer.html", **EMPTY | shown | {"parts": [picture, table, _weighed(v)]})
 
 
 def _weighed(v: Verdict) -> Markup | str:
@@ -158,14 +164,14 @@ def _weighed(v: Verdict) -> Markup | str:
 def _why_none(run: Run, signal: str) -> str:
     """Say why a record has no answer, and what there is."""
     repeat = run.repeats(signal)[0]
-    cells = (run.cell(kind, signal, repeat) for kind in ("answer",))
-    outcomes = [str(run.about(signal).get("outcome", OK)), *(c.outcome for c in cells if c is not None)]
-    why = next((o for o in outcomes if o != OK), "")
+    cell = run.cell("answer", signal, repeat)
+    outcomes = [str(run.about(signal).get("outcome", OK)), cell.outcome if cell is not None else OK]
+    why = reason_of(next((o for o in outcomes if o != OK), "")).rstrip(".")
     models = models_by_rank(run, signal, repeat)
     if not models:
-        return f"Nothing was computed for this signal{': ' * bool(why)}{reason_of(why).rstrip('.')}."
+        return f"Nothing was computed for this signal{': ' * bool(why)}{why}."
     if why:
-        return f"Which damping it is was not decided: {reason_of(why).rstrip('.')}."
+        return f"Which damping it is was not decided: {why}."
     if len(models) == 1:
         return f"Damping was assumed to be {words.model(models[0])}; no other model was compared."
     missing = "" if ranking(run, signal, repeat) else ": no evidence was computed"
@@ -211,31 +217,22 @@ def _exponent(run: Run, signal: str, answer: Answer) -> Markup | str:
     )
 
 
-def _numbers(v) -> list[tuple[str, str]]:
-    found = []
-    if v.frequency is None and v.frequency_at is not None:
-        at = v.frequency_at
+def _numbers(v: Verdict) -> list[tuple[str, str]]:
+    """Return what stands in large figures: the frequency, and the damping ratio and Q in the middle of the record."""
+    found, f, at = [], v.frequency, v.frequency_at
+    beyond = f is not None and at is not None and extrapolated(f, at)
+    if at is not None and (f is None or beyond):
         seen = fmt.with_interval(at.value, at.low, at.high, " Hz")
         found.append((f"frequency at {at.amplitude:.2g} {at.unit}", seen))
-    if v.frequency is not None:
-        f = v.frequency
+    if f is not None:
+        name = "natural frequency" + (", extrapolated to small oscillations" if beyond else "")
         interval = fmt.with_interval(f.value, f.low, f.high, f" {f.unit}")
-        shown = f"{f.value:.5g} {f.unit} (specified)" if given(f) else interval
-        name, at = "natural frequency", v.frequency_at
-        if at is not None and extrapolated(f, at):
-            seen = fmt.with_interval(at.value, at.low, at.high, " Hz")
-            found.append((f"frequency at {at.amplitude:.2g} {at.unit}", seen))
-            name = "natural frequency, extrapolated to small oscillations"
-        found.append((name, shown))
+        found.append((name, f"{f.value:.5g} {f.unit} (specified)" if given(f) else interval))
     if v.damping_ratio:
         r = v.damping_ratio[len(v.damping_ratio) // 2]
-        found.append(
-            (
-                f"equivalent damping ratio at {r.amplitude:.2g} {r.unit}",
-                fmt.with_interval(r.value, r.low, r.high, " %", 100),
-            )
-        )
-        found.append((f"Q at {r.amplitude:.2g} {r.unit}", quality_of(r)))
+        where = f"at {r.amplitude:.2g} {r.unit}"
+        size = fmt.with_interval(r.value, r.low, r.high, " %", 100)
+        found += [(f"equivalent damping ratio {where}", size), (f"Q {where}", quality_of(r))]
     return found
 
 

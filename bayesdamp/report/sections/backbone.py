@@ -6,11 +6,10 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report.figures.curves import backbone
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.html import folded, paragraph, stack
 from bayesdamp.report.results.reading import models_by_rank
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import by_signal
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import SignalSection
 from bayesdamp.table import Line, Table
 
 SHOWN = 6
@@ -18,34 +17,32 @@ SHOWN = 6
 _POINTS = "against_amplitude/"
 
 
-class Backbone(Section):
+class Backbone(SignalSection):
     """The record's own curves, with every candidate's that was weighed over them."""
 
     order = 15
     name = "backbone"
     title = "Without any law: damping curve and backbone"
+    lead = (
+        "Read from turning points and crossings alone. A constant ratio is viscous damping, one that falls as the "
+        "inverse of the amplitude Coulomb friction, one that grows with it quadratic damping; a frequency that changes "
+        "with the amplitude is a restoring force that is not linear."
+    )
 
-    def applies(self, run: Run) -> bool:
-        """Where candidates' curves were stored."""
-        return any(run.cells("curve", s) for s in run.signals)
+    def shows(self, run: Run, signal: str) -> bool:
+        """Return whether candidates' curves were stored."""
+        return bool(run.cells("curve", signal))
 
-    def render(self, run: Run) -> str:
-        """Damping ratio and frequency against amplitude, signal by signal."""
-        said = (
-            "Read from turning points and crossings alone. A constant ratio is viscous damping, one that falls as the "
-            "inverse of the amplitude Coulomb friction, one that grows with it quadratic damping; a frequency that "
-            "changes with the amplitude is a restoring force that is not linear."
-        )
-        wanted = [s for s in run.signals if run.cells("curve", s)]
-        body = by_signal(run, lambda signal: _one(run, signal), wanted)
-        return fill("stack.html", parts=[Markup("<p>{}</p>").format(said), body])
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return damping ratio and frequency against amplitude."""
+        return _one(run, signal)
 
 
 def _one(run: Run, signal: str) -> Markup:
     repeat = run.repeats(signal)[0]
     cell = run.cell("signal", signal, repeat)
     if cell is None or f"{_POINTS}ratio" not in cell.arrays:
-        return Markup("<p>The record shows no swings to read them from.</p>")
+        return paragraph("The record shows no swings to read them from.")
     record = {n.removeprefix(_POINTS): v for n, v in cell.arrays.items() if n.startswith(_POINTS)}
     found = {m: run.cell("curve", signal, repeat, m) for m in models_by_rank(run, signal, repeat)}
     curves = {m: dict(c.arrays) for m, c in found.items() if c is not None and "ratio" in c.arrays}
@@ -64,7 +61,7 @@ def _one(run: Run, signal: str) -> Markup:
         )
     ]
     table = Table([f"amplitude / {unit}", "damping ratio", "frequency / (rad/s)"], lines, frozenset())
-    return fill("stack.html", parts=[figure, folded("These numbers", table)])
+    return stack(figure, folded("These numbers", table))
 
 
 PLUGIN = Backbone()

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.calibration import ranks
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.html import folded, paragraph, stack
 from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.sections._section import Section
 from bayesdamp.table import Line, Table
@@ -46,11 +46,11 @@ class Calibrated(Section):
         result = run.info["result"]
         rows = _csv(run, "calibration.csv")
         parts: list[object] = [Markup('<p class="lead">{}</p>').format(_claim(result))]
-        parts += [Markup("<p>{}</p>").format(sentence) for sentence in EXPLAINED]
+        parts += [paragraph(sentence) for sentence in EXPLAINED]
         parts.append(_records(result))
         parts += [_model(run, result, rows, model) for model in result["counts"]]
         parts.append(folded(f"The {FEWEST} least p values; calibration.csv has all", _tests(rows)))
-        return fill("stack.html", parts=parts)
+        return stack(*parts)
 
 
 def _csv(run: Run, name: str) -> list[dict[str, str]]:
@@ -118,9 +118,7 @@ def _model(run: Run, result: Mapping[str, Any], rows: Sequence[dict[str, str]], 
     )
     figure = run.drawings.add(f"ranks-{model}", caption, lambda: ranks(names, counts, result))
     heading = Markup("<h3>{}</h3>").format(words.model(model))
-    return fill(
-        "stack.html", parts=[heading, figure, _coverage(rows_of(rows, model=model, check="coverage"), names)]
-    )
+    return stack(heading, figure, _coverage(rows_of(rows, model=model, check="coverage"), names))
 
 
 def _counts(run: Run, result: Mapping[str, Any], model: str) -> dict[str, dict[str, np.ndarray]]:

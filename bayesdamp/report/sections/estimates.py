@@ -11,13 +11,13 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.iterations import traces
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.html import fill, folded, paragraph
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.comparing import compared
 from bayesdamp.report.results.estimates import covered, estimates_of
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
-from bayesdamp.report.sections._layout import by_signal, drawn
+from bayesdamp.report.sections._layout import by_model, by_signal, drawn
 from bayesdamp.report.sections._section import Section
 from bayesdamp.report.sections.against import picture
 from bayesdamp.table import Line, Table
@@ -38,14 +38,14 @@ class Estimates(Section):
     def render(self, run: Run) -> str:
         """A figure and a table a signal and model."""
         if not run.estimates:
-            return Markup("<p>No estimator ran in this study.</p>")
+            return paragraph("No estimator ran in this study.")
         wanted = [s for s in run.signals if any(r["signal"] == s for r in run.estimates)]
-        return fill("estimates.html", body=by_signal(run, lambda signal: _one(run, signal), wanted))
+        return fill("estimates.html", body=by_signal(run, _one, wanted))
 
 
 def _one(run: Run, signal: str) -> Markup:
     repeats = run.repeats(signal)
-    parts: list[Markup] = []
+    models: list[tuple[str, list[object]]] = []
     for place, model in enumerate(models_by_rank(run, signal, repeats[0])):
         rows = rows_of(run.estimates, signal=signal, model=model)
         if not rows:
@@ -60,14 +60,8 @@ def _one(run: Run, signal: str) -> Markup:
         curves = _traces(run, signal, repeats[0], model) if drawn(run, place) else None
         if curves:
             content.append(folded("How the iterative methods converged", curves))
-        if not parts:
-            parts.append(
-                Markup("<h4>{}</h4>").format(f"Under {words.model(model)}")
-                + fill("stack.html", parts=content)
-            )
-        else:
-            parts.append(folded(f"Under {words.model(model)}", *content))
-    return fill("stack.html", parts=parts)
+        models.append((model, content))
+    return by_model(models, "Under ")
 
 
 def _figure(run: Run, signal: str, model: str) -> Markup:

@@ -9,8 +9,8 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Status, reason_of, status_of
 from bayesdamp.report import words
-from bayesdamp.report.figures.evidence import Bar, bars
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.figures.evidence import bars
+from bayesdamp.report.html import fill, folded, paragraph, stack
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import label, ranking
 from bayesdamp.report.results.run import Run, rows_of
@@ -39,9 +39,9 @@ class EvidenceSection(Section):
     def render(self, run: Run) -> str:
         """Log Bayes factors by method, with probabilities and diagnostics."""
         if not run.evidence:
-            return Markup("<p>No evidence was computed in this study, so no model can be preferred.</p>")
+            return paragraph("No evidence was computed in this study, so no model can be preferred.")
         wanted = [s for s in run.signals if any(r["signal"] == s for r in run.evidence)]
-        return fill("evidence.html", body=by_signal(run, lambda signal: _one(run, signal), wanted))
+        return fill("evidence.html", body=by_signal(run, _one, wanted))
 
 
 def _one(run: Run, signal: str) -> Markup:
@@ -51,9 +51,6 @@ def _one(run: Run, signal: str) -> Markup:
     parts: list[object] = []
     weighed = [r for r in found.rows if status_of(r["outcome"]) is not Status.PRUNED] if found else []
     if found and len(weighed) > 1:
-        shown = [
-            Bar(r["model"], label(r), r["log_bayes_factor"], r["stderr"], r["probability"]) for r in weighed
-        ]
         said = f", repeat 1 of {len(repeats)}" if len(repeats) > 1 else ""
         left = len(found.rows) - len(weighed)
         those = f"; not shown: {left} that {'were' if left > 1 else 'was'} pruned" if left else ""
@@ -61,7 +58,7 @@ def _one(run: Run, signal: str) -> Markup:
             f"{signal}{said}: log Bayes factor to the best model (axis logarithmic beyond one nat) and "
             f"probability of each model, by {words.method(found.method)}{those}."
         )
-        parts.append(run.drawings.add(f"evidence-{signal}", caption, lambda: bars(shown)))
+        parts.append(run.drawings.add(f"evidence-{signal}", caption, lambda: bars(weighed)))
     parts.append(_table(run, signal, [repeat]))
     aside = _aside(run, signal, repeat)
     if aside.lines:
@@ -69,7 +66,7 @@ def _one(run: Run, signal: str) -> Markup:
         parts.append(folded(f"{count} pruned by Laplace's evidence, and why", aside))
     if len(repeats) > 1:
         parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
-    return fill("stack.html", parts=parts)
+    return stack(*parts)
 
 
 def _table(run: Run, signal: str, repeats: list[int]) -> Table:

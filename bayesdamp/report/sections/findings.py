@@ -11,12 +11,11 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.estimators import eigenvalues, force
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.html import folded, stack
 from bayesdamp.report.results.comparing import true_models
 from bayesdamp.report.results.reading import models_by_rank
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import by_signal
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import SignalSection
 from bayesdamp.store.contents.estimates import EstimateContent
 from bayesdamp.table import Line, Table
 
@@ -28,21 +27,20 @@ TOLD = {
 """Details that stand in tables of their own, or are steps on the way to them."""
 
 
-class Findings(Section):
+class Findings(SignalSection):
     """For each signal, under the model that made it or else the best one."""
 
     order = 42
     name = "findings"
     title = "What the methods found besides"
 
-    def applies(self, run: Run) -> bool:
-        """Where a method left more than coefficients."""
-        return any(_found(run, signal) for signal in run.signals)
+    def shows(self, run: Run, signal: str) -> bool:
+        """Return whether a method left more than coefficients."""
+        return bool(_found(run, signal))
 
-    def render(self, run: Run) -> str:
-        """Learnt forces, eigenvalues, selected terms and Pareto fronts, signal by signal."""
-        wanted = [s for s in run.signals if _found(run, s)]
-        return by_signal(run, lambda signal: _one(run, signal), wanted)
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return learnt forces, eigenvalues, selected terms and Pareto fronts."""
+        return _one(run, signal)
 
 
 def _model(run: Run, signal: str) -> str:
@@ -80,7 +78,7 @@ def _one(run: Run, signal: str) -> Markup:
             parts.append(
                 folded(f"Settings that {words.method(method)} took", Table(["", ""], rest, frozenset({0, 1})))
             )
-    return fill("stack.html", parts=parts)
+    return stack(*parts)
 
 
 def _terms(details: Details) -> str:

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 from markupsafe import Markup
+from scipy.special import expit
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.record import windows
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.figures.posterior import Panel, intervals
+from bayesdamp.report.html import fill, folded, paragraph, stack
 from bayesdamp.report.results.answers import only_answered
-from bayesdamp.report.results.reading import OtherForm, coefficients, mode_of, models_by_rank, other_forms
+from bayesdamp.report.results.reading import coefficients, mode_of, models_by_rank
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
-from bayesdamp.store.contents.candidates import Part
+from bayesdamp.report.style import colour
+from bayesdamp.store.contents.candidates import BesideIt, ModeContent, Part
 from bayesdamp.table import Table
 
 _EXACT = (
@@ -38,10 +41,10 @@ class FitQuality(Section):
     def render(self, run: Run) -> str:
         """Checks of each fit, and fits to parts of the record."""
         if not run.fits and not any(run.cells("mode", s) for s in run.signals):
-            return Markup("<p>No model was fitted in this study.</p>")
-        body: object = by_signal(run, lambda signal: _one(run, signal))
+            return paragraph("No model was fitted in this study.")
+        body: object = by_signal(run, _one)
         if run.under_law:
-            body = fill("stack.html", parts=[Markup("<p>{}</p>").format(_EXACT), body])
+            body = stack(paragraph(_EXACT), body)
         return fill("fit_quality.html", body=body)
 
 
@@ -63,10 +66,10 @@ def _one(run: Run, signal: str) -> Markup:
             continue
         parts.append(content if shown == 0 else folded(f"Windows of {words.model(model)}", content))
         shown += 1
-    forms = _other_forms(run, signal, repeat, ranked[0]) if ranked else None
-    if forms is not None:
-        parts.append(folded(f"Other forms of damping beside {words.model(ranked[0])}", forms))
-    return fill("stack.html", parts=parts or [Markup("<p>No model was fitted to this signal.</p>")])
+    mode = mode_of(run, signal, repeat, ranked[0]) if ranked else None
+    if mode is not None and mode.rivals:
+        parts.append(folded(f"Other forms of damping beside {words.model(ranked[0])}", _other_forms(mode)))
+    return stack(*(parts or [paragraph("No model was fitted to this signal.")]))
 
 
 def _table(run: Run, signal: str, repeats: list[int]) -> Table:
@@ -88,21 +91,20 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
     return Table.of(rows, columns, (0, 5))
 
 
-def _other_forms(run: Run, signal: str, repeat: int, model: str) -> Table | None:
+def _other_forms(mode: ModeContent) -> Table:
     """Of each form of damping that no candidate has: with it in addition, how likely is the candidate?"""
-    forms = other_forms(run, signal, repeat, model)
-    columns: dict[str, Callable[[OtherForm], str]] = {
+    columns: dict[str, Callable[[BesideIt], str]] = {
         "what there might be beside it": lambda form: form.words,
         "ln Bayes factor": lambda form: fmt.fixed(form.log_bayes, 2),
-        "probability, against none": lambda form: fmt.probability(form.probability),
+        "probability, against none": lambda form: fmt.probability(float(expit(form.log_bayes))),
     }
-    return Table.of(forms, columns) if forms else None
+    return Table.of(sorted(mode.rivals, key=lambda form: -form.log_bayes), columns)
 
 
 def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
     mode = mode_of(run, signal, repeat, model)
     found = [w for w in mode.windows if w.values] if mode else []
-    names = [n for n in coefficients(run, model) if any(n in w.values for w in found)]
+    names = [n for n in coefficients(run, model) if all(n in w.values for w in found)]
     if len(found) < 2 or not names:
         return None
     units = {r["parameter"]: r["unit"] for r in (*run.posteriors, *run.estimates) if r["model"] == model}
@@ -110,8 +112,15 @@ def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
         f"{signal}, {words.model(model)}: damping coefficients from parts of the record. Where they "
         "scatter by more than their bars, the model is not the whole truth and the posterior is too narrow."
     )
+    panels = []
+    for name in names:
+        each = [(w.values[name], float(np.nan_to_num(w.sd.get(name, 0.0)))) for w in found]
+        rows = [(value - sd, value, value + sd) for value, sd in each]
+        panels.append(Panel(words.axis(name, units.get(name, "")), rows, rows[0]))
     drawing = run.drawings.add(
-        f"windows-{signal}-{model}", caption, lambda: windows(model, names, found, units)
+        f"windows-{signal}-{model}",
+        caption,
+        lambda: intervals([w.label for w in found], panels, colour(model)),
     )
     columns: dict[str, Callable[[Part], str]] = {
         "window": lambda w: w.label,
@@ -119,7 +128,7 @@ def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
         "to / s": lambda w: fmt.number(w.stop, 4),
         **{words.symbol(n).text: lambda w, n=n: fmt.with_error(w.values.get(n), w.sd.get(n)) for n in names},
     }
-    return fill("stack.html", parts=[drawing, folded("These numbers", Table.of(found, columns))])
+    return stack(drawing, folded("These numbers", Table.of(found, columns)))
 
 
 PLUGIN = FitQuality()

@@ -6,12 +6,10 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import fill
+from bayesdamp.report.html import stack
 from bayesdamp.report.results.answers import content_of
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import by_signal
-from bayesdamp.report.sections._section import Section
-from bayesdamp.store.contents.answers import AnswerContent
+from bayesdamp.report.sections._layout import SignalSection
 from bayesdamp.table import Line, Table
 
 HOW = (
@@ -22,43 +20,32 @@ HOW = (
 )
 
 
-class Friction(Section):
+class Friction(SignalSection):
     """The probability of each width ε, and the coefficients under it."""
 
     order = 46
     name = "friction"
     title = "How sharply friction turns over"
+    lead = HOW
 
-    def applies(self, run: Run) -> bool:
+    def shows(self, run: Run, signal: str) -> bool:
         """Return whether widths of friction were tried."""
-        return any(_tried(run, signal) for signal in run.signals)
+        content = content_of(run, signal)
+        return content is not None and bool(content.frictions)
 
-    def render(self, run: Run) -> str:
-        """Show a table of the widths for each signal."""
-        parts = [Markup("<p>{}</p>").format(HOW), by_signal(run, lambda s: _one(run, s))]
-        return fill("stack.html", parts=parts)
-
-
-def _tried(run: Run, signal: str) -> AnswerContent | None:
-    """The answer, if widths were tried for it."""
-    content = content_of(run, signal, run.repeats(signal)[0])
-    return content if content is not None and content.frictions else None
-
-
-def _one(run: Run, signal: str) -> Markup:
-    content = _tried(run, signal)
-    if content is None:
-        return Markup("<p>ε of this signal is specified, or the record shows hardly any friction.</p>")
-    names = [words.model(term) for term in content.terms]
-    lines = []
-    for one in content.frictions:
-        used = one.epsilon == content.epsilon
-        numbers = [fmt.number(value, 4) for value in one.coefficients]
-        shown = [fmt.number(one.epsilon, 3), fmt.fixed(one.weight, 3), *numbers]
-        lines.append(Line([*shown, "used for the answer" if used else ""], "best" if used else ""))
-    unit = run.unit(signal).base
-    headers = [f"ε / ({unit}/s)", "probability", *names, ""]
-    return fill("stack.html", parts=[Table(headers, lines, frozenset({2 + len(names)}))])
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return a table of the widths."""
+        content = content_of(run, signal)
+        assert content is not None
+        lines = []
+        for width in content.frictions:
+            used = width.epsilon == content.epsilon
+            numbers = [fmt.number(value, 4) for value in width.coefficients]
+            cells = [fmt.number(width.epsilon, 3), fmt.fixed(width.weight, 3), *numbers]
+            lines.append(Line([*cells, "used for the answer" if used else ""], "best" if used else ""))
+        names = [words.model(term) for term in content.terms]
+        headers = [f"ε / ({run.unit(signal).base}/s)", "probability", *names, ""]
+        return stack(Table(headers, lines, {2 + len(names)}))
 
 
 PLUGIN = Friction()

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import fill
+from bayesdamp.report.html import stack
 from bayesdamp.report.results.answers import content_of
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import by_signal
-from bayesdamp.report.sections._section import Section
-from bayesdamp.table import Line, Table
+from bayesdamp.report.sections._layout import SignalSection
+from bayesdamp.store.contents.answers import WeighedNoise
+from bayesdamp.table import Table
 
 HOW = (
     "The noise models are compared once for each record, on the residuals of the fit of all damping terms, and all "
@@ -21,42 +23,35 @@ HOW = (
 )
 
 
-class Noise(Section):
+class Noise(SignalSection):
     """The evidence of the noise models, and the one that all dampings of the record share."""
 
     order = 45
     name = "noise"
     title = "Which noise"
+    lead = HOW
 
-    def applies(self, run: Run) -> bool:
+    def shows(self, run: Run, signal: str) -> bool:
         """Return whether several noise models were weighed on a record."""
-        return any(_weighed(run, signal) for signal in run.signals)
+        content = content_of(run, signal)
+        return content is not None and len(content.noises) > 1
 
-    def render(self, run: Run) -> str:
-        """Show a table of the noise models for each signal."""
-        parts = [Markup("<p>{}</p>").format(HOW), by_signal(run, lambda s: _one(run, s))]
-        return fill("stack.html", parts=parts)
-
-
-def _weighed(run: Run, signal: str) -> bool:
-    content = content_of(run, signal, run.repeats(signal)[0])
-    return content is not None and len(content.noises) > 1
-
-
-def _one(run: Run, signal: str) -> Markup:
-    content = content_of(run, signal, run.repeats(signal)[0])
-    if content is None or not content.noises:
-        return Markup("<p>No noise models were compared on this signal.</p>")
-    order = sorted(content.noises, key=lambda one: -one.log_evidence)
-    lines = []
-    for one in order:
-        values = ", ".join(f"{words.symbol(n).text} {fmt.number(v, 3)}" for n, v in one.values.items())
-        used = one.noise == content.noise
-        below = fmt.fixed(order[0].log_evidence - one.log_evidence, 1)
-        said = "used for the answer" if used else ""
-        lines.append(Line([words.method(one.noise), below, values, said], "best" if used else ""))
-    headers = ["noise", "log evidence below the best", "its parameters", ""]
-    return fill("stack.html", parts=[Table(headers, lines, frozenset({0, 2, 3}))])
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return a table of the noise models."""
+        content = content_of(run, signal)
+        assert content is not None
+        ranked = sorted(content.noises, key=lambda noise: -noise.log_evidence)
+        columns: dict[str, Callable[[WeighedNoise], str]] = {
+            "noise": lambda n: words.method(n.noise),
+            "log evidence below the best": lambda n: fmt.fixed(ranked[0].log_evidence - n.log_evidence, 1),
+            "its parameters": lambda n: ", ".join(
+                f"{words.symbol(name).text} {fmt.number(value, 3)}" for name, value in n.values.items()
+            ),
+            "": lambda n: "used for the answer" if n.noise == content.noise else "",
+        }
+        return stack(
+            Table.of(ranked, columns, {0, 2, 3}, kind=lambda n: "best" if n.noise == content.noise else "")
+        )
 
 
 PLUGIN = Noise()

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import fill
+from bayesdamp.report.html import paragraph, stack
 from bayesdamp.report.results.answers import Answer, answers, specimens
 from bayesdamp.report.results.overview import ANCHOR, curve_of, overview_table, short_names
 from bayesdamp.report.results.run import Run
@@ -47,15 +47,13 @@ class Overview(Section):
         found = answers(run)
         together = specimens(run)
         cards = [_together(v, v.record if len(together) > 1 else "") for v in together]
-        return fill(
-            "stack.html", parts=[*cards, _pictures(found), replace(overview_table(found), caption=SORTS)]
-        )
+        return stack(*cards, _pictures(found), replace(overview_table(found), caption=SORTS))
 
 
 def _together(v: Verdict, name: str) -> Markup:
     head = Markup("<h3>{}</h3>").format(name) if name else ""
-    said = (*energy_of(v), *(v.remarks if v.quantity == "envelope" else ()))
-    more = Markup("").join(Markup("<p>{}</p>").format(one) for one in said)
+    lines = (*energy_of(v), *(v.remarks if v.quantity == "envelope" else ()))
+    more = Markup("").join(map(paragraph, lines))
     return Markup('<div class="verdict">{}<p class="claim">{}</p>{}</div>').format(head, v.sentence, more)
 
 

@@ -7,18 +7,18 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.curves import amplitude
+from bayesdamp.report.figures.curves import ratio
 from bayesdamp.report.figures.posterior import marginals, pairs
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.html import folded, paragraph
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
-from bayesdamp.report.sections._layout import by_signal, drawn
+from bayesdamp.report.sections._layout import by_model, by_signal, drawn
 from bayesdamp.report.sections._section import Section
+from bayesdamp.report.style import colour
 from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK
@@ -40,32 +40,22 @@ class Posteriors(Section):
     def render(self, run: Run) -> str:
         """Marginals, pairs and what follows from them, candidate by candidate."""
         if not run.posteriors and not any(run.cells("posterior", s) for s in run.signals):
-            return Markup("<p>No posterior was sampled in this study.</p>")
-        return by_signal(run, lambda signal: _one(run, signal))
+            return paragraph("No posterior was sampled in this study.")
+        return by_signal(run, _one)
 
 
 def _one(run: Run, signal: str) -> Markup:
     repeats = run.repeats(signal)
     repeat = repeats[0]
-    parts: list[Markup] = []
+    models: list[tuple[str, list[object]]] = []
     for place, model in enumerate(models_by_rank(run, signal, repeat)):
-        content: list[object] = []
-        if drawn(run, place):
-            content += _figures(run, signal, repeat, model)
+        content: list[object] = [*_figures(run, signal, repeat, model)] if drawn(run, place) else []
         content += _tables(run, signal, repeat, model)
-        if not content:
-            continue
-        if len(repeats) > 1:
+        if content and len(repeats) > 1:
             content.append(folded(f"All {len(repeats)} repeats", _repeats(run, signal, model)))
-        if not parts:
-            said = f" (repeat 1 of {len(repeats)})" if len(repeats) > 1 else ""
-            heading = Markup("<h4>{}</h4>").format(
-                words.model(model)[:1].upper() + words.model(model)[1:] + said
-            )
-            parts.append(heading + fill("stack.html", parts=content))
-        else:
-            parts.append(folded(f"{words.model(model)[:1].upper()}{words.model(model)[1:]}", *content))
-    return fill("stack.html", parts=parts or [Markup("<p>No posterior was sampled for this signal.</p>")])
+        models += [(model, content)] if content else []
+    which = f" (repeat 1 of {len(repeats)})" if len(repeats) > 1 else ""
+    return by_model(models, behind=which) or paragraph("No posterior was sampled for this signal.")
 
 
 def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
@@ -112,17 +102,18 @@ def _against_amplitude(run: Run, signal: str, repeat: int, model: str, sampler: 
     shown = run.unit(signal).displacement
     unit, scale = shown.name, shown.scale
     grid, reference = scale * cell.arrays["amplitudes"], scale * PosteriorContent.of(cell).reference_amplitude
-    ratio = cell.arrays[RATIO]
     caption = (
         f"{signal}, {words.model(model)}: equivalent damping ratio over the record's amplitudes, median and 95 % band "
         f"by {words.method(sampler)}. Level: viscous; rising to small amplitudes: friction; to large ones: drag. "
         "Dotted: the amplitude of the tables."
     )
-
-    def draw() -> Figure:
-        return amplitude(model, grid, ratio, reference, unit)
-
-    return [run.drawings.add(f"amplitude-{signal}-{model}", caption, draw)]
+    return [
+        run.drawings.add(
+            f"amplitude-{signal}-{model}",
+            caption,
+            lambda: ratio(grid, cell.arrays[RATIO], unit, colour(model), reference=reference),
+        )
+    ]
 
 
 def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Markup]:

@@ -7,7 +7,7 @@ from markupsafe import Markup
 from bayesdamp.odds import FURTHER_TERM, OTHERS
 from bayesdamp.priors import LEAST_SCALE, MOST_SCALE, SharedHalfNormal
 from bayesdamp.report import words
-from bayesdamp.report.html import fill
+from bayesdamp.report.html import fill, stack
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
@@ -53,8 +53,7 @@ class Priors(Section):
             "priors.html",
             odds=odds,
             shared=shared,
-            body=by_signal(run, lambda signal: _one(run, signal), wanted)
-            + (assumed if run.info.get("assumed") else ""),
+            body=by_signal(run, _one, wanted) + (assumed if run.info.get("assumed") else ""),
         )
 
 
@@ -87,10 +86,7 @@ def _one(run: Run, signal: str) -> Markup:
                     ]
                 )
             )
-    return fill(
-        "stack.html",
-        parts=[Table(["parameter", "meaning", "prior", "models"], lines, frozenset({0, 1, 2, 3}))],
-    )
+    return stack(Table(["parameter", "meaning", "prior", "models"], lines, frozenset({0, 1, 2, 3})))
 
 
 PLUGIN = Priors()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.html import folded, stack
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.places import Place
@@ -30,7 +30,7 @@ class Provenance(Section):
         info = run.info
         facts = [
             ("source revision", info.get("revision")),
-            *_machine(info.get("machine")),
+            *(info.get("machine") or {}).items(),
             ("seed", info.get("seed")),
         ]
         lines = [Line([name, str(value)]) for name, value in facts if value is not None]
@@ -46,7 +46,7 @@ class Provenance(Section):
         parts += _without_result(run)
         parts += _timing(info.get("seconds") or {})
         parts += _budget(info.get("error_budget") or {})
-        return fill("stack.html", parts=parts)
+        return stack(*parts)
 
 
 def _without_result(run: Run) -> list[object]:
@@ -66,12 +66,6 @@ def _without_result(run: Run) -> list[object]:
     return [Table(["sentence", "tasks"], lines, frozenset({0, 1}), caption)]
 
 
-def _machine(machine: object) -> list[tuple[str, Any]]:
-    if isinstance(machine, Mapping):
-        return [(str(k), v) for k, v in machine.items()]
-    return [("machine", machine)]
-
-
 def _timing(seconds: Mapping[str, float]) -> list[object]:
     known = {name: s for name, s in seconds.items() if isinstance(s, (int, float))}
     if not known:
@@ -79,21 +73,14 @@ def _timing(seconds: Mapping[str, float]) -> list[object]:
     kinds: dict[str, list[float]] = {}
     for name, s in known.items():
         kinds.setdefault(Place.of(name).kind, []).append(s)
-    lines = [
-        Line([kind, str(len(found)), fmt.duration(sum(found)), fmt.duration(max(found))])
-        for kind, found in kinds.items()
-    ]
-    total = Line(
-        [
-            "all",
-            str(len(known)),
-            fmt.duration(sum(known.values())),
-            fmt.duration(max(known.values())),
-        ]
-    )
-    table = Table(
-        ["stage", "tasks", "together", "the longest"], [*lines, total], caption="Time, summed over workers"
-    )
+    rows = [*kinds.items(), ("all", list(known.values()))]
+    columns: dict[str, Callable[[tuple[str, list[float]]], str]] = {
+        "stage": lambda row: row[0],
+        "tasks": lambda row: str(len(row[1])),
+        "together": lambda row: fmt.duration(sum(row[1])),
+        "the longest": lambda row: fmt.duration(max(row[1])),
+    }
+    table = Table.of(rows, columns, caption="Time, summed over workers")
     longest = sorted(known, key=lambda name: -known[name])[:20]
     cells = Table(["task", "time"], [Line([name, fmt.duration(known[name])]) for name in longest])
     return [table, folded(f"The {len(longest)} longest tasks", cells)]

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-
-from markupsafe import Markup
+from collections.abc import Mapping
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import fill
+from bayesdamp.report.html import paragraph, stack
 from bayesdamp.report.results.comparing import STAGES, Comparison, compared, true_models
 from bayesdamp.report.results.estimates import coefficient_estimates, posterior_of
 from bayesdamp.report.results.reading import damping_parameters, truth
@@ -36,13 +35,13 @@ class PublishedSection(Section):
         """Measured beside published, method by method."""
         found = compared(run)
         posteriors = {s: _posterior(run, s) for s in found.signals}
-        parts = [Markup("<p>{}</p>").format(lead(found)), errors(run, found, posteriors), times(found)]
+        parts = [paragraph(lead(found)), errors(run, found, posteriors), times(found)]
         side_by_side = coefficient_estimates(run)
         if side_by_side:
             parts.append(picture(run, side_by_side))
-            parts += [Markup("<p>{}</p>").format(said) for said in (inside(side_by_side),) if said]
-        parts += [Markup("<p>{}</p>").format(symbols(line)) for line in _intervals(run, posteriors)]
-        return fill("stack.html", parts=parts)
+            parts += [paragraph(said) for said in (inside(side_by_side),) if said]
+        parts += [paragraph(symbols(line)) for line in _intervals(run, posteriors)]
+        return stack(*parts)
 
 
 def lead(found: Comparison) -> str:
@@ -63,12 +62,14 @@ def lead(found: Comparison) -> str:
     return " ".join(said)
 
 
-def errors(run: Run, found: Comparison, posteriors: dict[str, Row | None]) -> Table:
-    """Errors in per cent by method and signal; in the last line the posterior's interval about the truth."""
-    headers, lines = ["method"], []
-    groups = [("", 1), *((signal, 3) for signal in found.signals)]
-    for _ in found.signals:
-        headers += ["own", "fit", "published"]
+def errors(run: Run, found: Comparison, posteriors: Mapping[str, Row | None]) -> Table:
+    """Return errors in per cent by method and signal, with what was published and the posteriors' intervals.
+
+    posteriors: of each signal the row whose interval about the truth stands in the last line.
+    """
+    own = ["own", "fit", *(["published"] if found.published else [])]
+    groups = [("", 1), *((signal, len(own)) for signal in found.signals)]
+    lines = []
     for method in found.methods:
         cells = [words.method(method)]
         for signal in found.signals:
@@ -76,19 +77,19 @@ def errors(run: Run, found: Comparison, posteriors: dict[str, Row | None]) -> Ta
                 error = found.errors.get((method, signal, stage), math.nan)
                 doubted = found.outcomes.get((method, signal, stage), OK) != OK and math.isfinite(error)
                 cells.append(fmt.short(error) + ("*" if doubted else ""))
-            cells.append(found.published.get((method, signal), fmt.NONE))
+            if found.published:
+                cells.append(found.published.get((method, signal), fmt.NONE))
         lines.append(Line(cells))
     foot: list[tuple[str, int]] = []
+    said = "Errors in per cent of the truth: the method's own estimate, then the trajectory fit that starts there"
+    said += ", then what was published." if found.published else "."
     if any(posteriors.values()):
-        about = ((_about(run, signal, posteriors[signal]), 3) for signal in found.signals)
+        about = ((_about(run, signal, row), len(own)) for signal, row in posteriors.items())
         foot = [("posterior, 95 %", 1), *about]
-    said = "Errors in per cent of the truth: the method's own estimate, then the trajectory "
-    said += "fit that starts there, then what was published."
-    if any(posteriors.values()):
         said += " Last line: the posterior's 95 % interval about the truth, in per cent, from a record with noise."
     if any(o != OK for o in found.outcomes.values()):
         said += " *: the method itself doubts this answer; its sentence stands below."
-    return Table(headers, lines, frozenset({0}), said, groups, foot)
+    return Table(["method", *own * len(found.signals)], lines, {0}, said, groups, foot)
 
 
 def times(found: Comparison) -> Table:

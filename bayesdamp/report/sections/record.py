@@ -15,30 +15,25 @@ from bayesdamp.report.html import fill
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import models_kept
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import by_signal, drawn
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import SignalSection, drawn
 from bayesdamp.store.contents.records import RecordContent
 from bayesdamp.types import OK
 
 
-class Record(Section):
+class Record(SignalSection):
     """Each signal as read, as used, and as every model explains it."""
 
     order = 30
     name = "record"
     title = "The record and the fits"
 
-    def applies(self, run: Run) -> bool:
-        """Where a record is more than an envelope, which the answer shows."""
-        return bool(_motions(run))
+    def shows(self, run: Run, signal: str) -> bool:
+        """Return whether a record is more than an envelope, which the answer shows."""
+        return run.quantity(signal) != "envelope"
 
-    def render(self, run: Run) -> str:
-        """The record as read, as used, and under the likeliest fits."""
-        return by_signal(run, lambda signal: _one(run, signal), _motions(run))
-
-
-def _motions(run: Run) -> list[str]:
-    return [signal for signal in run.signals if run.quantity(signal) != "envelope"]
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return the record as read, as used, and under the likeliest fits."""
+        return _one(run, signal)
 
 
 def _one(run: Run, signal: str) -> Markup:

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.calibration import confusion, reliability
-from bayesdamp.report.html import fill
+from bayesdamp.report.html import paragraph, stack
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
 from bayesdamp.table import Table
@@ -43,12 +43,12 @@ class Recovered(Section):
     def render(self, run: Run) -> str:
         """Promised against observed probabilities, and the confusion of models."""
         result = run.info["result"]
-        parts: list[object] = [Markup("<p>{}</p>").format(sentence) for sentence in EXPLAINED]
+        parts: list[object] = [paragraph(sentence) for sentence in EXPLAINED]
         for name, title in SERIES.items():
             if name in result:
                 parts.append(Markup("<h3>{}</h3>").format(title))
                 parts += _series(run, name, result[name], result["alarm"])
-        return fill("stack.html", parts=parts)
+        return stack(*parts)
 
 
 def _series(run: Run, name: str, found: Mapping[str, Any], alarm: float) -> list[object]:
@@ -82,7 +82,7 @@ def _series(run: Run, name: str, found: Mapping[str, Any], alarm: float) -> list
         ),
     ]
     sentences = [claim, f"{score} ({why})." if why else f"{score}."]
-    paragraphs = [Markup("<p>{}</p>").format(sentence) for sentence in sentences]
+    paragraphs = [paragraph(sentence) for sentence in sentences]
     return [*paragraphs, *figures, _bins(found), _models(found), *_design(found)]
 
 

@@ -8,52 +8,45 @@ from matplotlib.figure import Figure
 
 from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import running
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.html import folded, stack
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import by_signal, drawn
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import SignalSection, drawn
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.posteriors import PosteriorContent
 
 _PASSES = ("online", "restarted")
 
 
-class Running(Section):
+class Running(SignalSection):
     """Estimate and band of each coefficient against time, where a sampler filtered the record."""
 
     order = 55
     name = "running"
     title = "The damping while it is measured"
+    lead = (
+        "What a Kalman filter says of the damping after each sample. Its first pass uses every sample once; the passes "
+        "after it start from the same priors again and linearise where the pass before ended."
+    )
 
-    def applies(self, run: Run) -> bool:
-        """Where a sampler filtered a record."""
-        return any(_filtered(cell) for s in run.signals for cell in run.cells("posterior", s))
+    def shows(self, run: Run, signal: str) -> bool:
+        """Return whether a sampler filtered a record."""
+        return any(map(_filtered, run.cells("posterior", signal)))
 
-    def render(self, run: Run) -> str:
-        """Coefficients against time, with their bands."""
-        said = (
-            "What a Kalman filter says of the damping after each sample. Its first pass uses every sample once; the "
-            "passes after it start from the same priors again and linearise where the pass before ended."
-        )
-        return fill(
-            "stack.html", parts=[Markup("<p>{}</p>").format(said), by_signal(run, lambda s: _one(run, s))]
-        )
-
-
-def _filtered(cell: CellResult | None) -> bool:
-    return cell is not None and "running/t" in cell.arrays
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return the coefficients against time, with their bands."""
+        repeat = run.repeats(signal)[0]
+        parts: list[Markup] = []
+        for place, model in enumerate(models_by_rank(run, signal, repeat)):
+            for cell in filter(_filtered, run.cells("posterior", signal, repeat, model)):
+                if drawn(run, place):
+                    figure = _drawn(run, signal, model, cell)
+                    parts.append(figure if not parts else folded(words.model(model), figure))
+        return stack(*parts)
 
 
-def _one(run: Run, signal: str) -> Markup:
-    repeat = run.repeats(signal)[0]
-    parts: list[Markup] = []
-    for place, model in enumerate(models_by_rank(run, signal, repeat)):
-        for cell in filter(_filtered, run.cells("posterior", signal, repeat, model)):
-            if drawn(run, place):
-                figure = _drawn(run, signal, model, cell)
-                parts.append(figure if not parts else folded(words.model(model), figure))
-    return fill("stack.html", parts=parts or [Markup("<p>No filter ran over this signal.</p>")])
+def _filtered(cell: CellResult) -> bool:
+    return "running/t" in cell.arrays
 
 
 def _drawn(run: Run, signal: str, model: str, cell: CellResult) -> Markup:

@@ -10,11 +10,10 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.html import folded, stack
 from bayesdamp.report.results.reading import mode_of, models_by_rank
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import by_signal
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import SignalSection
 from bayesdamp.store.contents.candidates import Climb, ModeContent
 from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.table import Table
@@ -27,53 +26,38 @@ ALIKE = 0.1
 """Posterior sds within which the means of chains are called the same; R̂ judges in the table of the posterior."""
 
 
-class Seeds(Section):
+class Seeds(SignalSection):
     """Each seed's climb, the modes found, and what each chain made of its start."""
 
     order = 57
     name = "seeds"
     title = "Where the searches started, and where they ended"
+    lead = (
+        "An optimisation (Levenberg–Marquardt) starts at every estimate, at each of its stages, and at a few draws "
+        "from the prior. Chains start there too, scattered by more than the posterior's width; a starting point that "
+        "is too far off for a chain is moved towards the mode until it is not."
+    )
 
-    def applies(self, run: Run) -> bool:
-        """Where modes were searched for."""
-        return any(
-            cell.outcome == OK and ModeContent.of(cell).climbs
-            for s in run.signals
-            for cell in run.cells("mode", s)
-        )
+    def shows(self, run: Run, signal: str) -> bool:
+        """Return whether modes were searched for."""
+        return any(c.outcome == OK and ModeContent.of(c).climbs for c in run.cells("mode", signal))
 
-    def render(self, run: Run) -> str:
-        """Searches and chains, candidate by candidate, the likeliest open."""
-        said = (
-            "An optimisation (Levenberg–Marquardt) starts at every estimate, at each of its stages, and at a few draws "
-            "from the prior. Chains start there too, scattered by more than the posterior's width; a starting point "
-            "that is too far off for a chain is moved towards the mode until it is not."
-        )
-        return fill(
-            "stack.html", parts=[Markup("<p>{}</p>").format(said), by_signal(run, lambda s: _one(run, s))]
-        )
-
-
-def _one(run: Run, signal: str) -> Markup:
-    repeat = run.repeats(signal)[0]
-    parts: list[Markup] = []
-    rest: list[object] = []
-    for model in models_by_rank(run, signal, repeat):
-        mode = mode_of(run, signal, repeat, model)
-        if mode is None or not mode.climbs:
-            continue
-        name = words.model(model)[:1].upper() + words.model(model)[1:]
-        summary = Markup("<p><strong>{}.</strong> {}</p>").format(name, " ".join(_sentences(mode)))
-        tables: list[object] = [_table(mode)]
-        tables += _chains(run, signal, repeat, model)
-        told = [summary, folded(f"Starting points and chains of {words.model(model)}", *tables)]
-        if len(parts) < 2 * SHOWN:
-            parts += told
-        else:
-            rest += told
-    if rest:
-        parts.append(folded(f"{len(rest) // 2} more models", *rest))
-    return fill("stack.html", parts=parts or [Markup("<p>No model was fitted to this signal.</p>")])
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return searches and chains, candidate by candidate, the likeliest open."""
+        repeat = run.repeats(signal)[0]
+        parts: list[Markup] = []
+        for model in models_by_rank(run, signal, repeat):
+            mode = mode_of(run, signal, repeat, model)
+            if mode is None or not mode.climbs:
+                continue
+            name = words.model(model)
+            summary = Markup("<p><strong>{}.</strong> {}</p>").format(
+                name[:1].upper() + name[1:], " ".join(_sentences(mode))
+            )
+            tables = [_table(mode), *_chains(run, signal, repeat, model)]
+            parts.append(stack(summary, folded(f"Starting points and chains of {name}", *tables)))
+        more = parts[SHOWN:]
+        return stack(*parts[:SHOWN], folded(f"{len(more)} more models", *more) if more else "")
 
 
 def _sentences(mode: ModeContent) -> list[str]:

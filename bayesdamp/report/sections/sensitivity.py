@@ -6,19 +6,18 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from bayesdamp import formatting as fmt
 from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.report.figures import evidence as figures
-from bayesdamp.report.html import fill
+from bayesdamp.report.figures.curves import ratio
+from bayesdamp.report.html import paragraph, stack
 from bayesdamp.report.results.reading import mode_of, models_by_rank, over_odds, ranking
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import by_signal
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import SignalSection
+from bayesdamp.report.style import INK
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.candidates import SecondHalf
 from bayesdamp.store.contents.evidence import HalfContent, NoisesContent, RatiosContent, WidthsContent
@@ -35,35 +34,26 @@ _ONE_NOISE = (
 _NO_WIDTH = "No damping prior has a width to vary here: the scale of the default prior is averaged over."
 
 
-class Sensitivity(Section):
+class Sensitivity(SignalSection):
     """Of a signal's first repeat: Bayes factors over prior widths, the first half, Savage and Dickey, the average."""
 
     order = 62
     name = "sensitivity"
     title = "What the evidence depends on"
 
-    def applies(self, run: Run) -> bool:
-        """Where a signal was weighed under other assumptions too."""
-        return bool(self._signals(run))
+    def shows(self, run: Run, signal: str) -> bool:
+        """Return whether a signal was weighed under other assumptions too."""
+        return any(cell.outcome == OK for cell in run.cells("sensitivity", signal))
 
-    def render(self, run: Run) -> str:
-        """Prior widths, odds, halves and other noise, signal by signal."""
-        shown = by_signal(run, lambda signal: _one(run, signal), self._signals(run))
-        note = Markup('<p class="small">{}</p>').format(_ONE_NOISE) if run.under_law else Markup("")
-        return fill("stack.html", parts=[shown, note])
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return prior widths, odds, halves and other noise."""
+        models = models_by_rank(run, signal, 0)
+        views = (_widths, _odds, _elsewhere, _halves, _prediction, _ratios, _average)
+        return stack(*(view(run, signal, models) for view in views))
 
-    @staticmethod
-    def _signals(run: Run) -> list[str]:
-        return [s for s in run.signals if any(c.outcome == OK for c in run.cells("sensitivity", s))]
-
-
-def _one(run: Run, signal: str) -> Markup:
-    models = models_by_rank(run, signal, 0)
-    parts = [
-        part(run, signal, models)
-        for part in (_widths, _odds, _elsewhere, _halves, _prediction, _ratios, _average)
-    ]
-    return fill("stack.html", parts=[p for p in parts if p])
+    def render(self, run: Run) -> Markup:
+        """Return the content on each signal, and why there is one noise model."""
+        return stack(super().render(run), paragraph(_ONE_NOISE, "small") if run.under_law else "")
 
 
 def _cells(run: Run, signal: str, models: list[str], kind: str) -> dict[str, CellResult]:
@@ -76,13 +66,12 @@ def _widths(run: Run, signal: str, models: list[str]) -> Markup | None:
     if len(cells) < 2:
         return None
     if not any(WidthsContent.of(cell).varied for cell in cells.values()):
-        return Markup("<p>{}</p>").format(_NO_WIDTH)
+        return paragraph(_NO_WIDTH)
     best = next(iter(cells))
     reference = cells[best].arrays["log_evidence"]
-    lines = [
-        figures.Line(m, c.arrays["log_evidence"] - reference, c.arrays["anew"], c.arrays["trusted"])
-        for m, c in cells.items()
-    ]
+    shown = {
+        m: {**c.arrays, "log_bayes_factor": c.arrays["log_evidence"] - reference} for m, c in cells.items()
+    }
     least = min(
         (float(c.arrays["effective"][~c.arrays["anew"]].min(initial=math.inf)) for c in cells.values()),
         default=math.inf,
@@ -93,20 +82,20 @@ def _widths(run: Run, signal: str, models: list[str]) -> Markup | None:
         "under that prior; crosses: diagnostics are poor."
     )
     factors = cells[best].arrays["factors"]
-    return run.drawings.add(f"widths-{signal}", caption, lambda: figures.widths(factors, lines))
+    return run.drawings.add(f"widths-{signal}", caption, lambda: figures.widths(factors, shown))
 
 
 def _odds(run: Run, signal: str, models: list[str]) -> Table | None:
     """The probability of each damping under other prior odds of further terms."""
     found = ranking(run, signal, 0)
-    shares = over_odds(found) if found else []
+    shares = over_odds(found) if found else {}
     if not found or not shares:
         return None
     lines = [
-        Line([words.model(damping), *(fmt.probability(one.dampings[damping]) for one in shares)])
+        Line([words.model(damping), *(fmt.probability(own[damping]) for own in shares.values())])
         for damping in found.dampings
     ]
-    headers = ["damping", *(f"factor {fmt.number(one.factor, 3)}" for one in shares)]
+    headers = ["damping", *(f"factor {fmt.number(factor, 3)}" for factor in shares)]
     caption = (
         "Probability of each damping where each further term makes a sum so many times as probable before the record "
         f"is seen; everywhere else here the factor is {fmt.number(FURTHER_TERM, 3)}."
@@ -234,21 +223,21 @@ def _ratios(run: Run, signal: str, models: list[str]) -> Table | None:
     logs = {frozenset(r["model"].split("+")): r for r in found.rows} if found else {}
     lines = []
     for model, cell in _cells(run, signal, models, "savage_dickey").items():
-        for smaller, ratio in RatiosContent.of(cell).against.items():
+        for smaller, factor in RatiosContent.of(cell).against.items():
             one, other = (logs.get(frozenset(m.split("+"))) for m in (smaller, model))
             if one is None or other is None:
                 continue
-            valid = ratio.outcome == OK
+            valid = factor.outcome == OK
             lines.append(
                 Line(
                     [
                         f"{words.model(smaller)} to {words.model(model)}",
-                        fmt.nats(ratio.log_bayes_factor, ratio.stderr) if valid else fmt.NONE,
+                        fmt.nats(factor.log_bayes_factor, factor.stderr) if valid else fmt.NONE,
                         fmt.nats(
                             one["log_evidence"] - other["log_evidence"],
                             math.hypot(one["stderr"], other["stderr"]),
                         ),
-                        ratio.outcome,
+                        factor.outcome,
                     ],
                     "" if valid else "quiet",
                 )
@@ -269,11 +258,7 @@ def _average(run: Run, signal: str, models: list[str]) -> Markup | None:
         return None
     shown = run.unit(signal).displacement
     unit, scale = shown.name, shown.scale
-    medians: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    for model in models:
-        own = cell.arrays.get(f"median/{model}")
-        if own is not None:
-            medians[model] = (scale * cell.arrays["amplitudes"], own)
+    medians = {m: cell.arrays[f"median/{m}"] for m in models if f"median/{m}" in cell.arrays}
     content = AverageContent.of(cell)
     covered, weighed = content.covered, content.weighed
     part = "" if covered > 0.9995 else f" that hold {fmt.probability(covered)} of the probability"
@@ -287,13 +272,8 @@ def _average(run: Run, signal: str, models: list[str]) -> Markup | None:
         f"probabilities ({words.method(content.method)}): median and 95 % band; thin: each model's own "
         f"median.{how}"
     )
-
-    def draw() -> Figure:
-        return figures.averaged(
-            scale * cell.arrays["amplitudes"], cell.arrays["curve/equivalent_ratio"], medians, unit
-        )
-
-    return run.drawings.add(f"averaged-{signal}", caption, draw)
+    grid, band = scale * cell.arrays["amplitudes"], cell.arrays["curve/equivalent_ratio"]
+    return run.drawings.add(f"averaged-{signal}", caption, lambda: ratio(grid, band, unit, INK, medians))
 
 
 PLUGIN = Sensitivity()

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import Interval, Panel, intervals
-from bayesdamp.report.html import fill
+from bayesdamp.report.html import paragraph, stack
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import (
     capped,
@@ -59,11 +59,11 @@ class Specimens(Section):
         cell = population_cell(run)
         if cell is not None:
             parts += [Markup("<h3>Over the specimens</h3>"), *_population(run, cell)]
-        return fill("stack.html", parts=parts)
+        return stack(*parts)
 
 
 def _text(*said: str) -> Markup:
-    return Markup("<p>{}</p>").format(" ".join(said))
+    return paragraph(" ".join(said))
 
 
 def _interval(one: Mapping[str, float]) -> Interval:

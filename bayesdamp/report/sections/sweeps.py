@@ -9,7 +9,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.errors import sweep
-from bayesdamp.report.html import fill, folded
+from bayesdamp.report.html import folded, stack
 from bayesdamp.report.results.comparing import CATEGORIES, STAGES
 from bayesdamp.report.results.places import interval
 from bayesdamp.report.results.run import Run
@@ -44,7 +44,7 @@ class Sweeps(Section):
             parts.append(Markup("<h3>{}, {}</h3>").format(words.model(found.model), found.factor))
             parts.append(run.drawings.add(name, caption, lambda f=found, m=methods: sweep(f, m)))
             parts.append(folded("These numbers", *(_table(found, methods, stage) for stage in STAGES)))
-        return fill("stack.html", parts=parts)
+        return stack(*parts)
 
 
 def _methods(found: Series) -> list[str]:

@@ -10,9 +10,9 @@ import pytest
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.columns.names import asked_for, unit_said
 from bayesdamp.records.files.named_units import seconds_in, unit_and_quantity
-from bayesdamp.records.files.table import find_layout
 from bayesdamp.records.opening.opening import contents
 from bayesdamp.records.read import read_record
+from bayesdamp.records.readers.text import from_lines
 from bayesdamp.records.stated_columns import resolved_unit
 
 
@@ -191,9 +191,7 @@ ROWS = [f"{0.5 * i:.3f},{i % 7 - 3.0:.3f}" for i in range(40)]
     ],
 )
 def test_a_line_of_units_below_the_names_and_an_instruments_preamble(tmp_path, heads, labels):
-    layout = find_layout([*heads, *ROWS])
-    assert layout is not None
-    assert [layout.label(i) for i in range(2)] == labels
+    assert [column.label for column in from_lines([*heads, *ROWS]).columns] == labels
 
 
 def test_a_column_may_be_asked_for_without_the_unit_that_stands_below(tmp_path):
