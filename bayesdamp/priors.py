@@ -135,8 +135,8 @@ class Normal(_Prior):
     """Normal with mean and sd."""
 
     prior: Literal["normal"] = "normal"
-    mean: float
-    sd: PositiveFloat
+    mean: float = Field(description="a number")
+    sd: PositiveFloat = Field(description="a number above 0")
 
     def __init__(self, mean: float, sd: float) -> None:
         self._begin(mean=mean, sd=sd)
@@ -168,7 +168,7 @@ class HalfNormal(_Prior):
     """|Normal(0, scale)|: touches zero without a boundary in the score."""
 
     prior: Literal["halfnormal"] = "halfnormal"
-    scale: PositiveFloat
+    scale: PositiveFloat = Field(description="a number above 0")
     reflected: bool = Field(default=True, exclude=True, init=False, repr=False)
 
     def __init__(self, scale: float) -> None:
@@ -355,8 +355,8 @@ class LogNormal(_Prior):
     """exp Normal(log median, sigma)."""
 
     prior: Literal["lognormal"] = "lognormal"
-    median: PositiveFloat
-    sigma: PositiveFloat
+    median: PositiveFloat = Field(description="a number above 0")
+    sigma: PositiveFloat = Field(description="a number above 0")
 
     def __init__(self, median: float, sigma: float) -> None:
         self._begin(median=median, sigma=sigma)
@@ -392,8 +392,8 @@ class Uniform(_Prior):
     """Uniform between low and high."""
 
     prior: Literal["uniform"] = "uniform"
-    low: float
-    high: float
+    low: float = Field(description="a number")
+    high: float = Field(description="a number")
 
     def __init__(self, low: float, high: float) -> None:
         self._begin(low=low, high=high)
@@ -433,8 +433,8 @@ class LogUniform(_Prior):
     """Uniform in the logarithm between low and high."""
 
     prior: Literal["loguniform"] = "loguniform"
-    low: PositiveFloat
-    high: PositiveFloat
+    low: PositiveFloat = Field(description="a number above 0")
+    high: PositiveFloat = Field(description="a number above 0")
 
     def __init__(self, low: float, high: float) -> None:
         self._begin(low=low, high=high)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from bayesdamp.config.checks import (
     shown,
     table,
 )
-from bayesdamp.config.sections import SignalTable, SimulateTable
+from bayesdamp.config.sections import FileTable, SignalTable, SimulateTable
 from bayesdamp.config.study import Recording, SignalSpec, Simulation
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
@@ -220,7 +219,7 @@ def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Re
     return Recording(
         file=entry.file,
         path=path.resolve(),
-        **entry.model_dump(include={f.name for f in fields(Recording)} - {"file", "path"}),
+        **entry.model_dump(include=set(FileTable.model_fields)),
     )
 
 

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from bayesdamp import types
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.asked import checked_noise, checked_sensor, known_and_priors, sums_and_laws
-from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.result import Result
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.pipeline.answer import Answer, answer
 from bayesdamp.priors import Prior
 from bayesdamp.store import DAMPING_CURVES, CellResult, write_bytes
-from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit
@@ -41,8 +39,8 @@ _CANDIDATES = ["record", "damping", "restoring", "log_evidence", "log_evidence_e
 class Comparison(Result):
     """Every damping sum weighed on one record, or on several of one specimen.
 
-    verdict: the answer, its amplitudes in the unit that the record came in; so are tables and pictures. records: of
-    several records, the comparison of each by itself. outcome: "ok", or a sentence why nothing could be said.
+    verdict: the answer, its amplitudes in the unit that the record came in; so are tables and pictures. outcome: "ok",
+    or a sentence why nothing could be said.
     answers: what is kept of each record, in rad, m or the sensor's unit; units: that each record came in; quantities:
     what was recorded, "angle" (any displacement), "velocity" or "acceleration".
     """
@@ -51,26 +49,14 @@ class Comparison(Result):
     answers: tuple[Answer, ...]
     units: tuple[str, ...]
     quantities: tuple[str, ...]
-    records: tuple[Comparison, ...] = ()
 
-    @classmethod
-    def _of(
-        cls,
-        answers: Sequence[Answer],
-        units: Sequence[str],
-        quantities: Sequence[str],
-        together: Verdict | None = None,
-    ) -> Self:
-        """Of one record, or of several: together, the verdict on all, in base units."""
-        own = [UNITS[name] for name in units]
-        if together is None:
-            return cls(in_unit(answers[0].verdict, own[0]), tuple(answers), tuple(units), tuple(quantities))
-        shown = in_unit(together, own[0]) if len({one.displacement.name for one in own}) == 1 else together
-        records = tuple(
-            cls._of([a], [unit], [quantity])
-            for a, unit, quantity in zip(answers, units, quantities, strict=True)
-        )
-        return cls(shown, tuple(answers), tuple(units), tuple(quantities), records)
+    @cached_property
+    def records(self) -> tuple[Comparison, ...]:
+        """Of several records, the comparison of each by itself."""
+        if len(self.answers) == 1:
+            return ()
+        each = zip(self.answers, self.units, self.quantities, strict=True)
+        return tuple(Comparison(in_unit(a.verdict, UNITS[u]), (a,), (u,), (q,)) for a, u, q in each)
 
     @property
     def outcome(self) -> str:
@@ -164,7 +150,7 @@ class Comparison(Result):
         from bayesdamp.report.results.run import Run
 
         cells = [
-            CellResult(f"answer/{a.verdict.record}/0", "comparison", a.content().meta(), a.arrays)
+            CellResult(f"answer/{a.verdict.record}/0", "comparison", a.content.meta(), a.arrays)
             for a in self.answers
         ]
         about = {
@@ -183,31 +169,6 @@ class Comparison(Result):
         return replace(
             ratios_table(self.verdict.damping_ratio, self.verdict.sentence), notes=self.verdict.remarks
         )
-
-    def _packed(self) -> Packed:
-        meta: dict[str, Any] = {
-            "verdict": self.verdict.to_dict(),
-            "units": self.units,
-            "quantities": self.quantities,
-            "answers": [replace(a.content(), posteriors=()).meta() for a in self.answers],
-        }
-        arrays = {f"{i}/{n}": np.asarray(v) for i, a in enumerate(self.answers) for n, v in a.arrays.items()}
-        return Packed("Comparison", meta, arrays)
-
-    @classmethod
-    def _unpacked(cls, packed: Packed) -> Self:
-        answers = []
-        for i, one in enumerate(packed.meta["answers"]):
-            arrays = {n.removeprefix(f"{i}/"): v for n, v in packed.arrays.items() if n.startswith(f"{i}/")}
-            content = AnswerContent.of_meta(one)
-            verdict = Verdict.from_dict(content.verdict)
-            answers.append(Answer(verdict, content.candidates, content.fits, arrays, rivals=content.rivals))
-        units = packed.meta["units"]
-        quantities = packed.meta.get("quantities") or ["angle"] * len(units)
-        if len(answers) == 1:
-            return cls._of(answers, units, quantities)
-        found = cls._of(answers, units, quantities, answers[0].verdict)
-        return replace(found, verdict=Verdict.from_dict(packed.meta["verdict"]))
 
 
 def compare(
@@ -280,8 +241,10 @@ def compare(
         )
         for s, unit in zip(every, units, strict=True)
     )
-    if len(answers) == 1:
-        return Comparison._of(answers, units, quantities)
-    good = [a.of_specimen() for a in answers if a.arrays]
-    together = specimen(name, good, given, sensor, seed) if good else answers[0].verdict
-    return Comparison._of(answers, units, quantities, together)
+    together = answers[0].verdict
+    if len(answers) > 1:
+        good = [a.of_specimen() for a in answers if a.arrays]
+        together = specimen(name, good, given, sensor, seed) if good else together
+    if len({UNITS[u].displacement.name for u in units}) == 1:
+        together = in_unit(together, UNITS[units[0]])
+    return Comparison(together, answers, units, quantities)

@@ -133,10 +133,10 @@ def test_times_in_an_unlikely_unit_are_asked_about_and_not_computed_with(
     with pytest.raises(InputError, match=r"time_unit="):
         bayesdamp.read(path)
     with pytest.raises(InputError, match=r"\(signal.time_unit, signal.rate\)$"), in_keys():
-        recorded(Recording(path.name, path, 2, 1))
+        recorded(Recording(file=path.name, path=path, angle=2, time=1))
     assert chosen_records([path], Options(time_unit="s")).records
     assert bayesdamp.read(path, time_unit="s").raw[0].t is not None
-    assert recorded(Recording(path.name, path, 2, 1, time_unit="s")).t is not None
+    assert recorded(Recording(file=path.name, path=path, angle=2, time=1, time_unit="s")).t is not None
 
 
 def test_times_that_change_their_unit_are_refused_in_the_words_of_each_front(tmp_path, capsys) -> None:

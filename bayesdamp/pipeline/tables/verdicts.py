@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.pipeline.records.answering import answered_of, arrays_of, stated_priors, verdict_of
+from bayesdamp.pipeline.records.answering import answer_of, answered_of, stated_priors, verdict_of
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import DAMPING_CURVES, Store, write_table
 from bayesdamp.units import UNITS, Unit
@@ -20,13 +20,12 @@ def write_verdicts(study: Study, store: Store) -> None:
     """
     found: list[Verdict] = []
     units: list[Unit] = []
-    for spec in study.signals:
-        for repeat in range(spec.repeats):
-            verdict = verdict_of(store, spec.name, repeat)
-            if verdict is not None:
-                found.append(verdict)
-                units.append(unit_of(spec))
-    for name, specs in repeated_specs(study).items():
+    for spec, repeat in study.records:
+        verdict = verdict_of(store, spec.name, repeat)
+        if verdict is not None:
+            found.append(verdict)
+            units.append(unit_of(spec))
+    for name, specs in study.repeated.items():
         every = (answered_of(store, spec.name, repeat) for spec in specs for repeat in range(spec.repeats))
         answered = [a for a in every if a is not None]
         if len(answered) > 1:
@@ -37,23 +36,21 @@ def write_verdicts(study: Study, store: Store) -> None:
     if not found:
         return
     files.write(store.folder, found, [in_unit(v, unit) for v, unit in zip(found, units, strict=True)])
-    curves = [
-        row for spec in study.signals for repeat in range(spec.repeats) for row in _curve(store, spec, repeat)
-    ]
+    curves = [row for spec, repeat in study.records for row in _curve(store, spec, repeat)]
     write_table(store.folder / "damping_curves.csv", ("record", "unit", *DAMPING_CURVES), curves)
 
 
 def _curve(store: Store, spec: SignalSpec, repeat: int) -> list[dict[str, object]]:
     """A record's damping curve without a law, a line an amplitude."""
-    verdict, arrays = verdict_of(store, spec.name, repeat), arrays_of(store, spec.name, repeat)
-    if verdict is None or "free/amplitude" not in arrays:
+    answer = answer_of(store, spec.name, repeat)
+    if answer is None or "free/amplitude" not in answer.arrays:
         return []
     unit = unit_of(spec)
-    arrays = picture_in_unit(arrays, unit)
+    arrays = picture_in_unit(answer.arrays, unit)
     columns = [arrays[f"free/{name}"].tolist() for name in DAMPING_CURVES]
     return [
         {
-            "record": verdict.record,
+            "record": answer.verdict.record,
             "unit": unit.displacement.name,
             **dict(zip(DAMPING_CURVES, row, strict=True)),
         }
@@ -64,12 +61,3 @@ def _curve(store: Store, spec: SignalSpec, repeat: int) -> list[dict[str, object
 def unit_of(spec: SignalSpec) -> Unit:
     """The unit that a signal's record came in."""
     return UNITS[spec.source.unit]
-
-
-def repeated_specs(study: Study) -> dict[str, list[SignalSpec]]:
-    """The signals of each specimen that has several."""
-    found: dict[str, list[SignalSpec]] = {}
-    for spec in study.signals:
-        if spec.specimen:
-            found.setdefault(spec.specimen, []).append(spec)
-    return {name: specs for name, specs in found.items() if sum(s.repeats for s in specs) > 1}

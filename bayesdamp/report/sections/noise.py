@@ -51,10 +51,10 @@ def _one(run: Run, signal: str) -> Markup:
     lines = []
     for one in order:
         values = ", ".join(f"{words.symbol(n).text} {fmt.number(v, 3)}" for n, v in one.values.items())
-        used = one.noise == content.noise
+        used = one.name == content.noise
         below = fmt.fixed(order[0].log_evidence - one.log_evidence, 1)
         said = "used for the answer" if used else ""
-        lines.append(Line([words.method(one.noise), below, values, said], "best" if used else ""))
+        lines.append(Line([words.method(one.name), below, values, said], "best" if used else ""))
     headers = ["noise", "log evidence below the best", "its parameters", ""]
     return fill("stack.html", parts=[Table(headers, lines, frozenset({0, 2, 3}))])
 
