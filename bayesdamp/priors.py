@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 import scipy.special as host
@@ -388,21 +388,24 @@ class LogNormal(_Prior):
         return -(1.0 + self.score(x) / self.sigma) / np.asarray(x, float)
 
 
-class Uniform(_Prior):
-    """Uniform between low and high."""
-
-    prior: Literal["uniform"] = "uniform"
+class _Between(_Prior):
     low: float = Field(description="a number")
     high: float = Field(description="a number")
 
-    def __init__(self, low: float, high: float) -> None:
-        self._begin(low=low, high=high)
-
     @model_validator(mode="after")
-    def _ordered(self) -> Uniform:
+    def _ordered(self) -> Self:
         if not self.low < self.high:
             raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
         return self
+
+
+class Uniform(_Between):
+    """Uniform between low and high."""
+
+    prior: Literal["uniform"] = "uniform"
+
+    def __init__(self, low: float, high: float) -> None:
+        self._begin(low=low, high=high)
 
     @staticmethod
     def transform(z: Any, low: Scalar, high: Scalar) -> Any:
@@ -429,7 +432,7 @@ class Uniform(_Prior):
         return np.zeros_like(np.asarray(x, float))
 
 
-class LogUniform(_Prior):
+class LogUniform(_Between):
     """Uniform in the logarithm between low and high."""
 
     prior: Literal["loguniform"] = "loguniform"
@@ -438,12 +441,6 @@ class LogUniform(_Prior):
 
     def __init__(self, low: float, high: float) -> None:
         self._begin(low=low, high=high)
-
-    @model_validator(mode="after")
-    def _ordered(self) -> LogUniform:
-        if not self.low < self.high:
-            raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
-        return self
 
     @staticmethod
     def transform(z: Any, low: Scalar, high: Scalar) -> Any:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -68,15 +66,6 @@ class SignalSpec:
         """All that the study says of the record, as JSON takes it; no path of this machine."""
         found = split(self)
         found["source"].pop("path", None)
-        if not found["source"].get("least_noise"):
-            found["source"].pop("least_noise", None)
-        for key in ("run", "channel", "time_unit"):  # a study that does not have them reads as it always did
-            if found["source"].get(key) is None:
-                found["source"].pop(key, None)
-        if not self.alternatives:
-            del found["laws"], found["alternatives"]
-        if not self.specimen:
-            del found["specimen"]
         return found
 
     @property
@@ -200,14 +189,7 @@ class Study:
         del found["source"], found["plugins"], found["tables"]
         if self.plugins:
             found["plugins"] = [{"file": Path(m.file).name, "sha256": m.digest} for m in self.plugins]
-        later = {"models": ("restoring", "prune"), "posterior": ("best",)}
-        for table_, keys in later.items():  # a study that does not have them reads as it always did
-            found[table_] = {k: v for k, v in found[table_].items() if v or k not in keys}
         return {**found, "signals": [s.resolved() for s in self.signals]}
-
-    def digest(self) -> str:
-        """SHA-256 of `resolved()`, in hexadecimal."""
-        return hashlib.sha256(json.dumps(self.resolved(), sort_keys=True).encode()).hexdigest()
 
     def estimator_options(self, name: str) -> BaseModel:
         """The options of an estimator, defaults filled in; imports the estimator.

@@ -19,6 +19,7 @@ from bayesdamp.formatting import compact
 from bayesdamp.interface.parts.result import Shown, outcome_notes
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.plugins import nearest
+from bayesdamp.serial import split
 from bayesdamp.store import TABLES, CellResult, Store, read_table
 from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.estimates import EstimateContent
@@ -217,6 +218,8 @@ def run_study(
     one, a script that is run has to stand under `if __name__ == "__main__"`. fresh: compute everything again.
     Cells that failed are named in the run's outcome. Raises InputError, one line, where the input is wrong.
     """
+    from rich.console import Console
+
     from bayesdamp.pipeline import run_study as run
 
     loaded = _loaded(study)
@@ -226,7 +229,7 @@ def run_study(
     if workers < 1:
         raise InputError(f"run_study: workers is {workers!r}; it must be a whole number, 1 or more")
     with in_keys():
-        run(loaded, folder, workers=workers, fresh=fresh, console=_quiet())
+        run(loaded, folder, workers=workers, fresh=fresh, console=Console(stderr=True, quiet=True))
     return Run.load(folder)
 
 
@@ -240,24 +243,9 @@ def _loaded(study: Study | Mapping[str, Any] | str | Path) -> Study:
             f"run_study: the study is {type(study).__name__}; it must be a file, a dictionary or a Study"
         )
     try:
-        return resolve_study(_listed(study), Path(SOURCE))
-    except (StudyError, InputError) as error:
+        return resolve_study(split(study), Path(SOURCE))
+    except (StudyError, InputError, TypeError) as error:
         raise InputError(f"study: {error}") from None
-
-
-def _listed(value: Any) -> Any:
-    """Tables and lists as a file's reader gives them, whatever kinds of mappings and sequences they are."""
-    if isinstance(value, Mapping):
-        return {str(k): _listed(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_listed(v) for v in value]
-    return value
-
-
-def _quiet():
-    from rich.console import Console
-
-    return Console(stderr=True, quiet=True)
 
 
 def _candidate(folder: Path, key: tuple[str, int, str], cells: Sequence[CellResult], law: str) -> Candidate:

@@ -325,13 +325,6 @@ def test_a_study_names_run_and_channel(tmp_path) -> None:
         np.testing.assert_allclose(recorded(source).y, 30 * Y, atol=1e-6)
 
 
-def test_a_study_without_these_keys_reads_as_it_always_did(tmp_path) -> None:
-    runs(tmp_path / "rig.csv")
-    (tmp_path / "a.toml").write_text(STUDY.format("rate = 50.0\nangle = 2"), encoding="utf-8")
-    source = load_study(tmp_path / "a.toml").signals[0].resolved()["source"]
-    assert not {"run", "channel", "time_unit"} & set(source)
-
-
 @pytest.mark.parametrize(
     ("head", "unit", "said"),
     [("position", None, True), ("position", "m", False), ("angle (deg)", None, False)],

@@ -76,7 +76,6 @@ def test_one_law_leaves_all_names_and_keys_as_they_were(tmp_path) -> None:
     )
     assert plain.compare(plain.signals[0]) == named.compare(named.signals[0]) == ("viscous", "coulomb")
     assert [c.name for c in cells(plain)] == [c.name for c in cells(named)]
-    assert "restoring" not in plain.resolved()["models"]
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Self
 
 from bayesdamp.serial import join, split
@@ -33,7 +33,8 @@ class Content:
     def of_meta(cls, meta: Mapping[str, Any]) -> Self:
         """What `meta` gave, after a file. Raises OtherVersionError."""
         try:
-            return join(cls, meta)
+            own = {f.name for f in fields(cls)}
+            return join(cls, {name: value for name, value in meta.items() if name in own})
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             what = "was stored by another version of bayesdamp; compute it again with this one"
             raise OtherVersionError(f"{what} ({error})") from None
