@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, TypeAdapter
 
 _adapter = cache(TypeAdapter)
+UNIONS = (Union, UnionType)
 
 
 class Reduced:
@@ -79,14 +80,11 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
     arrays, below = arrays or {}, f"{path}/" if path else ""
     if path in arrays:
         return arrays[path]
-    if get_origin(kind) in (Union, UnionType):
-        kinds = [one for one in get_args(kind) if one is not NoneType]
-        if value is None and len(kinds) < len(get_args(kind)):
-            return None
-        if all(isinstance(one, type) and issubclass(one, BaseModel) for one in kinds):
-            return _adapter(kind).validate_python(value)
-        kind = kinds[0] if len(kinds) == 1 else _member(kinds, value)
+    if get_origin(kind) in UNIONS:
+        kind = _member(kind, value)
     args, origin = get_args(kind), get_origin(kind) or kind
+    if origin in UNIONS:
+        return _adapter(kind).validate_python(value)
     if not isinstance(origin, type):
         return value
     if issubclass(origin, Reduced):
@@ -109,10 +107,16 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
     return math.nan if origin is float and (value is None or value != value) else value
 
 
-def _member(kinds: list[Any], value: object) -> Any:
-    """Return the one of several types that a value is of; Any of plain numbers and text."""
+def _member(kind: Any, value: object) -> Any:
+    """Return the one of several types that a value is of; Any of plain numbers and text, and all of several models."""
+    kinds = [one for one in get_args(kind) if one is not NoneType]
+    if value is None and NoneType in get_args(kind):
+        return NoneType
+    if all(isinstance(one, type) and issubclass(one, BaseModel) for one in kinds):
+        return kind
     wanted = {list: (tuple, np.ndarray), dict: (Mapping,)}.get(type(value), ())
-    return next((k for k in kinds if (get_origin(k) or k) in wanted or (wanted and is_dataclass(k))), Any)
+    fitting = (k for k in kinds if (get_origin(k) or k) in wanted or (wanted and is_dataclass(k)))
+    return kinds[0] if len(kinds) == 1 else next(fitting, Any)
 
 
 @cache

@@ -101,6 +101,9 @@ def _climbs(mode: Mode) -> dict[str, object]:
     scores = zip(target.names, mode.z, mode.sd(), target.reflected, strict=True)
     return {
         "climbs": climbs,
-        "modes": [Maximum(b.log_posterior, b.share, target.values(b.z)) for b in found],
+        "modes": [
+            Maximum(b.log_posterior, b.share, {n: float(v) for n, v in target.values(b.z).items()})
+            for b in found
+        ],
         "touching_zero": [n for n, z, sd, reflected in scores if reflected and abs(z) < sd],
     }
