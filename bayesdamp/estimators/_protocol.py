@@ -38,7 +38,9 @@ class Estimator(ABC, Generic[Chosen]):
         return None
 
     @abstractmethod
-    def initial(self, signal: Signal, problem: Problem, options: Chosen, rng: np.random.Generator) -> Estimate:
+    def initial(
+        self, signal: Signal, problem: Problem, options: Chosen, rng: np.random.Generator
+    ) -> Estimate:
         """The method's own estimate from the record and what is known of the system.
 
         Raises Refusal with a sentence where the method cannot work on the record.
