@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 import scipy.special as host
@@ -135,8 +135,8 @@ class Normal(_Prior):
     """Normal with mean and sd."""
 
     prior: Literal["normal"] = "normal"
-    mean: float
-    sd: PositiveFloat
+    mean: float = Field(description="a number")
+    sd: PositiveFloat = Field(description="a number above 0")
 
     def __init__(self, mean: float, sd: float) -> None:
         self._begin(mean=mean, sd=sd)
@@ -168,7 +168,7 @@ class HalfNormal(_Prior):
     """|Normal(0, scale)|: touches zero without a boundary in the score."""
 
     prior: Literal["halfnormal"] = "halfnormal"
-    scale: PositiveFloat
+    scale: PositiveFloat = Field(description="a number above 0")
     reflected: bool = Field(default=True, exclude=True, init=False, repr=False)
 
     def __init__(self, scale: float) -> None:
@@ -355,8 +355,8 @@ class LogNormal(_Prior):
     """exp Normal(log median, sigma)."""
 
     prior: Literal["lognormal"] = "lognormal"
-    median: PositiveFloat
-    sigma: PositiveFloat
+    median: PositiveFloat = Field(description="a number above 0")
+    sigma: PositiveFloat = Field(description="a number above 0")
 
     def __init__(self, median: float, sigma: float) -> None:
         self._begin(median=median, sigma=sigma)
@@ -388,21 +388,24 @@ class LogNormal(_Prior):
         return -(1.0 + self.score(x) / self.sigma) / np.asarray(x, float)
 
 
-class Uniform(_Prior):
-    """Uniform between low and high."""
-
-    prior: Literal["uniform"] = "uniform"
-    low: float
-    high: float
-
-    def __init__(self, low: float, high: float) -> None:
-        self._begin(low=low, high=high)
+class _Between(_Prior):
+    low: float = Field(description="a number")
+    high: float = Field(description="a number")
 
     @model_validator(mode="after")
-    def _ordered(self) -> Uniform:
+    def _ordered(self) -> Self:
         if not self.low < self.high:
             raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
         return self
+
+
+class Uniform(_Between):
+    """Uniform between low and high."""
+
+    prior: Literal["uniform"] = "uniform"
+
+    def __init__(self, low: float, high: float) -> None:
+        self._begin(low=low, high=high)
 
     @staticmethod
     def transform(z: Any, low: Scalar, high: Scalar) -> Any:
@@ -429,21 +432,15 @@ class Uniform(_Prior):
         return np.zeros_like(np.asarray(x, float))
 
 
-class LogUniform(_Prior):
+class LogUniform(_Between):
     """Uniform in the logarithm between low and high."""
 
     prior: Literal["loguniform"] = "loguniform"
-    low: PositiveFloat
-    high: PositiveFloat
+    low: PositiveFloat = Field(description="a number above 0")
+    high: PositiveFloat = Field(description="a number above 0")
 
     def __init__(self, low: float, high: float) -> None:
         self._begin(low=low, high=high)
-
-    @model_validator(mode="after")
-    def _ordered(self) -> LogUniform:
-        if not self.low < self.high:
-            raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
-        return self
 
     @staticmethod
     def transform(z: Any, low: Scalar, high: Scalar) -> Any:

@@ -189,7 +189,7 @@ class ChainStart:
 class Posterior:
     """Draws of a posterior: draws[chain, draw, parameter] in natural units.
 
-    summary: of each parameter. starts: of the chains; divergences: how many transitions diverged, None where there is
+    summaries: of each parameter. starts: of the chains; divergences: how many transitions diverged, None where there is
     no such thing. evaluations: of the likelihood. ensembles: into which chains fall that share their moves. effective:
     how many draws of the posterior independent ones of an approximation are worth. running: the parameters whose
     running estimates arrays hold, `running/...`. diagnostics: what else the sampler says.
@@ -203,7 +203,7 @@ class Posterior:
     diagnostics: Mapping[str, object] = field(default_factory=dict)
     seconds: float = 0.0
     outcome: str = OK
-    summary: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    summaries: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     starts: tuple[ChainStart, ...] = ()
     divergences: int | None = None
     evaluations: int = 0

@@ -21,6 +21,7 @@ NEUTRAL = {
     "sources",
     "priors",
     "odds",
+    "serial",
     "calls",
     "machine",
     "numerics",

@@ -21,9 +21,9 @@ from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline.records.records import simulated
 from bayesdamp.priors import SHARED_SCALES, SHARED_SIGMAS, Prior
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import OK, Estimate, InputError, Problem, Seed, Signal, System
 
 ESTIMATOR = "least_squares"
@@ -76,24 +76,9 @@ class Generator:
         raise InputError(f"{self.model}: {ESCAPES} draws from the prior in a row, and {escaped}")
 
     def _simulated(self, p: Mapping[str, float], rng: np.random.Generator, name: str) -> Signal:
-        s = self.source
-        return simulate_signal(
-            self.blank.oscillator,
-            p,
-            duration=s.duration,
-            samples=s.samples,
-            noise_sd=p["noise_sd"],
-            noise=self.blank.noise_model.name,
-            noise_time=p.get("noise_time"),
-            noise_dof=p.get("noise_dof"),
-            outliers=s.outliers,
-            gaps=s.gaps,
-            quantum=s.quantum,
-            quantity=s.quantity,
-            unit=s.unit,
-            name=name,
-            rng=rng,
-        )
+        osc = self.blank.oscillator
+        source = self.source.model_copy(update={"damping": osc.damping, "noise": self.blank.noise_model.name})
+        return simulated(source, osc.restoring, p, name, rng)
 
 
 def record_rng(seed: int, *labels: object) -> np.random.Generator:

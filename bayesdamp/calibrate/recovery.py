@@ -104,7 +104,9 @@ def _generators(study: Study, kind: str, models: list[str], noise: float, cycles
             "frequency, with which its levels of noise and length scale"
         )
     samples = table.single_samples if kind == "single" else table.samples
-    source = replace(source, duration=2 * math.pi * cycles / system.frequency, samples=samples)
+    source = source.model_copy(
+        update={"duration": 2 * math.pi * cycles / system.frequency, "samples": samples}
+    )
     prior = {"noise_sd": LogNormal(median=noise * system.amplitude, sigma=table.noise_sigma)}
     return [generator(study, m, source=source, priors=prior) for m in models]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp import formatting as fmt
 from bayesdamp.claims.bench import TRUTH, error, initial
-from bayesdamp.claims.judge import FAR, NO_RUN, Claim, Judgement, Runs
+from bayesdamp.claims.judge import FAR, NO_RUN, Claim, Judgement, Runs, on_clean
 from bayesdamp.claims.times import QUICKER
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.report import words
@@ -31,9 +31,9 @@ def _pairs(found: Comparison, method: str) -> str:
 
 
 def _row(method: str) -> Callable[[Runs], Judgement]:
-    def judge(runs: Runs) -> Judgement:
-        found = runs.compared
-        if found is None or method not in found.methods:
+    @on_clean
+    def judge(found: Comparison) -> Judgement:
+        if method not in found.methods:
             return NO_RUN
         printed = [value(found.published.get((method, s), "")) for s in found.signals]
 
@@ -58,10 +58,8 @@ def _row(method: str) -> Callable[[Runs], Judgement]:
     return judge
 
 
-def _hybrid(runs: Runs) -> Judgement:
-    found = runs.compared
-    if found is None:
-        return NO_RUN
+@on_clean
+def _hybrid(found: Comparison) -> Judgement:
     worst = {
         s: max((found.errors.get((m, g, s), 0.0), m) for m in found.methods for g in found.signals)
         for s in STAGES
@@ -81,10 +79,10 @@ def _hybrid(runs: Runs) -> Judgement:
     return Judgement("holds" if worst["refined"][0] < HYBRID else "does not hold", measured)
 
 
-def _iterative(runs: Runs) -> Judgement:
-    found = runs.compared
+@on_clean
+def _iterative(found: Comparison) -> Judgement:
     names = ("pinn", "neural_ode", "genetic")
-    if found is None or not set(names) <= set(found.methods):
+    if not set(names) <= set(found.methods):
         return NO_RUN
     worst = {m: max(found.errors.get((m, s, "initial"), math.inf) for s in found.signals) for m in names}
     said = ", ".join(f"{words.method(m)} {e:.2g} %" for m, e in worst.items())
@@ -118,10 +116,8 @@ def _pinn(runs: Runs) -> Judgement:
     return Judgement("holds" if good else "does not hold", f"Viscous: {said}.{tail}")
 
 
-def _best_clean(runs: Runs) -> Judgement:
-    found = runs.compared
-    if found is None:
-        return NO_RUN
+@on_clean
+def _best_clean(found: Comparison) -> Judgement:
     means = {m: found.mean(m, "initial") for m in found.methods}
     ranked = sorted((m for m in means if math.isfinite(means[m])), key=lambda m: means[m])
     seconds = {m: found.seconds.get((m, "initial"), math.inf) for m in ranked}

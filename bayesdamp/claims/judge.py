@@ -57,6 +57,11 @@ class Claim:
 NO_RUN = Judgement("cannot be told", "The run that would tell is not here.")
 
 
+def on_clean(judge: Callable[[Comparison], Judgement]) -> Callable[[Runs], Judgement]:
+    """Make a judge of the clean pendulums one of runs, which cannot tell where these are not among them."""
+    return lambda runs: judge(runs.compared) if runs.compared else NO_RUN
+
+
 def judged(claims: Iterable[Claim], runs: Runs) -> list[tuple[Claim, Judgement]]:
     """Every claim with its judgement, in order."""
     return [(claim, claim.judge(runs)) for claim in claims]

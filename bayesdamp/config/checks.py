@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-import types
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -76,36 +73,12 @@ def section(model: type[Model], raw: object, key: str) -> Model:
         if not first["loc"]:
             raise StudyError(key, str(inner or first["msg"])) from None
         name = str(first["loc"][0])
-        right = fields[name].description or _numeric_words(fields[name].annotation, fields[name].metadata)
+        right = fields[name].description
         must = f"it must be {right}" if right else first["msg"].lower()
         if first["type"] == "missing":
             raise StudyError(below(key, name), f"is missing; {must}") from None
         given = raw.get(name) if isinstance(raw, dict) else None
         raise StudyError(below(key, name), f"is {shown(given)}; {must}") from None
-
-
-def _numeric_words(annotation: object, metadata: Iterable[object]) -> str:
-    """What a field without a description takes, as far as its type says so."""
-    if get_origin(annotation) is Annotated:
-        annotation, *more = get_args(annotation)
-        metadata = [*metadata, *more]
-    if get_origin(annotation) in (Union, types.UnionType):
-        return ""
-    kind = {float: "number", int: "whole number", bool: "true or false", str: "string"}.get(annotation)  # type: ignore[arg-type]
-    if kind is None or kind == "true or false":
-        return kind or ""
-    bounds = [
-        f"{words} {bound:g}"
-        for rule in metadata
-        for attribute, words in (
-            ("gt", "above"),
-            ("ge", "of at least"),
-            ("lt", "below"),
-            ("le", "of at most"),
-        )
-        if (bound := getattr(rule, attribute, None)) is not None
-    ]
-    return " ".join([f"a {kind}", *[" and ".join(bounds)] * bool(bounds)])
 
 
 def number(raw: object, key: str, *, positive: bool = False, minimum: float | None = None) -> float:
@@ -180,16 +153,3 @@ def in_keys() -> Iterator[None]:
 def as_input_error(source: object, error: StudyError | InputError) -> InputError:
     """The one line that a user reads."""
     return InputError(str(error), str(source))
-
-
-def plain(value: Any) -> Any:
-    """A value as JSON takes it."""
-    if isinstance(value, BaseModel):
-        return value.model_dump(mode="json")
-    if dataclasses.is_dataclass(value):
-        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if isinstance(value, Mapping):
-        return {str(name): plain(inner) for name, inner in value.items()}
-    if isinstance(value, tuple | list):
-        return [plain(inner) for inner in value]
-    return str(value) if isinstance(value, Path) else value

@@ -66,34 +66,14 @@ def laws_for(unit: str) -> tuple[str, ...]:
     return tuple(n for n in LAWS.present() if not along or LAWS.get(n).translates)
 
 
-def comparison(
-    records: Sequence[Asked],
-    *,
-    restoring: Sequence[str] = (),
-    damping: Sequence[str] = (),
-    noise: str = "auto",
-    seed: int = 0,
-    repeats: bool = False,
-    plugins: Sequence[PluginModule] = (),
-    deviation: str = "auto",
-    sensor: float = 0.002,
-) -> Study:
+def comparison(records: Sequence[Asked], *, plugins: Sequence[PluginModule] = (), **settings: Any) -> Study:
     """The study that compares all damping sums (or those given) under all restoring laws (or those given) on each
-    record; see `comparison_tables`. plugins: the user's modules; each damping term in them is compared alone and beside
-    each one that ships, each law as one more. Raises InputError, one line in the terms of the command's options."""
+    record. plugins: the user's modules; each damping term in them is compared alone and beside each one that ships,
+    each law as one more; settings: as `comparison_tables` has them. Raises InputError, one line in the terms of the
+    command's options."""
     use(plugins)
-    raw = comparison_tables(
-        records,
-        restoring=restoring,
-        damping=damping,
-        noise=noise,
-        seed=seed,
-        repeats=repeats,
-        deviation=deviation,
-        sensor=sensor,
-    )
     try:
-        return resolve_study(raw, Path("compare"), plugins)
+        return resolve_study(comparison_tables(records, **settings), Path("compare"), plugins)
     except StudyError as error:
         raise _in_options(error) from None
 

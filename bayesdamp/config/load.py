@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from bayesdamp.config.again import read_asked, same_plugins
 from bayesdamp.config.checks import (
@@ -45,9 +45,10 @@ from bayesdamp.config.study import Estimators, Models, SignalSpec, Study
 from bayesdamp.config.sweeps import expand
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plain_text import read_plain
-from bayesdamp.plugins import PluginModule, read_modules, use
+from bayesdamp.plugins import PluginModule, Registry, read_modules, use
 from bayesdamp.types import InputError
 
+Sampling = TypeVar("Sampling", PosteriorTable, CalibrationTable)
 _TABLES = (
     "system",
     "signal",
@@ -197,27 +198,19 @@ def _models(raw: object) -> Models:
 
 def _posterior(raw: object) -> PosteriorTable:
     from bayesdamp.inference.noise import NOISES
-    from bayesdamp.inference.samplers import SAMPLERS
 
-    checked = section(PosteriorTable, raw, "posterior")
-    for name in checked.samplers:
-        plugin_name(SAMPLERS, name, "posterior.samplers")
-    distinct(checked.samplers, "posterior.samplers", "the sampler")
+    checked = _with_samplers(PosteriorTable, raw, "posterior")
     if checked.noise != "auto":
         names = (checked.noise,) if isinstance(checked.noise, str) else checked.noise
-        for name in names:
-            plugin_name(NOISES, name, "posterior.noise")
-        distinct(names, "posterior.noise", "the noise model")
+        _check_plugins(NOISES, names, "posterior.noise", "the noise model")
     return checked
 
 
-def _calibration(raw: object) -> CalibrationTable:
+def _with_samplers(model: type[Sampling], raw: object, key: str) -> Sampling:
     from bayesdamp.inference.samplers import SAMPLERS
 
-    checked = section(CalibrationTable, raw, "calibration")
-    for name in checked.samplers:
-        plugin_name(SAMPLERS, name, "calibration.samplers")
-    distinct(checked.samplers, "calibration.samplers", "the sampler")
+    checked = section(model, raw, key)
+    _check_plugins(SAMPLERS, checked.samplers, f"{key}.samplers", "the sampler")
     return checked
 
 
@@ -225,10 +218,14 @@ def _evidence(raw: object) -> EvidenceTable:
     from bayesdamp.inference.evidence import EVIDENCES
 
     checked = section(EvidenceTable, raw, "evidence")
-    for name in checked.methods:
-        plugin_name(EVIDENCES, name, "evidence.methods")
-    distinct(checked.methods, "evidence.methods", "the method")
+    _check_plugins(EVIDENCES, checked.methods, "evidence.methods", "the method")
     return checked
+
+
+def _check_plugins(registry: Registry[Any], names: Sequence[str], key: str, what: str) -> None:
+    for name in names:
+        plugin_name(registry, name, key)
+    distinct(names, key, what)
 
 
 def _plugins(raw: object, folder: Path) -> tuple[PluginModule, ...]:
@@ -278,7 +275,7 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
         seed=header.seed,
         description=header.description,
         published=_published(header.published, path.parent, signals, estimators),
-        calibration=_calibration(raw.get("calibration", {})),
+        calibration=_with_samplers(CalibrationTable, raw.get("calibration", {}), "calibration"),
         recovery=section(RecoveryTable, raw.get("recovery", {}), "recovery"),
         plugins=modules,
         tables=raw,

@@ -62,31 +62,13 @@ class Header(Section):
     )
 
 
-class SignalTable(Section):
-    """One [[signal]]: a record that is simulated or one that is read."""
+class FileTable(Section):
+    """How a record's file is read.
 
-    name: str = Field(
-        pattern=NAME, max_length=64, description="a name in quotes: at most 64 letters, digits, - and _"
-    )
-    simulate: dict[str, Any] | None = Field(None, description="a table such as { viscous = 0.05, ... }")
-    system: dict[str, Any] = Field({}, description='a table such as { stiffness = "free" }')
-    compare: Annotated[Names, Field(min_length=1)] | None = Field(
-        None, description="a list of one or more models for this signal, in place of [models]'s"
-    )
-    restoring: Annotated[Names, Field(min_length=1)] | None = Field(
-        None, description="a list of one or more restoring laws for this signal, in place of [models]'s"
-    )
-    estimate: Names | None = Field(
-        None,
-        description="a list of the models under which estimators run on this signal; all that it compares",
-    )
-    specimen: str | None = Field(
-        None,
-        pattern=NAME,
-        max_length=64,
-        description="a name in quotes, the same for repeats of one specimen: letters, digits, - and _",
-    )
-    file: str | None = Field(None, min_length=1, description="a file's path in quotes")
+    angle: the recorded quantity's column, whatever the quantity; None where the file has only that one. start and stop
+    in s of the record's own clock. What is not given the file says, or it is chosen.
+    """
+
     time: Annotated[int, Field(ge=1, le=COLUMN)] | Annotated[str, Field(min_length=1)] | None = Field(
         None, description="a column's name or its number from 1"
     )
@@ -116,6 +98,33 @@ class SignalTable(Section):
     least_noise: float = Field(
         0.0, ge=0, lt=1, description="a share of the amplitude: noise that is added where the record has none"
     )
+
+
+class SignalTable(FileTable):
+    """One [[signal]]: a record that is simulated or one that is read."""
+
+    name: str = Field(
+        pattern=NAME, max_length=64, description="a name in quotes: at most 64 letters, digits, - and _"
+    )
+    simulate: dict[str, Any] | None = Field(None, description="a table such as { viscous = 0.05, ... }")
+    system: dict[str, Any] = Field({}, description='a table such as { stiffness = "free" }')
+    compare: Annotated[Names, Field(min_length=1)] | None = Field(
+        None, description="a list of one or more models for this signal, in place of [models]'s"
+    )
+    restoring: Annotated[Names, Field(min_length=1)] | None = Field(
+        None, description="a list of one or more restoring laws for this signal, in place of [models]'s"
+    )
+    estimate: Names | None = Field(
+        None,
+        description="a list of the models under which estimators run on this signal; all that it compares",
+    )
+    specimen: str | None = Field(
+        None,
+        pattern=NAME,
+        max_length=64,
+        description="a name in quotes, the same for repeats of one specimen: letters, digits, - and _",
+    )
+    file: str | None = Field(None, min_length=1, description="a file's path in quotes")
 
 
 class SimulateTable(Section):

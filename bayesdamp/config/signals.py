@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from bayesdamp.config.checks import (
     shown,
     table,
 )
-from bayesdamp.config.sections import UNIT, SignalTable, SimulateTable
+from bayesdamp.config.sections import UNIT, FileTable, SignalTable, SimulateTable
 from bayesdamp.config.study import Recording, SignalSpec, Simulation
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
@@ -222,7 +221,7 @@ def _recording(entry: SignalTable, folder: Path, key: str) -> Recording:
     return Recording(
         file=entry.file,
         path=path.resolve(),
-        **entry.model_dump(include={f.name for f in fields(Recording)} - {"file", "path"}),
+        **entry.model_dump(include=set(FileTable.model_fields)),
     )
 
 
@@ -309,7 +308,7 @@ def _envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, key: s
     if entry.file is None:
         raise StudyError(below(key, "file"), "is missing; an envelope is read from a file")
     source = _recording(entry, folder, key)
-    source = source if "unit" in given else replace(source, unit="")
+    source = source if "unit" in given else source.model_copy(update={"unit": ""})
     compare = None if entry.compare is None else canonical_models(entry.compare, below(key, "compare"))
     return SignalSpec(entry.name, System(""), source, compare=compare, specimen=entry.specimen or "")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,61 +9,37 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from bayesdamp.config.checks import as_input_error, plain
+from bayesdamp.config.checks import as_input_error
 from bayesdamp.config.published import Published
-from bayesdamp.config.sections import CalibrationTable, EvidenceTable, PosteriorTable, RecoveryTable
+from bayesdamp.config.sections import (
+    CalibrationTable,
+    EvidenceTable,
+    FileTable,
+    PosteriorTable,
+    RecoveryTable,
+    SimulateTable,
+)
 from bayesdamp.plugins import PluginModule
+from bayesdamp.serial import split
 from bayesdamp.types import InputError, System, candidate_name, candidate_parts
 
 
-@dataclass(frozen=True)
-class Simulation:
+class Simulation(SimulateTable):
     """A record to make. Estimators and inference never see it.
 
     damping: the true model's terms; truth: the parameters' true values by name (`zeta`, `stiffness`, ...).
-    duration in s, quantum in the unit of the quantity; outliers: a number of samples or their share below 1;
-    gaps: stretches without samples; unit: "rad" or "m", that of the displacement.
     """
 
     damping: tuple[str, ...]
     truth: Mapping[str, float]
-    duration: float
-    samples: int
-    repeats: int = 1
-    noise: str = "gaussian"
-    outliers: float = 0.0
-    gaps: int = 0
-    quantum: float = 0.0
-    quantity: str = "angle"
-    unit: str = "rad"
 
 
-@dataclass(frozen=True)
-class Recording:
-    """A record to read. `file` as written, `path` where it is; columns by name or by number from 1.
-
-    angle: the recorded quantity's column, whatever the quantity; None where the file has only that one.
-    rate in Hz; start and stop in s of the record's own clock, or "auto". run, channel: which of a file's records;
-    time_unit: of its times. What of them is not given the file says, or it is chosen. least_noise: the share of the
-    amplitude that is added as noise where the record has none, 0 for none. frequency: of an envelope's oscillation in
-    Hz; the unit of an envelope is empty where the file is to say it.
-    """
+class Recording(FileTable):
+    """A record to read. file: as written; path: where it is. The unit of an envelope is empty where the file is to say
+    it."""
 
     file: str
     path: Path
-    angle: str | int | None = None
-    time: str | int | None = None
-    unit: str = "rad"
-    quantity: str = "angle"
-    rate: float | None = None
-    clock: str = "auto"
-    start: float | str = "auto"
-    stop: float | str = "auto"
-    run: str | int | None = None
-    channel: str | None = None
-    time_unit: str | None = None
-    least_noise: float = 0.0
-    frequency: float | None = None
 
 
 @dataclass(frozen=True)
@@ -91,22 +65,8 @@ class SignalSpec:
 
     def resolved(self) -> dict[str, Any]:
         """All that the study says of the record, as JSON takes it; no path of this machine."""
-        found = plain(self)
+        found = split(self)
         found["source"].pop("path", None)
-        if not found["source"].get("least_noise"):
-            found["source"].pop("least_noise", None)
-        for key in (
-            "run",
-            "channel",
-            "time_unit",
-            "frequency",
-        ):  # a study that does not have them reads as it always did
-            if found["source"].get(key) is None:
-                found["source"].pop(key, None)
-        if not self.alternatives:
-            del found["laws"], found["alternatives"]
-        if not self.specimen:
-            del found["specimen"]
         return found
 
     @property
@@ -218,6 +178,16 @@ class Study:
         return {name: specs for name, specs in self.every_specimen.items() if not specs[0].is_envelope}
 
     @property
+    def repeated(self) -> dict[str, tuple[SignalSpec, ...]]:
+        """The signals of each specimen that has several records."""
+        return {n: specs for n, specs in self.specimens.items() if sum(s.repeats for s in specs) > 1}
+
+    @property
+    def records(self) -> tuple[tuple[SignalSpec, int], ...]:
+        """Every record: its signal, and which repeat of it, from 0."""
+        return tuple((spec, repeat) for spec in self.signals for repeat in range(spec.repeats))
+
+    @property
     def noises(self) -> tuple[str, ...]:
         """The noise models in play; of several, one is chosen for each record."""
         from bayesdamp.inference.noise import NOISES
@@ -229,18 +199,11 @@ class Study:
 
     def resolved(self) -> dict[str, Any]:
         """All that the study says, defaults written out, as JSON takes it; no path of this machine."""
-        found = plain(replace(self, signals=(), tables={}))
+        found = split(replace(self, signals=(), tables={}))
         del found["source"], found["plugins"], found["tables"]
         if self.plugins:
             found["plugins"] = [{"file": Path(m.file).name, "sha256": m.digest} for m in self.plugins]
-        later = {"models": ("restoring", "prune"), "posterior": ("best",)}
-        for table_, keys in later.items():  # a study that does not have them reads as it always did
-            found[table_] = {k: v for k, v in found[table_].items() if v or k not in keys}
         return {**found, "signals": [s.resolved() for s in self.signals]}
-
-    def digest(self) -> str:
-        """SHA-256 of `resolved()`, in hexadecimal."""
-        return hashlib.sha256(json.dumps(self.resolved(), sort_keys=True).encode()).hexdigest()
 
     def estimator_options(self, name: str) -> BaseModel:
         """The options of an estimator, defaults filled in; imports the estimator.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -15,7 +16,7 @@ from bayesdamp.estimators.terms import refusal
 from bayesdamp.plugins import Registry, nearest
 from bayesdamp.types import OK, Estimate, InputError, Problem, Refusal, Signal
 
-ESTIMATORS: Registry[Estimator] = Registry(
+ESTIMATORS: Registry[Estimator[Any]] = Registry(
     "bayesdamp.estimators.methods", "estimator", home="bayesdamp.estimators"
 )
 STAGES = ("initial", "refined")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Generic, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -16,26 +17,29 @@ class Options(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class Estimator(ABC):
+Chosen = TypeVar("Chosen", bound=Options)
+
+
+class Estimator(ABC, Generic[Chosen]):
     """A way to read damping coefficients off one record.
 
     name: the module's name. options: the class of its options.
     """
 
     name: str
-    options: type[Options]
+    options: type[Chosen]
     by_position: str = ""
     """Why it cannot estimate a force that depends on the position, in a clause; empty where it can."""
     with_parameters: str = ""
     """Why it cannot estimate a term with parameters beside its coefficient; empty where it can."""
 
-    @abstractmethod
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """A sentence why this sum of damping terms cannot be estimated, or None."""
+        """A sentence why this sum of damping terms cannot be estimated, or None, which is the default."""
+        return None
 
     @abstractmethod
     def initial(
-        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: Chosen, rng: np.random.Generator
     ) -> Estimate:
         """The method's own estimate from the record and what is known of the system.
 

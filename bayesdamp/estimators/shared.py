@@ -83,6 +83,12 @@ def free_names(problem: Problem) -> list[str]:
     return [name for name in names if name not in problem.system.known]
 
 
+def free_start(problem: Problem, theta0: float, omega0: float) -> dict[str, float]:
+    """Displacement and velocity at the start, as far as not known."""
+    start = {"theta0": float(theta0), "omega0": float(omega0)}
+    return {name: value for name, value in start.items() if name not in problem.system.known}
+
+
 def epsilon_of(problem: Problem, seen: Features) -> float:
     """The width of friction's switch, rad/s: as known, else 2 % of the record's peak velocity."""
     known = problem.system.known.get("epsilon")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from bayesdamp.estimators._protocol import Estimator
 from bayesdamp.physics.damping import TERMS
 
 
-def refusal(estimator: Estimator, damping: tuple[str, ...]) -> str | None:
+def refusal(estimator: Estimator[Any], damping: tuple[str, ...]) -> str | None:
     """A sentence why an estimator cannot estimate this sum of damping terms, or None."""
     if said := estimator.refuses(damping):
         return said
@@ -20,6 +21,6 @@ def refusal(estimator: Estimator, damping: tuple[str, ...]) -> str | None:
     return None
 
 
-def table(estimators: Sequence[Estimator], terms: Sequence[str]) -> list[tuple[str, list[str | None]]]:
+def table(estimators: Sequence[Estimator[Any]], terms: Sequence[str]) -> list[tuple[str, list[str | None]]]:
     """A row for each estimator: its name, and for each term alone why it cannot estimate it, None where it can."""
     return [(e.name, [refusal(e, (term,)) for term in terms]) for e in estimators]

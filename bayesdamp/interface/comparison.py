@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
-
-import numpy as np
+from typing import TYPE_CHECKING, Self
 
 from bayesdamp import types
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.asked import checked_noise, checked_sensor, known_and_priors, sums_and_laws
-from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.result import Result
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.pipeline.answer import Answer, answer
@@ -22,7 +21,6 @@ from bayesdamp.pipeline.envelopes import answer_envelope, specimen_of_envelopes
 from bayesdamp.priors import Prior
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.store import DAMPING_CURVES, CellResult, write_bytes
-from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit, unit_named
@@ -44,8 +42,8 @@ _CANDIDATES = ["record", "damping", "restoring", "log_evidence", "log_evidence_e
 class Comparison(Result):
     """Every damping sum weighed on one record, or on several of one specimen.
 
-    verdict: the answer, its amplitudes in the unit that the record came in; so are tables and pictures. records: of
-    several records, the comparison of each by itself. outcome: "ok", or a sentence why nothing could be said.
+    verdict: the answer, its amplitudes in the unit that the record came in; so are tables and pictures. outcome: "ok",
+    or a sentence why nothing could be said.
     answers: what is kept of each record, in rad, m or the sensor's unit; units: that each record came in; quantities:
     what was recorded, "angle" (any displacement), "velocity", "acceleration" or "envelope".
     """
@@ -54,26 +52,27 @@ class Comparison(Result):
     answers: tuple[Answer, ...]
     units: tuple[str, ...]
     quantities: tuple[str, ...]
-    records: tuple[Comparison, ...] = ()
 
     @classmethod
     def _of(
         cls,
-        answers: Sequence[Answer],
-        units: Sequence[str],
-        quantities: Sequence[str],
-        together: Verdict | None = None,
+        verdict: Verdict,
+        answers: tuple[Answer, ...],
+        units: tuple[str, ...],
+        quantities: tuple[str, ...],
     ) -> Self:
-        """Of one record, or of several: together, the verdict on all, in base units."""
+        """Of a verdict in base units, shown in the records' own unit where they have one."""
         own = [unit_named(name) for name in units]
-        if together is None:
-            return cls(in_unit(answers[0].verdict, own[0]), tuple(answers), tuple(units), tuple(quantities))
-        shown = in_unit(together, own[0]) if len({one.displacement.name for one in own}) == 1 else together
-        records = tuple(
-            cls._of([a], [unit], [quantity])
-            for a, unit, quantity in zip(answers, units, quantities, strict=True)
-        )
-        return cls(shown, tuple(answers), tuple(units), tuple(quantities), records)
+        shown = in_unit(verdict, own[0]) if len({one.displacement.name for one in own}) == 1 else verdict
+        return cls(shown, answers, units, quantities)
+
+    @cached_property
+    def records(self) -> tuple[Comparison, ...]:
+        """Of several records, the comparison of each by itself."""
+        if len(self.answers) == 1:
+            return ()
+        each = zip(self.answers, self.units, self.quantities, strict=True)
+        return tuple(Comparison(in_unit(a.verdict, unit_named(u)), (a,), (u,), (q,)) for a, u, q in each)
 
     @property
     def outcome(self) -> str:
@@ -154,7 +153,7 @@ class Comparison(Result):
         if first is None:
             raise InputError(f"nothing to draw: {self.outcome}")
         found, unit = self.answers[first], unit_named(self.units[first])
-        if found.envelope is not None:
+        if found.content.envelope is not None:
             three = drawing.several(ax, 3, size=(WIDTH, HEIGHT))
             draw_envelope(three, found.arrays, found.verdict, unit.name)
             return three
@@ -172,7 +171,7 @@ class Comparison(Result):
         from bayesdamp.report.results.run import Run
 
         cells = [
-            CellResult(f"answer/{a.verdict.record}/0", "comparison", a.content().meta(), a.arrays)
+            CellResult(f"answer/{a.verdict.record}/0", "comparison", a.content.meta(), a.arrays)
             for a in self.answers
         ]
         about = {
@@ -193,32 +192,6 @@ class Comparison(Result):
             decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else ratios_table(v.damping_ratio)
         )
         return replace(table, caption=v.sentence, notes=v.remarks)
-
-    def _packed(self) -> Packed:
-        meta: dict[str, Any] = {
-            "verdict": self.verdict.to_dict(),
-            "units": self.units,
-            "quantities": self.quantities,
-            "answers": [replace(a.content(), posteriors=()).meta() for a in self.answers],
-        }
-        arrays = {f"{i}/{n}": np.asarray(v) for i, a in enumerate(self.answers) for n, v in a.arrays.items()}
-        return Packed("Comparison", meta, arrays)
-
-    @classmethod
-    def _unpacked(cls, packed: Packed) -> Self:
-        answers = []
-        for i, one in enumerate(packed.meta["answers"]):
-            arrays = {n.removeprefix(f"{i}/"): v for n, v in packed.arrays.items() if n.startswith(f"{i}/")}
-            content = AnswerContent.of_meta(one)
-            verdict = Verdict.from_dict(content.verdict)
-            stored = {"rivals": content.rivals, "envelope": content.envelope}
-            answers.append(Answer(verdict, content.candidates, content.fits, arrays, **stored))
-        units = packed.meta["units"]
-        quantities = packed.meta.get("quantities") or ["angle"] * len(units)
-        if len(answers) == 1:
-            return cls._of(answers, units, quantities)
-        found = cls._of(answers, units, quantities, answers[0].verdict)
-        return replace(found, verdict=Verdict.from_dict(packed.meta["verdict"]))
 
 
 def compare(
@@ -302,18 +275,17 @@ def compare(
         )
         for s, unit in zip(motions, units, strict=True)
     )
-    if len(answers) == 1:
-        return Comparison._of(answers, units, quantities)
-    good = [a.of_specimen() for a in answers if a.arrays]
-    together = specimen(name, good, given, sensor, seed) if good else answers[0].verdict
-    return Comparison._of(answers, units, quantities, together)
+    together = answers[0].verdict
+    if len(answers) > 1:
+        good = [a.of_specimen() for a in answers if a.arrays]
+        together = specimen(name, good, given, sensor, seed) if good else together
+    return Comparison._of(together, answers, units, quantities)
 
 
 def _envelopes(records: Sequence[EnvelopeRecord], name: str, sums: Sequence[str], seed: int) -> Comparison:
     """Compare envelopes: one, or several of one specimen."""
     weighed = [parse_model(one) for one in sums or all_sums()]
-    answers = [answer_envelope(record, None, weighed, seed, len(records) > 1) for record in records]
-    together = None
-    if len(answers) > 1:
-        together = specimen_of_envelopes(name, answers) or answers[0].verdict
-    return Comparison._of(answers, [r.unit for r in records], ["envelope"] * len(answers), together)
+    answers = tuple(answer_envelope(record, None, weighed, seed, len(records) > 1) for record in records)
+    together = specimen_of_envelopes(name, answers) if len(answers) > 1 else None
+    units, quantities = tuple(r.unit for r in records), ("envelope",) * len(answers)
+    return Comparison._of(together or answers[0].verdict, answers, units, quantities)

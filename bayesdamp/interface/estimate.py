@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, Self
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from bayesdamp.interface.fitting.case import Case, checked
 from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.definitions import units_of
-from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.result import Result
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
@@ -109,21 +109,6 @@ class Estimate(Result):
         notes = tuple(f"{s.stage}: {s.outcome}" for s in (self.initial, self.refined) if s.outcome != OK)
         title = f"Estimate of {self.model.name} on {self.signal.name} by {self.estimator}"
         return Table(columns, rows, caption=title, notes=notes)
-
-    def _packed(self) -> Packed:
-        signal, model = self.signal._packed(), self.model._packed()
-        meta: dict[str, Any] = {"signal": signal.meta, "model": model.meta, "estimator": self.estimator}
-        meta["units"], arrays = dict(self.units), signal.within("signal")
-        for stage in (self.initial, self.refined):
-            meta[stage.stage] = {k: v for k, v in asdict(stage).items() if k != _TRACE}
-            arrays |= {f"{stage.stage}/{n}": np.asarray(v) for n, v in stage.trace.items()}
-        return Packed("Estimate", meta, arrays)
-
-    @classmethod
-    def _unpacked(cls, packed: Packed) -> Self:
-        signal, model = Signal._unpacked(packed.part("signal")), Model._unpacked(packed.part("model"))
-        stages = [types.Estimate(**packed.meta[stage], trace=packed.part(stage).arrays) for stage in STAGES]
-        return cls(signal, model, packed.meta["estimator"], stages[0], stages[1], packed.meta["units"])
 
 
 def estimate(

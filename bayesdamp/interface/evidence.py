@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
+from bayesdamp import types
 from bayesdamp.formatting import compact
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.interface.fit import Fit
-from bayesdamp.interface.parts.result import Packed, Result, outcome_notes
+from bayesdamp.interface.parts.result import Result, outcome_notes
 from bayesdamp.interface.posterior import Posterior
 from bayesdamp.interface.sampling import TEMPERED, sample
 from bayesdamp.table import Table
@@ -24,7 +25,7 @@ FROM_DRAWS = "nuts"
 
 
 @dataclass(frozen=True, repr=False)
-class Evidence(Result):
+class Evidence(Result, types.Evidence):
     """The log marginal likelihood of a model on a record, in nats.
 
     stderr: its standard error, nan where the method gives none. diagnostic: by what it may be trusted, in words.
@@ -32,22 +33,14 @@ class Evidence(Result):
     Evidence of two models may be compared on one record, in one unit; priors count.
     """
 
-    model: str
-    signal: str
-    method: str
-    log_evidence: float = float("nan")
-    stderr: float = float("nan")
-    diagnostic: str = ""
+    signal: str = ""
     noise: str = ""
-    evaluations: int = 0
-    seconds: float = 0.0
-    outcome: str = OK
 
     def summary(self) -> pd.DataFrame:
         """One row; log_evidence and stderr in nats. Those of several models, one below the other, are a comparison."""
         import pandas as pd
 
-        return pd.DataFrame([vars(self)])
+        return pd.DataFrame([{n: v for n, v in vars(self).items() if n != "arrays"}])
 
     def _table(self) -> Table:
         rows = (
@@ -57,13 +50,6 @@ class Evidence(Result):
         )
         title = f"Evidence of {self.model} on {self.signal} by {self.method}"
         return Table(("", "value"), rows, caption=title, notes=outcome_notes(self.outcome))
-
-    def _packed(self) -> Packed:
-        return Packed("Evidence", dict(vars(self)))
-
-    @classmethod
-    def _unpacked(cls, packed: Packed) -> Self:
-        return cls(**packed.meta)
 
 
 def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 0) -> Evidence:
@@ -94,7 +80,7 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
     fit = source.fit if isinstance(source, Posterior) else source
     approximate = fit.model.approximate
     method = method or (TEMPERED if approximate else EXACT_METHOD)
-    blank = Evidence(fit.model.name, fit.signal.name, method, noise=fit.noise)
+    blank = Evidence(fit.model.name, method, signal=fit.signal.name, noise=fit.noise)
     if fit.outcome != OK:
         return replace(blank, outcome=fit.outcome)
     if approximate and method == TEMPERED:
@@ -113,15 +99,7 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
         found = plugin.evidence(fit.model.name, target, mode, seed, draws)
     except Refusal as refusal:
         return replace(blank, outcome=str(refusal))
-    return replace(
-        blank,
-        log_evidence=found.log_evidence,
-        stderr=found.stderr,
-        diagnostic=found.diagnostic,
-        evaluations=found.evaluations,
-        seconds=found.seconds,
-        outcome=found.outcome,
-    )
+    return Evidence(**{**vars(found), "method": method, "arrays": {}}, signal=blank.signal, noise=blank.noise)
 
 
 def _tempered(blank: Evidence, source: Posterior | Fit, seed: int) -> Evidence:

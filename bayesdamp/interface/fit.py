@@ -14,28 +14,23 @@ from bayesdamp import types
 from bayesdamp.formatting import compact
 from bayesdamp.inference.deviation.findings import default_amplitudes
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
-from bayesdamp.inference.deviation.single import Single
+from bayesdamp.inference.deviation.single import Found, Single
 from bayesdamp.inference.fit.laplace import value_intervals, value_sds
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.density import Density
 from bayesdamp.interface.fitting.case import Case, checked, searched
 from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.definitions import units_of
-from bayesdamp.interface.parts.result import Packed, Result, outcome_notes
+from bayesdamp.interface.parts.result import Result, outcome_notes
 from bayesdamp.interface.prediction import Prediction, anywhere, asked_motion, within_record
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.answer import in_base
-from bayesdamp.pipeline.records.stored_modes import packed as packed_mode
-from bayesdamp.pipeline.records.stored_modes import unpacked as unpacked_mode
-from bayesdamp.pipeline.stored_laws import packed as packed_law
-from bayesdamp.pipeline.stored_laws import put_together
-from bayesdamp.pipeline.stored_laws import unpacked as unpacked_law
-from bayesdamp.priors import Prior, prior_of
-from bayesdamp.store import CellResult
-from bayesdamp.store.contents.answers import LawContent
+from bayesdamp.pipeline.records.answering import put_together
+from bayesdamp.priors import Prior
+from bayesdamp.serial import Reduced
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError, Refusal
 from bayesdamp.verdict.words import UNSEEN
@@ -51,8 +46,23 @@ EXACT = (
 _EMPTY = np.empty(0)
 
 
+@dataclass(frozen=True)
+class StoredFit:
+    """What a file holds of a fit: its question, and where the searches ended."""
+
+    signal: Signal
+    model: Model
+    noise: str
+    outcome: str
+    notes: tuple[str, ...]
+    priors: Mapping[str, Prior]
+    known: Mapping[str, float]
+    mode: StoredMode | None
+    law: Found | None
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit(Result):
+class Fit(Result, Reduced):
     """The mode of a posterior: of the density of the parameters' scores, in which every prior is a standard normal.
 
     noise: the noise model, as given or as chosen for the record. values, sd, units: of each inferred parameter, in
@@ -70,6 +80,8 @@ class Fit(Result):
     record is not read (below 5 % of its first amplitude). log_posterior is nan, target and mode None: law is there
     in their place.
     """
+
+    _STORED = StoredFit
 
     signal: Signal
     model: Model
@@ -249,38 +261,27 @@ class Fit(Result):
             if q is not None
         )
 
-    def _packed(self) -> Packed:
-        signal, model = self.signal._packed(), self.model._packed()
-        meta = {"signal": signal.meta, "model": model.meta, "noise": self.noise, "outcome": self.outcome}
-        meta |= {"notes": self.notes, "solved": False}
-        arrays = signal.within("signal")
-        if self.target is not None and self.mode is not None:
-            found, scores = packed_mode(self.mode)
-            meta |= {"solved": True, "mode": found.meta(), "known": dict(self.target.known)}
-            meta["priors"] = {n: p.model_dump() for n, p in self.target.priors.items()}
-            arrays |= {f"mode/{n}": a for n, a in scores.items()}
-        if self.law is not None:
-            found, scores = packed_law(self.law.found)
-            meta |= {"law": found.meta()}
-            arrays |= {f"law/{n}": a for n, a in scores.items()}
-        return Packed("Fit", meta, arrays)
+    def _reduced(self) -> StoredFit:
+        target = self.target
+        return StoredFit(
+            self.signal, self.model, self.noise, self.outcome, self.notes,
+            priors=target.priors if target else {},
+            known=target.known if target else {},
+            mode=self.mode.stored if self.mode else None,
+            law=self.law.found if self.law else None,
+        )  # fmt: skip
 
     @classmethod
-    def _unpacked(cls, packed: Packed) -> Self:
-        meta = packed.meta
-        signal = Signal._unpacked(packed.part("signal"))
-        model = Model._unpacked(packed.part("model"))
-        notes = tuple(meta["notes"])
-        if "law" in meta:
-            found = unpacked_law(LawContent.of_meta(meta["law"]), packed.part("law").arrays)
-            return cls._approximated(signal, model, put_together(signal, model.restoring, found))
-        if not meta["solved"]:
-            return cls(signal, model, outcome=meta["outcome"], notes=notes)
-        priors = {n: prior_of(p) for n, p in meta["priors"].items()}
+    def _restored(cls, stored: StoredFit) -> Self:
+        signal, model = stored.signal, stored.model
+        if stored.law is not None:
+            return cls._approximated(signal, model, put_together(signal, model.restoring, stored.law))
+        if stored.mode is None:
+            return cls(signal, model, outcome=stored.outcome, notes=stored.notes)
         oscillator = Oscillator(model.terms, model.restoring)
-        target = Target(signal, oscillator, meta["noise"], priors, meta["known"])
-        mode = unpacked_mode(CellResult("", "", meta["mode"], packed.part("mode").arrays), target)
-        return cls._solved(signal, model, target, mode, meta["outcome"], notes)
+        target = Target(signal, oscillator, stored.noise, stored.priors, stored.known)
+        mode = restore_mode(target, stored.mode)
+        return cls._solved(signal, model, target, mode, stored.outcome, stored.notes)
 
     @classmethod
     def _solved(

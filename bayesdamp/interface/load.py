@@ -38,10 +38,10 @@ def load(path: str | Path) -> Any:
         from bayesdamp.verdict.types import Verdict
 
         return Verdict.load(path)
-    packed = read(path)
-    if packed.kind not in HOME:
-        raise InputError(
-            f"{path}: holds a {packed.kind!r}, which is not known here{nearest(packed.kind, list(HOME))}"
-        )
-    kind = getattr(import_module(f"bayesdamp.interface.{HOME[packed.kind]}"), packed.kind)
-    return kind._unpacked(packed)
+
+    def class_of(kind: str) -> Any:
+        if kind not in HOME:
+            raise InputError(f"{path}: holds a {kind!r}, which is not known here{nearest(kind, list(HOME))}")
+        return getattr(import_module(f"bayesdamp.interface.{HOME[kind]}"), kind)
+
+    return read(path, class_of)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,7 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.parts import axes
 from bayesdamp.interface.parts.numbers import numbers_of
-from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.result import Result
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.kernel.solve import QUANTITIES
 from bayesdamp.physics.trajectories import Trajectories
@@ -78,14 +78,6 @@ class Prediction(Result):
         notes = (f"{some.size} of {self.t.size} times",) if some.size < self.t.size else ()
         heads = ("time / s", f"{self.quantity} / {self.unit}", "sd")
         return Table(heads, rows, caption="Predicted motion", notes=notes)
-
-    def _packed(self) -> Packed:
-        arrays = {n: getattr(self, n) for n in ("t", "value", "sd")}
-        return Packed("Prediction", {"quantity": self.quantity, "unit": self.unit}, arrays)
-
-    @classmethod
-    def _unpacked(cls, packed: Packed) -> Self:
-        return cls(**packed.arrays, **packed.meta)
 
 
 def asked_motion(t: ArrayLike, quantity: str) -> tuple[Vector, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -19,11 +19,12 @@ from bayesdamp.formatting import compact
 from bayesdamp.interface.parts.result import Shown, outcome_notes
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.plugins import nearest
+from bayesdamp.serial import split
 from bayesdamp.store import TABLES, CellResult, Store, read_table
 from bayesdamp.store.contents.candidates import ModeContent
-from bayesdamp.store.contents.estimates import EstimateContent, StageFound
+from bayesdamp.store.contents.estimates import EstimateContent
 from bayesdamp.store.contents.evidence import EvidenceContent
-from bayesdamp.store.contents.posteriors import SAID, PosteriorContent
+from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.store.described import read_description
 from bayesdamp.store.places import Place
 from bayesdamp.table import Table
@@ -217,6 +218,8 @@ def run_study(
     one, a script that is run has to stand under `if __name__ == "__main__"`. fresh: compute everything again.
     Cells that failed are named in the run's outcome. Raises InputError, one line, where the input is wrong.
     """
+    from rich.console import Console
+
     from bayesdamp.pipeline import run_study as run
 
     loaded = _loaded(study)
@@ -226,7 +229,7 @@ def run_study(
     if workers < 1:
         raise InputError(f"run_study: workers is {workers!r}; it must be a whole number, 1 or more")
     with in_keys():
-        run(loaded, folder, workers=workers, fresh=fresh, console=_quiet())
+        run(loaded, folder, workers=workers, fresh=fresh, console=Console(stderr=True, quiet=True))
     return Run.load(folder)
 
 
@@ -240,24 +243,9 @@ def _loaded(study: Study | Mapping[str, Any] | str | Path) -> Study:
             f"run_study: the study is {type(study).__name__}; it must be a file, a dictionary or a Study"
         )
     try:
-        return resolve_study(_listed(study), Path(SOURCE))
-    except (StudyError, InputError) as error:
+        return resolve_study(split(study), Path(SOURCE))
+    except (StudyError, InputError, TypeError) as error:
         raise InputError(f"study: {error}") from None
-
-
-def _listed(value: Any) -> Any:
-    """Tables and lists as a file's reader gives them, whatever kinds of mappings and sequences they are."""
-    if isinstance(value, Mapping):
-        return {str(k): _listed(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_listed(v) for v in value]
-    return value
-
-
-def _quiet():
-    from rich.console import Console
-
-    return Console(stderr=True, quiet=True)
 
 
 def _candidate(folder: Path, key: tuple[str, int, str], cells: Sequence[CellResult], law: str) -> Candidate:
@@ -270,11 +258,13 @@ def _candidate(folder: Path, key: tuple[str, int, str], cells: Sequence[CellResu
     for cell in cells:
         kind, name = cell.place.kind, cell.place.method
         if kind == "estimate":
-            estimates[name] = tuple(_stage(name, cell, stage) for stage in EstimateContent.of(cell).stages)
+            estimates[name] = tuple(
+                _with_trace(name, stage, cell) for stage in EstimateContent.of(cell).stages
+            )
         elif kind == "posterior":
             posteriors[name] = _posterior(folder, name, cell)
         elif kind == "evidence":
-            known = EvidenceContent.of(cell).evidence()
+            known = EvidenceContent.of(cell).evidence
             evidence[name] = known or types.Evidence(key[2], name, outcome=cell.outcome)
     return Candidate(
         record=key[0],
@@ -291,10 +281,10 @@ def _candidate(folder: Path, key: tuple[str, int, str], cells: Sequence[CellResu
     )
 
 
-def _stage(estimator: str, cell: CellResult, stage: StageFound) -> types.Estimate:
+def _with_trace(estimator: str, stage: types.Estimate, cell: CellResult) -> types.Estimate:
     prefix = f"{stage.stage}/"
     trace = {n.removeprefix(prefix): a for n, a in cell.arrays.items() if n.startswith(prefix)}
-    return types.Estimate(estimator, **vars(stage), trace=trace)
+    return replace(stage, estimator=estimator, trace=trace)
 
 
 def _posterior(folder: Path, sampler: str, cell: CellResult) -> types.Posterior:
@@ -305,14 +295,5 @@ def _posterior(folder: Path, sampler: str, cell: CellResult) -> types.Posterior:
 
         with xr.open_datatree(folder / content.file, engine="h5netcdf") as tree:
             likelihood = np.asarray(tree["/log_likelihood/record"].to_numpy()[..., 0])
-    return types.Posterior(
-        sampler=sampler,
-        names=content.names,
-        draws=draws,
-        log_likelihood=likelihood,
-        diagnostics=content.diagnostics,
-        seconds=cell.seconds,
-        outcome=cell.outcome,
-        summary=content.summary,
-        **{k: getattr(content, k) for k in SAID},
-    )
+    found = replace(content.posterior, draws=draws, log_likelihood=likelihood, summaries=content.summary)
+    return replace(found, sampler=sampler, seconds=cell.seconds, outcome=cell.outcome)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.deviation.runs import sample_motions
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit
-from bayesdamp.interface.posterior import NO_DRAWS, Posterior
+from bayesdamp.interface.posterior import Posterior
+from bayesdamp.store.contents.posteriors import NO_DRAWS
 from bayesdamp.types import OK, InputError, Refusal
 
 TEMPERED = "smc"
@@ -52,8 +55,9 @@ def sample(
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
             raise InputError(f"sample: {name} is {value!r}; it must be a whole number, {least} or more")
     sampler = sampler or (TEMPERED if fit.model.approximate else EXACT_SAMPLER)
+    blank = Posterior(sampler, (), *NO_DRAWS, fit=fit, seed=seed, outcome=fit.outcome)
     if fit.outcome != OK:
-        return Posterior(fit, sampler, seed=seed, outcome=fit.outcome)
+        return blank
     law = fit.law
     try:
         if law is not None and sampler == TEMPERED:
@@ -63,23 +67,9 @@ def sample(
             settings = Settings(chains, warmup, draws, seed % 2**31, grows)
             found = diagnostics.summarised(plugin.sample(target, mode, settings))
     except Refusal as refusal:
-        return Posterior(fit, sampler, seed=seed, outcome=str(refusal))
-    return Posterior(
-        fit=fit,
-        sampler=sampler,
-        names=found.names,
-        draws=found.draws,
-        log_likelihood=found.log_likelihood,
-        stats=found.stats,
-        diagnostics=found.diagnostics,
-        seed=seed,
-        seconds=found.seconds,
-        outcome=found.outcome,
-        summaries=found.summary if law is None else law.with_parts(found.summary),
-        starts=found.starts,
-        divergences=found.divergences,
-        evaluations=found.evaluations,
-        ensembles=found.ensembles,
-        effective=found.effective,
-        u=NO_DRAWS if law is None else law.drawn(found, seed),
-    )
+        return replace(blank, outcome=str(refusal))
+    whole = Posterior(**vars(found), fit=fit, seed=seed)
+    if law is None:
+        return whole
+    arrays = {n: a for n, a in found.arrays.items() if n != "u"}
+    return replace(whole, summaries=law.with_parts(found.summaries), u=law.drawn(found, seed), arrays=arrays)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,26 +17,21 @@ from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sample_noise import GAUSSIAN, SampleNoise, noises_of
 from bayesdamp.inference.deviation.sampled.candidates import with_samples
-from bayesdamp.inference.deviation.sampled.table import Posterior, posterior_of
+from bayesdamp.inference.deviation.sampled.table import posterior_of
 from bayesdamp.inference.deviation.several.run_likelihood import DampingRun, damping_run
 from bayesdamp.inference.deviation.several.specimen import OtherForm, WeighedRun
-from bayesdamp.inference.deviation.single import Found, found_of
-from bayesdamp.inference.deviation.weighing import Friction, Known, Result, Weighing
+from bayesdamp.inference.deviation.single import found_of
+from bayesdamp.inference.deviation.weighing import Known, Result, Weighing
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.not_one import no_free_decay, remark_on
-from bayesdamp.pipeline.stored_laws import packed, packed_friction
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.law_free import TWO_SIDED, amplitude_curves, law_free
+from bayesdamp.serial import split
 from bayesdamp.store.contents.answers import (
     AnswerContent,
-    CandidatePriors,
-    EnvelopeContent,
-    FoundLaw,
-    SampledPosterior,
     WeighedCandidate,
-    WeighedNoise,
 )
 from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
@@ -60,60 +56,65 @@ JOINABLE = 40.0
 
 @dataclass(frozen=True)
 class Answer:
-    """A verdict and what it rests on.
+    """The answer on a record, as a cell or a file holds it.
 
-    candidates: each that was asked for, in the order of the question, refused ones last. rivals: other forms. fits:
-    parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
-    `inference.deviation.picture` leaves them, and of one of several records `run/DAMPING@RESTORING/...`. posteriors: of
-    the candidates that were sampled, priors: of all, in words by parameter; laws: where the search for each with
-    deviations ended; all by (damping, restoring). noise: of the samples. terms: all damping terms that were weighed;
-    epsilon: the width of friction that candidates were compared under, None where it was known; frictions: the widths
-    that were tried. envelope: what an envelope's answer has beside its verdict.
+    arrays: what its picture is drawn from, as `inference.deviation.picture` leaves them, and of one of several records
+    `run/DAMPING@RESTORING/...`. further: draws of the candidates that were sampled, `draws/DAMPING@RESTORING`, and
+    arrays of the laws of `content`, `found/DAMPING@RESTORING/...`.
     """
 
-    verdict: Verdict
-    candidates: tuple[WeighedCandidate, ...] = ()
-    fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    content: AnswerContent
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
-    posteriors: Mapping[tuple[str, str], Posterior] = field(default_factory=dict)
-    priors: Mapping[tuple[str, str], Mapping[str, str]] = field(default_factory=dict)
-    laws: Mapping[tuple[str, str], Found] = field(default_factory=dict)
-    rivals: tuple[WeighedCandidate, ...] = ()
-    noise: SampleNoise = field(default_factory=SampleNoise)
-    terms: tuple[str, ...] = ()
-    epsilon: float | None = None
-    frictions: tuple[Friction, ...] = ()
-    envelope: EnvelopeContent | None = None
+    further: Mapping[str, np.ndarray] = field(default_factory=dict)
 
-    def content(self) -> AnswerContent:
-        """As a cell or a file keeps it, beside its arrays."""
-        return AnswerContent(
-            verdict=self.verdict.to_dict(),
-            candidates=self.candidates,
-            rivals=self.rivals,
-            fits=self.fits,
-            priors=tuple(CandidatePriors(d, law, said) for (d, law), said in self.priors.items()),
-            posteriors=tuple(_kept(*name, one) for name, one in self.posteriors.items()),
-            laws=tuple(FoundLaw(d, law, packed(one)[0]) for (d, law), one in self.laws.items()),
-            noise=self.noise.name,
-            noises=tuple(WeighedNoise(n.name, n.log_evidence, n.values) for n in self.noise.weighed),
-            terms=self.terms,
-            epsilon=self.epsilon,
-            frictions=tuple(map(packed_friction, self.frictions)),
-            envelope=self.envelope,
-        )
+    @cached_property
+    def verdict(self) -> Verdict:
+        """The verdict."""
+        return Verdict.from_dict(self.content.verdict)
 
-    def law_arrays(self) -> dict[str, np.ndarray]:
-        """What `content` has no room for of `laws`."""
-        return {
-            f"found/{d}@{law}/{n}": a
-            for (d, law), one in self.laws.items()
-            for n, a in packed(one)[1].items()
-        }
+    @property
+    def candidates(self) -> tuple[WeighedCandidate, ...]:
+        """Each that was asked for, in the order of the question, refused ones last."""
+        return self.content.candidates
+
+    @property
+    def rivals(self) -> tuple[WeighedCandidate, ...]:
+        """Other forms of damping that were weighed."""
+        return self.content.rivals
 
     def of_specimen(self) -> Answered:
-        """What a verdict on several records takes of this one."""
-        return answered_from(self.verdict, self.candidates, self.rivals, self.arrays)
+        """Return what a verdict on several records takes of this one."""
+        rows = [r for r in self.candidates if r.outcome == OK]
+        exact = any(r.log_evidence is None for r in rows)
+
+        def log_of(row: WeighedCandidate) -> float:
+            return row.exact if exact or row.log_evidence is None else row.log_evidence
+
+        top = max(map(log_of, rows))
+        curve = {name: self.arrays[name] for name in CURVE if name in self.arrays}
+        runs = {
+            (r.damping, r.restoring): run
+            for r in (*rows, *self.rivals)
+            if (run := _run_from(f"{RUN}{r.damping}@{r.restoring}/", r.parameters, self.arrays, top))
+            is not None
+        }
+        weighed = WeighedRun(
+            {(r.damping, r.restoring): log_of(r) - top for r in rows},
+            tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in self.rivals),
+            runs,
+            Reference(*map(float, self.arrays.get(f"{RUN}reference", (1.0, 1.0)))),
+            self.arrays["amplitude"],
+        )
+        return Answered(self.verdict, weighed, curve)
+
+
+def _of_verdict(verdict: Verdict) -> Answer:
+    return Answer(AnswerContent(verdict.to_dict()))
+
+
+def found_name(damping: str, restoring: str) -> str:
+    """How the arrays of a law begin, as they are in `Answer.further`."""
+    return f"found/{damping}@{restoring}"
 
 
 def answer(
@@ -159,7 +160,7 @@ def answer(
         )
     other = no_free_decay(signal)
     if other is not None:
-        return Answer(other)
+        return _of_verdict(other)
     approximate = deviation != "none"
     try:
         weighing = (made or {}).get(WEIGHED) or weighing_of(
@@ -176,7 +177,7 @@ def answer(
         text = str(refusal)
         said = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
         none = Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), quantity=signal.quantity)
-        return Answer(replace(none, sentence=said))
+        return _of_verdict(replace(none, sentence=said))
     if made is not None:
         made[WEIGHED] = weighing
     asked = in_base(amplitudes, weighing, unit or UNITS[signal.unit])
@@ -205,25 +206,50 @@ def answer(
     )
     other = no_free_decay(signal, harmonics=True) if verdict.law_free else None
     if other is not None:
-        return Answer(other)
+        return _of_verdict(other)
     arrays = dict(picture(weighing, found))
     if verdict.law_free:
         left_out = OF_LAW if verdict.contradicted else BY_LAW
         arrays = {n: a for n, a in arrays.items() if not n.startswith(left_out)} | measured_curve(signal)
-    return Answer(
-        verdict,
-        tuple(_rows(weighing)),
-        _fits(weighing),
-        {**arrays, **(_runs(weighing, found, approximate) if repeated else {})},
-        _posteriors(weighing),
-        _priors(weighing),
-        _laws(weighing),
-        tuple(_rivals(weighing)),
-        weighing.noise,
-        next(iter(weighing.solvers.values())).terms,
-        None if weighing.epsilon_known else weighing.epsilon,
-        weighing.frictions,
-    )
+    if repeated:
+        arrays |= _runs(weighing, found, approximate)
+    return _stored(weighing, verdict, arrays)
+
+
+def _stored(weighing: Weighing, verdict: Verdict, arrays: Mapping[str, np.ndarray]) -> Answer:
+    """Return the answer as cells and files hold it."""
+    further: dict[str, np.ndarray] = {}
+    terms = next(iter(weighing.solvers.values())).terms
+    priors, posteriors, laws, fits = [], [], [], {}
+    for r in weighing.results:
+        law = r.candidate.restoring
+        name = {"damping": "+".join(r.candidate.damping), "restoring": law}
+        priors.append({**name, "priors": {n: p.describe() for n, p in r.fit.parameters.priors.items()}})
+        if set(r.candidate.damping) == set(
+            terms
+        ):  # the fit of all terms, of a law that was not out of the question
+            fits[law] = r.fit.parameters.named(r.fit.z)
+        if r.sampled is not None and r.sampled.trusted:
+            drawn = posterior_of(weighing, r, r.sampled)
+            further["draws/{damping}@{restoring}".format(**name)] = drawn.draws
+            posteriors.append({**name, **{k: v for k, v in vars(drawn).items() if k != "draws"}})
+        if r.about is not None and r.weighed is not None:
+            laws.append({**name, "found": split(found_of(weighing, r), further, found_name(**name))})
+    content = {
+        "verdict": verdict.to_dict(),
+        "candidates": _rows(weighing),
+        "rivals": _rivals(weighing),
+        "fits": fits,
+        "priors": priors,
+        "posteriors": posteriors,
+        "laws": laws,
+        "noise": weighing.noise.name,
+        "noises": weighing.noise.weighed,
+        "terms": terms,
+        "epsilon": None if weighing.epsilon_known else weighing.epsilon,
+        "frictions": weighing.frictions,
+    }
+    return Answer(AnswerContent.of_meta(split(content)), arrays, further)
 
 
 def measured_at(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None:
@@ -269,36 +295,6 @@ def quick_verdict(
 ) -> Verdict:
     """The same from linear models alone."""
     return answer(signal, amplitudes, deviation=deviation, measured=False, sample=False).verdict
-
-
-def answered_from(
-    verdict: Verdict,
-    candidates: Sequence[WeighedCandidate],
-    rivals: Sequence[WeighedCandidate],
-    arrays: Mapping[str, np.ndarray],
-) -> Answered:
-    """What a verdict on several records takes of one, from what is kept of its answer."""
-    rows = [r for r in candidates if r.outcome == OK]
-    exact = any(r.log_evidence is None for r in rows)
-
-    def log_of(row: WeighedCandidate) -> float:
-        return row.exact if exact or row.log_evidence is None else row.log_evidence
-
-    top = max(map(log_of, rows))
-    curve = {name: arrays[name] for name in CURVE if name in arrays}
-    runs = {
-        (r.damping, r.restoring): run
-        for r in (*rows, *rivals)
-        if (run := _run_from(f"{RUN}{r.damping}@{r.restoring}/", r.parameters, arrays, top)) is not None
-    }
-    weighed = WeighedRun(
-        {(r.damping, r.restoring): log_of(r) - top for r in rows},
-        tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in rivals),
-        runs,
-        Reference(*map(float, arrays.get(f"{RUN}reference", (1.0, 1.0)))),
-        arrays["amplitude"],
-    )
-    return Answered(verdict, weighed, curve)
 
 
 def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) -> tuple[float, ...] | None:
@@ -416,52 +412,3 @@ def _row(result: Result) -> WeighedCandidate:
         rms=float((result.fit.squares / result.fit.residual.size) ** 0.5),
         parameters=result.fit.parameters.damping_names,
     )
-
-
-def _kept(damping: str, restoring: str, posterior: Posterior) -> SampledPosterior:
-    return SampledPosterior(
-        damping=damping,
-        restoring=restoring,
-        parameters={n: dict(row) for n, row in posterior.parameters.items()},
-        deviation=posterior.deviation,
-        unexplained=posterior.unexplained,
-        log_evidence=posterior.log_evidence,
-        stderr=posterior.stderr,
-        acceptance=posterior.acceptance,
-        temperatures=posterior.temperatures,
-    )
-
-
-def _posteriors(weighing: Weighing) -> dict[tuple[str, str], Posterior]:
-    return {
-        ("+".join(r.candidate.damping), r.candidate.restoring): posterior_of(weighing, r, r.sampled)
-        for r in weighing.results
-        if r.sampled is not None and r.sampled.trusted
-    }
-
-
-def _priors(weighing: Weighing) -> dict[tuple[str, str], dict[str, str]]:
-    return {
-        ("+".join(r.candidate.damping), r.candidate.restoring): {
-            n: p.describe() for n, p in r.fit.parameters.priors.items()
-        }
-        for r in weighing.results
-    }
-
-
-def _laws(weighing: Weighing) -> dict[tuple[str, str], Found]:
-    return {
-        ("+".join(r.candidate.damping), r.candidate.restoring): found_of(weighing, r)
-        for r in weighing.results
-        if r.about is not None and r.weighed is not None
-    }
-
-
-def _fits(weighing: Weighing) -> dict[str, dict[str, float]]:
-    """Where the fit of all terms ended under each law that was not out of the question."""
-    terms = next(iter(weighing.solvers.values())).terms
-    return {
-        r.candidate.restoring: r.fit.parameters.named(r.fit.z)
-        for r in weighing.results
-        if set(r.candidate.damping) == set(terms)
-    }

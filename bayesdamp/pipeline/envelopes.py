@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -12,7 +11,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.config import Recording, SignalSpec, Study
-from bayesdamp.config.checks import plain
 from bayesdamp.inference.envelope.analysis import free_decay
 from bayesdamp.inference.envelope.dampings import Sums, assumed, further_terms, weighable
 from bayesdamp.inference.envelope.likelihood import RateLikelihood
@@ -20,13 +18,16 @@ from bayesdamp.physics.amplitude.laws import SUMS
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.pipeline.answer import Answer
 from bayesdamp.pipeline.keys import task_key
-from bayesdamp.pipeline.records.records import plain_seconds
+from bayesdamp.pipeline.records.answering import answer_of
+from bayesdamp.pipeline.records.records import RecordCell
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.plugins import sources_below
 from bayesdamp.records.envelope.reading import read_envelope
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.records.envelope.scale import scale_of
 from bayesdamp.records.envelope.window import Window, bounded
-from bayesdamp.store import CellResult, Store, sha256
+from bayesdamp.serial import join, split
+from bayesdamp.store import Store, sha256
 from bayesdamp.store.contents.answers import AnswerContent, EnvelopeContent
 from bayesdamp.types import InputError, Refusal
 from bayesdamp.verdict.envelope.answer import Answer as EnvelopeAnswer
@@ -155,48 +156,39 @@ def answer_envelope(
     drawn = picture(arrays, result.verdict, record.unit if record.logarithmic else f"dB of 1 {record.unit}")
     arrays[PICTURE] = np.frombuffer(drawn, np.uint8)
     likelihoods = result.likelihoods if repeated else {}
-    for name, one in likelihoods.items():
-        arrays |= {f"{LIKELIHOOD}{name}/{key}": values for key, values in one.arrays().items()}
-    numbers = {name: one.numbers() for name, one in likelihoods.items()}
+    numbers = {name: split(one, arrays, f"{LIKELIHOOD}{name}") for name, one in likelihoods.items()}
     about = EnvelopeContent(record.unit, numbers, assumed(chosen, left_out))
-    return Answer(result.verdict, arrays=arrays, envelope=about)
+    return Answer(AnswerContent(result.verdict.to_dict(), envelope=about), arrays)
 
 
-class EnvelopeCell:
-    """The verdict on an envelope, as `answer/SIGNAL/0`."""
+class EnvelopeCell(RecordCell):
+    """The verdict on an envelope, as `answer/SIGNAL/0`.
+
+    Its key is of the file's content, the signal's table, the question, and the source of terms and readers.
+    """
 
     def __init__(self, study: Study, spec: SignalSpec, store: Store) -> None:
-        assert isinstance(spec.source, Recording)
-        self.study, self.spec, self.source, self.store = study, spec, spec.source, store
-        self.name = f"answer/{spec.name}/0"
+        super().__init__("answer", study, spec, 0, store)
 
     @property
     def sums(self) -> Sums:
         """The damping sums that are asked for."""
         return tuple(parse_model(name) for name in self.study.dampings(self.spec))
 
-    @property
-    def key(self) -> str:
-        """Of the file's content, the signal's table, the question, and the source of terms and readers."""
-        return self.store.key(self.name, (self.study, self.spec), self._key)
-
     def _key(self) -> str:
-        asked = {k: v for k, v in plain(self.source).items() if k not in ("file", "path")}
+        assert isinstance(self.spec.source, Recording)
+        read = {k: v for k, v in split(self.spec.source).items() if k not in ("file", "path")}
         own = [*map(TERMS.source, further_terms(self.sums)), *sources_below("bayesdamp.records")]
-        content, repeated = sha256(self.source.path), bool(self.spec.specimen)
-        parts = (self.spec.name, asked, content, self.sums, self.study.seed, repeated)
+        content, repeated = sha256(self.spec.source.path), bool(self.spec.specimen)
+        parts = (self.spec.name, read, content, self.sums, self.study.seed, repeated)
         return task_key("envelope", *parts, own)
 
-    def compute(self) -> None:
-        """Store the verdict with what it rests on."""
-        began = time.perf_counter()
-        record, window = read_recording(self.source, self.spec.name)
-        repeated = bool(self.spec.specimen)
-        result = answer_envelope(record, window, self.sums, self.study.seed, repeated)
-        seconds = plain_seconds(began)
-        self.store.write(
-            CellResult(self.name, self.key, result.content().meta(), result.arrays, seconds=seconds)
-        )
+    def product(self) -> Product:
+        """The verdict with what it rests on."""
+        assert isinstance(self.spec.source, Recording)
+        record, window = read_recording(self.spec.source, self.spec.name)
+        result = answer_envelope(record, window, self.sums, self.study.seed, bool(self.spec.specimen))
+        return Product(result.content, result.arrays)
 
 
 def specimen_of_envelopes(name: str, answers: Sequence[Answer]) -> Verdict | None:
@@ -209,18 +201,13 @@ def specimen_of_envelopes(name: str, answers: Sequence[Answer]) -> Verdict | Non
     """
     found = []
     for one in answers:
-        own: dict[str, RateLikelihood] = {}
-        for sum_, numbers in (one.envelope.likelihoods if one.envelope else {}).items():
-            prefix = f"{LIKELIHOOD}{sum_}/"
-            arrays = {k.removeprefix(prefix): a for k, a in one.arrays.items() if k.startswith(prefix)}
-            own[sum_] = RateLikelihood.of(arrays, numbers)
+        stored = one.content.envelope.likelihoods if one.content.envelope else {}
+        own = {n: join(RateLikelihood, v, one.arrays, f"{LIKELIHOOD}{n}") for n, v in stored.items()}
         found.append(EnvelopeAnswer(one.verdict, likelihoods=own))
     return specimen(name, found)
 
 
 def specimen_of_cells(store: Store, name: str, specs: Sequence[SignalSpec]) -> Verdict | None:
     """Return the same from what a run's folder holds."""
-    cells = [cell for spec in specs if (cell := store.find(f"answer/{spec.name}/0")) is not None]
-    every = [(AnswerContent.of(cell), cell.arrays) for cell in cells if cell.meta]
-    answers = [Answer(Verdict.from_dict(c.verdict), arrays=a, envelope=c.envelope) for c, a in every]
+    answers = [one for spec in specs if (one := answer_of(store, spec.name, 0)) is not None]
     return specimen_of_envelopes(name, answers)

@@ -8,17 +8,20 @@ from enum import StrEnum
 from functools import partial
 from pathlib import Path
 
-from bayesdamp.config import SignalSpec, Study
+from bayesdamp.config import Study
 from bayesdamp.inference.evidence.adopted import NESTED_CHECK
-from bayesdamp.pipeline import pruning
 from bayesdamp.pipeline.candidates.averaging import average, averages
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of, compute
 from bayesdamp.pipeline.envelopes import EnvelopeCell
 from bayesdamp.pipeline.keys import task_key
-from bayesdamp.pipeline.many.many import joint_cells, populated, repeated
+from bayesdamp.pipeline.many.joining import joined
+from bayesdamp.pipeline.many.populating import populate
+from bayesdamp.pipeline.many.specimens import Specimen
+from bayesdamp.pipeline.pruning import NOT_SAMPLED, Contest, set_aside
 from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, AnswerCell, answers
-from bayesdamp.pipeline.records.records import SignalCell
+from bayesdamp.pipeline.records.records import RecordCell, SignalCell
+from bayesdamp.pipeline.tasks import Make
 from bayesdamp.plugins import use
 from bayesdamp.store import Store
 from bayesdamp.store.places import Place
@@ -95,47 +98,39 @@ def jobs_of(study: Study) -> list[Job]:
         if part == ANSWERED or not s.is_envelope
     ]
     last = [Job(s.name, 0, joined="average") for s in study.signals if averages(study, s)]
-    last += [Job(name, 0, joined="specimen") for name in repeated(study)]
-    last += [Job("specimens", 0, joined="population")] if populated(study) else []
+    if study.evidence.methods:
+        last += [Job(name, 0, joined="specimen") for name in study.repeated]
+        last += [Job("specimens", 0, joined="population")] if len(study.specimens) > 1 else []
     return [*first, *(Job(s.name, r, m) for s, r in records for m in study.compare(s)), *last]
 
 
-def spec_of(study: Study, name: str) -> SignalSpec:
-    """The signal of this name."""
-    return next(s for s in study.signals if s.name == name)
-
-
-def work_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable[[str, str], None]]]:
+def work_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]:
     """The cells of a job: name to key and what computes it."""
-    if job.joined in ("specimen", "population"):
-        return joint_cells(study, store, None if job.joined == "population" else job.signal)
-    spec = spec_of(study, job.signal)
+    if job.joined == "population":
+        keys = {n: Specimen(study, n, specs, store).key for n, specs in study.specimens.items()}
+        return {"population/specimens": (task_key("population", keys), partial(populate, study, store))}
+    if job.joined == "specimen":
+        specimen = Specimen(study, job.signal, study.specimens[job.signal], store)
+        return {f"joint/{job.signal}": (specimen.key, partial(joined, specimen))}
+    spec = next(s for s in study.signals if s.name == job.signal)
     if job.joined:
         branches = [cells_of(Branch(study, spec, job.repeat, m, store)) for m in study.compare(spec)]
-        key = task_key("averaged", branches)
-        return {f"averaged/{spec.name}/{job.repeat}": (key, partial(average, study, spec, store))}
+        name, key = f"averaged/{spec.name}/{job.repeat}", task_key("averaged", branches)
+        return {name: (key, partial(average, study, spec, store, name))}
     if job.model is None:
-        return _of_record(study, spec, store, job)
+        if spec.is_envelope:
+            cell: RecordCell = EnvelopeCell(study, spec, store)
+        elif job.part == "read":
+            cell = SignalCell(study, spec, job.repeat, store)
+        else:
+            cell = AnswerCell(study, spec, job.repeat, store, sample=job.part == SAMPLED)
+        return {cell.name: (cell.key, cell.product)}
     branch = Branch(study, spec, job.repeat, job.model, store)
     return {
-        name: (key, partial(compute, branch))
+        name: (key, partial(compute, branch, name))
         for name, key in cells_of(branch).items()
         if job.part is None or job.part == _part(name)
     }
-
-
-def _of_record(
-    study: Study, spec: SignalSpec, store: Store, job: Job
-) -> dict[str, tuple[str, Callable[[str, str], None]]]:
-    """The cell of a record itself: the record as read, or the verdict on it."""
-    if spec.is_envelope:
-        envelope = EnvelopeCell(study, spec, store)
-        return {envelope.name: (envelope.key, lambda *_: envelope.compute())}
-    if job.part == "read":
-        cell = SignalCell(study, spec, job.repeat, store)
-        return {cell.name: (cell.key, lambda *_: cell.compute())}
-    answer = AnswerCell(study, spec, job.repeat, store, sample=job.part == SAMPLED)
-    return {answer.name: (answer.key, lambda *_: answer.compute())}
 
 
 def _part(name: str) -> str:
@@ -156,7 +151,8 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
         yield [job for job in jobs if job.part == part and job.model is None]
         if depth is last:
             return
-    if pruning.staged(study):
+    # What is computed may depend on what was found before.
+    if study.models.prune is not None or study.posterior.best is not None:
         yield from _staged(study, store)
     else:
         yield [job for job in jobs if job.model is not None]
@@ -166,43 +162,37 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
 
 def _staged(study: Study, store: Store) -> Iterator[list[Job]]:
     """The branches of a study that leaves candidates out as it goes."""
-    records = [(s, r) for s in study.signals if not s.is_envelope for r in range(s.repeats)]
-    records = [(s, r) for s, r in records if store.read(f"signal/{s.name}/{r}").outcome == OK]
+    contests = [
+        Contest(study, s, r, store)
+        for s, r in study.records
+        if not s.is_envelope and store.read(f"signal/{s.name}/{r}").outcome == OK
+    ]
+
+    def left_by(judge: Callable[[Contest], dict[str, str]], part: str) -> list[Job]:
+        """The jobs of the candidates that a judge leaves; the evidence of the others gets its sentence."""
+        found = []
+        for contest in contests:
+            for name, why in judge(contest).items():
+                job = Job(contest.spec.name, contest.repeat, name, part=part)
+                if why:
+                    cells = work_of(study, store, job).items()
+                    set_aside(store, {n: k for n, (k, _) in cells if Place.of(n).kind == "evidence"}, why)
+                else:
+                    found.append(job)
+        return found
+
     # With one law alone there is none to leave out, and its candidates need not wait for one another.
-    short = _kept(study, store, records, pruning.listed, "look")
-    by_record = {(s.name, r): set(pruning.heads(study, s)) for s, r in records if len(s.restoring) > 1}
-    yield [job for job in short if job.model in by_record.get((job.signal, job.repeat), {job.model})]
-    yield _kept(study, store, records, pruning.laws_left, "look")
-    yield _kept(study, store, records, pruning.candidates_left, "weigh")
+    short = left_by(Contest.listed, "look")
+    heads = {(c.spec.name, c.repeat): c.heads for c in contests if len(c.spec.restoring) > 1}
+    yield [job for job in short if job.model in heads.get((job.signal, job.repeat), (job.model,))]
+    yield left_by(Contest.laws_left, "look")
+    yield left_by(Contest.candidates_left, "weigh")
     last: list[Job] = []
-    for part, chosen in (("sample", pruning.best_of), ("depend", pruning.likely)):
-        for s, r in records:
-            left = chosen(study, s, r, store)
-            last += [Job(s.name, r, name, part=part) for name in left]
-            for name in set(study.compare(s)) - set(left):
-                cells = work_of(study, store, Job(s.name, r, name, part=part))
-                stale = {n: key for n, (key, _) in cells.items() if n in store.names()}
-                pruning.set_aside(store, stale, pruning.NOT_SAMPLED)
+    for part, chosen in (("sample", Contest.best_of), ("depend", Contest.likely)):
+        for contest in contests:
+            left = chosen(contest)
+            last += [Job(contest.spec.name, contest.repeat, name, part=part) for name in left]
+            for name in set(contest.names) - set(left):
+                cells = work_of(study, store, Job(contest.spec.name, contest.repeat, name, part=part))
+                set_aside(store, {n: k for n, (k, _) in cells.items() if n in store.names()}, NOT_SAMPLED)
     yield last
-
-
-def _kept(
-    study: Study,
-    store: Store,
-    records: list[tuple[SignalSpec, int]],
-    judge: Callable[[Study, SignalSpec, int, Store], dict[str, str]],
-    part: str,
-) -> list[Job]:
-    """The jobs of the candidates that a judge leaves; the evidence of the others gets its sentence."""
-    found = []
-    for spec, repeat in records:
-        for name, why in judge(study, spec, repeat, store).items():
-            job = Job(spec.name, repeat, name, part=part)
-            if why:
-                cells = {n: key for n, (key, _) in work_of(study, store, job).items()}
-                pruning.set_aside(
-                    store, {n: k for n, k in cells.items() if Place.of(n).kind == "evidence"}, why
-                )
-            else:
-                found.append(job)
-    return found

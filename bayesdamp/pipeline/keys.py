@@ -10,7 +10,6 @@ from bayesdamp.sources import code_digest, reached
 _BRANCH = (
     "bayesdamp.pipeline.candidates.branch",
     "bayesdamp.physics.kernel.march",
-    "bayesdamp.pipeline.records.stored_modes",
     "bayesdamp.pipeline.records.targets",
 )
 CODE: dict[str, tuple[str, ...]] = {

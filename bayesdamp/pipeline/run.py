@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import threading
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from concurrent.futures import BrokenExecutor, Executor
 from functools import lru_cache
 from importlib import import_module
@@ -21,12 +21,13 @@ from bayesdamp.pipeline.envelopes import check_recording
 from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, within, work_of
 from bayesdamp.pipeline.keys import digest
 from bayesdamp.pipeline.not_one import no_free_decay
-from bayesdamp.pipeline.progress import REPORT, Step, planned, progress_on, step_of
+from bayesdamp.pipeline.progress import progress_on, words_of
 from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, answers, verdict_of
 from bayesdamp.pipeline.records.records import signal_of
 from bayesdamp.pipeline.spread import KILLED, restart, spread
 from bayesdamp.pipeline.tables.tables import write_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
+from bayesdamp.pipeline.tasks import perform
 from bayesdamp.pipeline.workers import pool_of
 from bayesdamp.plugins import use
 from bayesdamp.records.oscillation.features import features
@@ -82,28 +83,28 @@ def run_study(
         wanted = [job for job in jobs if within(job, depth)]
         workers = workers or max(1, min(cores(), side_by_side(jobs, depth)))
         names = [name for job in wanted for name in work_of(study, store, job)]
-        with progress_on(Console(quiet=True) if quiet else console) as progress:
-            with pool_of(workers, scheduler, pool, console.print) as pool:
-                if pool is not None and depth is Depth.WHOLE:
-                    pool.submit(_prepare)
-                    threading.Thread(target=_prepare, daemon=True).start()
-                progress.plan(planned(study, wanted, set(store.names())))
-                for stage in stages(study, store, depth):
-                    if stage:
-                        progress.begin(step_of(study, stage, _no_free_decays(study, store, stage)))
-                    _run_jobs(study, store, stage, pool, lambda _: progress.advance())
-                    if stage and stage[0].part == "read" and not answers(study):
-                        _tell(study, store, answered)
-                    if stage and stage[0].part in (ANSWERED, SAMPLED):
-                        current = Store(out, _current(study, store))
-                        _tell(study, current, answered)
-                        if depth is not Depth.ANSWER:  # an answer is kept whatever becomes of the proof
-                            write_verdicts(study, current)
-                progress.begin(Step(REPORT, "drawing the report", 1))
-                write_tables(study, Store(out, _current(study, store)))
-                _render(out, None if scheduler else pool)
-            progress.end()
-        failed = [(n, c.outcome) for n, c in _results(store, names) if status_of(c.outcome) is Status.FAILED]
+        shown = Console(quiet=True) if quiet else console
+        with progress_on(shown) as progress, pool_of(workers, scheduler, pool, console.print) as pool:
+            if pool is not None and depth is Depth.WHOLE:
+                pool.submit(_prepare)
+                threading.Thread(target=_prepare, daemon=True).start()
+            for stage in stages(study, store, depth):
+                if stage:
+                    others = _no_free_decays(study, store, stage)
+                    progress.begin(words_of(study, stage, others), len(stage))
+                _run_jobs(study, store, stage, pool, lambda _: progress.advance())
+                if stage and stage[0].part == "read" and not answers(study):
+                    _tell(study, store, answered)
+                if stage and stage[0].part in (ANSWERED, SAMPLED):
+                    current = Store(out, _current(study, store))
+                    _tell(study, current, answered)
+                    if depth is not Depth.ANSWER:  # an answer is kept whatever becomes of the proof
+                        write_verdicts(study, current)
+            progress.begin("drawing the report", 1)
+            write_tables(study, Store(out, _current(study, store)))
+            _render(out, None if scheduler else pool)
+        cells = ((n, store.find(n)) for n in names)
+        failed = [(n, c.outcome) for n, c in cells if c and status_of(c.outcome) is Status.FAILED]
         for name, outcome in failed:
             console.print(f"{name}: {outcome}", style="red", highlight=False)
         return WRONG_CELLS if failed else DONE
@@ -176,10 +177,10 @@ def _unpickled(pickled: bytes) -> Study:
 def _computed(study: Study, folder: Path, job: Job, given_up: Collection[str]) -> list[str]:
     store = Store(folder)
     done = []
-    for name, (key, compute) in work_of(study, store, job).items():
+    for name, (key, make) in work_of(study, store, job).items():
         if name not in given_up and not _done(store, name, key):
             try:
-                compute(name, key)
+                perform(store, name, key, make)
             except (InputError, KeyboardInterrupt):
                 raise
             except Exception as fault:
@@ -285,11 +286,3 @@ def _current(study: Study, store: Store) -> dict[str, str]:
 def _of_candidate(name: str) -> bool:
     """Whether a cell is one of a candidate, or of the average over them."""
     return Place.of(name).kind not in ("signal", ANSWERED, SAMPLED)
-
-
-def _results(store: Store, names: list[str]) -> Iterator[tuple[str, CellResult]]:
-    for name in names:
-        try:
-            yield name, store.read(name)
-        except KeyError:
-            continue

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import fcntl
-import io
 import json
 import os
-import struct
 import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -19,16 +16,12 @@ import numpy as np
 
 from bayesdamp.store import folders
 from bayesdamp.store.beside import naming, no_room
-from bayesdamp.store.files import plain, write_bytes
+from bayesdamp.store.files import BROKEN, packed, unpacked, write_bytes
 from bayesdamp.store.places import Place
 from bayesdamp.store.tables import CALIBRATION_TABLES, SPECIMEN_TABLES, TABLES
 from bayesdamp.types import OK, InputError
 
 _HEAD = folders.CELL
-_BROKEN = (
-    zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, KeyError, ValueError, TypeError,
-    NotImplementedError, RuntimeError, OverflowError, MemoryError,
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -85,9 +78,11 @@ class Store:
         if self.only is not None and cell_name not in self.only:
             raise KeyError(cell_name)
         try:
-            found = _unpack(self._file(cell_name), cell_name)
-        except _BROKEN as fault:
+            head, arrays = unpacked(self._file(cell_name), _HEAD)
+            own = head["key"], head["meta"], arrays, head["outcome"], head["seconds"]
+        except BROKEN as fault:
             raise KeyError(cell_name) from fault
+        found = CellResult(cell_name, *own)
         if self.only is not None and self.only[cell_name] != found.key:
             raise KeyError(cell_name)
         return found
@@ -105,12 +100,14 @@ class Store:
             with zipfile.ZipFile(self._file(cell_name)) as archive:
                 found = json.loads(archive.read(_HEAD))
             return found["key"], found["outcome"]
-        except _BROKEN as fault:
+        except BROKEN as fault:
             raise KeyError(cell_name) from fault
 
     def write(self, result: CellResult) -> None:
         """Store a result in one step: another process sees the old file or the new one, never a part."""
-        write_bytes(self._path(result.name), _pack(result))
+        head = {"name": result.name, "key": result.key, "outcome": result.outcome}
+        head |= {"seconds": float(result.seconds), "meta": result.meta}
+        write_bytes(self._path(result.name), packed(_HEAD, head, result.arrays))
 
     def names(self) -> list[str]:
         """Names of all stored cells, sorted; whether each can be read, `read` tells."""
@@ -164,32 +161,3 @@ class Store:
         if any(not p or p[0] == "." or "\\" in p or "\0" in p for p in parts):
             raise ValueError(f"not a cell's name: {cell_name!r}")
         return self._cells.joinpath(*parts[:-1], parts[-1] + ".npz")
-
-
-def _pack(result: CellResult) -> bytes:
-    head = {
-        "name": result.name,
-        "key": result.key,
-        "outcome": result.outcome,
-        "seconds": float(result.seconds),
-        "meta": dict(result.meta),
-        "arrays": list(result.arrays),
-    }
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        archive.writestr(_HEAD, json.dumps(head, default=plain))
-        for i, array in enumerate(result.arrays.values()):
-            with archive.open(f"{i}.npy", "w") as member:
-                np.lib.format.write_array(member, np.asarray(array), allow_pickle=False)  # type: ignore[arg-type]
-    return buffer.getvalue()
-
-
-def _unpack(path: Path, name: str) -> CellResult:
-    with zipfile.ZipFile(path) as archive:
-        head = json.loads(archive.read(_HEAD))
-        # each member is read whole: only then is its checksum compared
-        arrays = {
-            label: np.lib.format.read_array(io.BytesIO(archive.read(f"{i}.npy")), allow_pickle=False)
-            for i, label in enumerate(head["arrays"])
-        }
-    return CellResult(name, head["key"], head["meta"], arrays, head["outcome"], head["seconds"])

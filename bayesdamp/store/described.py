@@ -4,100 +4,52 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Literal
-
-from pydantic import BaseModel, ConfigDict, ValidationError
-from pydantic_core import ErrorDetails
+from typing import Any
 
 from bayesdamp.types import InputError
 
 RUN = "run.json"
-_KINDS = {
-    "string_type": "must be text",
-    "list_type": "must be a list",
-    "dict_type": "must be a table",
-    "model_type": "must be a table",
-    "model_attributes_type": "must be a table",
-    "missing": "is missing",
+EACH = "*"
+_TABLE: dict[str, Any] = {}
+_TABLES = {EACH: _TABLE}
+_SIGNAL = {
+    "name!": str,
+    "source": {"damping": [str], "truth": _TABLE},
+    "system": {"restoring": str, "known": _TABLE, "free": _TABLE},
 }
-
-
-class _Part(BaseModel):
-    """A table of which each key may be missing, or null; what a later version adds is left alone."""
-
-    model_config = ConfigDict(strict=True, extra="ignore")
-
-
-class _Source(_Part):
-    damping: list[str] | None = None
-    truth: dict[str, Any] | None = None
-
-
-class _System(_Part):
-    restoring: str | None = None
-    known: dict[str, Any] | None = None
-    free: dict[str, Any] | None = None
-
-
-class _StudySignal(_Part):
-    name: str
-    source: _Source | None = None
-    system: _System | None = None
-
-
-class _Published(_Part):
-    estimator: str
-    signal: str
-    error_pct: str
-    time: str
-
-
-class _Study(_Part):
-    name: str | None = None
-    signals: list[_StudySignal] | None = None
-    estimators: dict[str, Any] | None = None
-    posterior: dict[str, Any] | None = None
-    evidence: dict[str, Any] | None = None
-    published: list[_Published] | None = None
-
-
-class _Signal(_Part):
-    unit: str | None = None
-    quantity: Literal["angle", "velocity", "acceleration", "envelope"] | None = None
-    warnings: list[str] | None = None
-    notes: list[str] | None = None
-    restoring: list[str] | None = None
-    constant_columns: list[str] | None = None
-    pieces: list[dict[str, Any]] | None = None
-    outcome: str | None = None
-    bound: dict[str, Any] | None = None
-    reference: dict[str, Any] | None = None
-    features: dict[str, Any] | None = None
-
-
-class _Damping(_Part):
-    parameter: str
-    force: str | None = None
-
-
-class _Run(_Part):
-    name: str | None = None
-    description: str | None = None
-    kind: str | None = None
-    study: _Study | None = None
-    signals: dict[str, _Signal | None] | None = None
-    models: list[str] | None = None
-    cells: dict[str, str | None] | None = None
-    seconds: dict[str, Any] | None = None
-    inputs: dict[str, Any] | None = None
-    versions: dict[str, Any] | None = None
-    priors: dict[str, dict[str, dict[str, Any]] | None] | None = None
-    assumed: list[str] | None = None
-    damping: dict[str, _Damping] | None = None
-    restoring: dict[str, str] | None = None
-    error_budget: dict[str, Any] | None = None
-    equilibrium: dict[str, dict[str, Any] | None] | None = None
-    result: dict[str, Any] | None = None
+_STUDY = {
+    "name": str,
+    "signals": [_SIGNAL],
+    "estimators": _TABLE,
+    "posterior": _TABLE,
+    "evidence": _TABLE,
+    "published": [{"estimator!": str, "signal!": str, "error_pct!": str, "time!": str}],
+}
+_RECORD = {
+    "unit": str,
+    "quantity": ("angle", "velocity", "acceleration", "envelope"),
+    **{name: [str] for name in ("warnings", "notes", "restoring", "constant_columns")},
+    "pieces": [_TABLE],
+    "outcome": str,
+    "bound": _TABLE,
+    "reference": _TABLE,
+    "features": _TABLE,
+}
+SHAPE: dict[str, Any] = {
+    **dict.fromkeys(("name", "description", "kind"), str),
+    "study": _STUDY,
+    "signals": {EACH: _RECORD},
+    "models": [str],
+    "cells": {EACH: str},
+    "assumed": [str],
+    "priors": {EACH: _TABLES},
+    "damping": {EACH: {"parameter!": str, "force": str}},
+    "restoring": {EACH: str},
+    **dict.fromkeys(("seconds", "inputs", "versions", "error_budget", "result"), _TABLE),
+    "equilibrium": _TABLES,
+}
+"""A table of what a key may hold: text, a list of something, a table, or one of several words. Any key may be missing,
+or null, but for those marked with !; what a later version adds is left alone."""
 
 
 def read_description(folder: Path) -> dict[str, Any]:
@@ -114,16 +66,33 @@ def read_description(folder: Path) -> dict[str, Any]:
         raise InputError(f"{path}: cannot be read ({fault}); run the study again") from fault
     if not isinstance(found, dict):
         raise InputError(f"{path}: holds no description of a run; run the study again")
-    try:
-        _Run.model_validate(found)
-    except ValidationError as error:
-        wrong = _misfit(error.errors(include_url=False)[0])
-        raise InputError(f"{path}: {wrong}; give a folder that a run wrote, or run the study again") from None
+    wrong = _misfit(SHAPE, found, "")
+    if wrong:
+        raise InputError(f"{path}: {wrong}; give a folder that a run wrote, or run the study again")
     return found
 
 
-def _misfit(wrong: ErrorDetails) -> str:
-    """What does not fit, with its place and what it must be."""
-    at = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in wrong["loc"]).lstrip(".")
-    unknown = f"is {str(wrong['input'])[:40]!r}, which this version does not know"
-    return f"{at} {_KINDS.get(wrong['type'], unknown)}"
+def _misfit(shape: Any, value: Any, at: str) -> str:
+    """Return the first value that is not of its shape, with its place and what it must be; empty without one."""
+    if value is None:
+        return ""
+    if isinstance(shape, tuple):
+        return "" if value in shape else f"{at} is {str(value)[:40]!r}, which this version does not know"
+    kind, words = {list: (list, "a list"), dict: (dict, "a table")}.get(type(shape), (str, "text"))
+    if not isinstance(value, kind):
+        return f"{at} must be {words}"
+    parts: list[tuple[Any, Any, str]] = []
+    if isinstance(shape, list):
+        # of a list none may be missing: an empty value of no kind is refused as any other
+        parts = [(shape[0], False if one is None else one, f"{at}[{i}]") for i, one in enumerate(value)]
+    elif isinstance(shape, dict):
+        below = f"{at}." if at else ""
+        missing = [key[:-1] for key in shape if key.endswith("!") and value.get(key[:-1]) is None]
+        if missing:
+            return f"{below}{missing[0]} is missing"
+        each = shape.get(EACH)
+        shapes = (
+            {k: each for k in value} if each is not None else {k.rstrip("!"): s for k, s in shape.items()}
+        )
+        parts = [(one, value.get(key), f"{below}{key}") for key, one in shapes.items()]
+    return next(filter(None, (_misfit(*part) for part in parts)), "")

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
+import struct
+import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from bayesdamp.serial import split
 from bayesdamp.store import folders
 from bayesdamp.store.beside import beside
+
+BROKEN = (
+    zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, KeyError, ValueError, TypeError, AttributeError,
+    NotImplementedError, RuntimeError, OverflowError, MemoryError,
+)  # fmt: skip
+"""What reading an archive raises that was not written here, or not to its end."""
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -27,30 +39,42 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 def write_json(path: Path, obj: object) -> None:
     """Write strict, indented JSON in one step; nan becomes null, infinities the words "inf" and "-inf"."""
-    text = json.dumps(_strict(obj), indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(_strict(split(obj)), indent=2, ensure_ascii=False, allow_nan=False)
     write_bytes(path, (text + "\n").encode())
 
 
 def _strict(value: object) -> object:
-    if isinstance(value, Mapping):
-        return {str(k): _strict(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
+    if isinstance(value, dict):
+        return {k: _strict(v) for k, v in value.items()}
+    if isinstance(value, list):
         return [_strict(v) for v in value]
-    if value is None or isinstance(value, (str, bool, int)):
-        return value
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None if math.isnan(value) else str(float(value))
-    return _strict(plain(value))
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else str(value)
+    return value
 
 
-def plain(value: object) -> object:
-    """A NumPy scalar or array, or a path, as JSON can hold it."""
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, Mapping):
-        return dict(value)
-    raise TypeError(f"a cell's meta cannot hold a {type(value).__name__}")
+def packed(
+    first: str,
+    head: Mapping[str, object],
+    arrays: Mapping[str, np.ndarray],
+    compression: int = zipfile.ZIP_STORED,
+) -> bytes:
+    """Return an archive of values as JSON, its first member under that name, and of arrays."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", compression) as archive:
+        archive.writestr(first, json.dumps(split({**head, "arrays": list(arrays)})))
+        for i, array in enumerate(arrays.values()):
+            with archive.open(f"{i}.npy", "w") as member:
+                np.lib.format.write_array(member, np.asarray(array), allow_pickle=False)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def unpacked(path: Path, first: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Return what `packed` was given. Raises one of `BROKEN` for another file, or one that is cut off."""
+    with zipfile.ZipFile(path) as archive:
+        head = json.loads(archive.read(first))
+        # each member is read whole: only then is its checksum compared
+        return head, {
+            label: np.lib.format.read_array(io.BytesIO(archive.read(f"{i}.npy")), allow_pickle=False)
+            for i, label in enumerate(head["arrays"])
+        }

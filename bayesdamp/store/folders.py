@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import stat
-import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -29,7 +28,7 @@ _ELSEWHERE = "choose another folder with --out"
 
 
 def claim(folder: Path, tables: Iterable[str] = ()) -> None:
-    """Make a folder a run's, or know it as one: by its mark, or by what earlier versions wrote.
+    """Make a folder a run's, or know it as one: by its mark, or by its run.json.
 
     tables: names of further files that a run writes. Raises InputError where the folder holds something of such a name
     that no run wrote, or a link where a run's files belong; OSError where it cannot be written.
@@ -37,7 +36,7 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
     present = set(os.listdir(folder)) if os.path.lexists(folder) else set()
     if MARK not in present:
         taken = sorted(present & {*PLACES, *FILES, *tables})
-        if taken and not _by_earlier_version(folder):
+        if taken and not _has_run(folder):
             what = f"holds {taken[0]!r}, which no run of bayesdamp wrote"
             raise InputError(f"{folder}: {what}; {_ELSEWHERE}, or move it away")
         write_new(folder / MARK, SIGNED)
@@ -69,27 +68,14 @@ def _signed(path: Path) -> bool:
         return handle.read(len(SIGNED)) == SIGNED.encode()
 
 
-def _by_earlier_version(folder: Path) -> bool:
-    """Whether the folder holds a run's description, or nothing but cells where a run has them."""
+def _has_run(folder: Path) -> bool:
+    """Whether the folder holds a run's description, as a clone of a repository does, without the mark."""
     about = folder / "run.json"
-    if regular(about):
-        try:
-            found = json.loads(about.read_bytes())
-        except (ValueError, RecursionError):
-            return False
-        return isinstance(found, dict) and {"name", "seed", "study"} <= found.keys()
-    cells = [path for path in _entries(folder / "cells") if not path.is_dir()]
-    if not cells or any(path.suffix != ".npz" or not regular(path) for path in cells):
-        return False
-    return any(map(_is_cell, cells))
-
-
-def _is_cell(path: Path) -> bool:
     try:
-        with zipfile.ZipFile(path) as archive:
-            return CELL in archive.namelist()
-    except (OSError, zipfile.BadZipFile):
+        found = json.loads(about.read_bytes()) if regular(about) else None
+    except (ValueError, RecursionError):
         return False
+    return isinstance(found, dict) and {"name", "seed", "study"} <= found.keys()
 
 
 def regular(path: Path) -> bool:

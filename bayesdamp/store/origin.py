@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import platform
+import re
 import subprocess
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +48,8 @@ def _versions(packages: Iterable[str]) -> dict[str, str]:
             required = importlib.metadata.requires("bayesdamp") or []
         except importlib.metadata.PackageNotFoundError:
             required = []
-        bare = (r.split(";")[0].strip() for r in required if "extra ==" not in r)
-        names = {"bayesdamp", "jaxlib", *("".join(_leading_name(r)) for r in bare)}
+        own = (re.match(r"[\w.-]+", r) for r in required if "extra ==" not in r)
+        names = {"bayesdamp", "jaxlib", *(name.group() for name in own if name)}
     found = {}
     for name in sorted(names):
         try:
@@ -56,13 +57,6 @@ def _versions(packages: Iterable[str]) -> dict[str, str]:
         except importlib.metadata.PackageNotFoundError:
             continue
     return found
-
-
-def _leading_name(requirement: str) -> Iterator[str]:
-    for letter in requirement:
-        if not (letter.isalnum() or letter in "-_."):
-            return
-        yield letter
 
 
 def _revision() -> str:

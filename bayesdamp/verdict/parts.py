@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-NAN = float("nan")
+NAN = math.nan
 """One object for all that is not known, so that verdicts with such fields can be equal."""
 
 

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from enum import StrEnum
-from functools import cache
+from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
-from types import NoneType
-from typing import TYPE_CHECKING, Any, Self, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, Self
 
 from bayesdamp.calls import Told
+from bayesdamp.serial import join, split
 from bayesdamp.store.files import write_json
 from bayesdamp.types import VERDICT_SCHEMA, InputError
 from bayesdamp.verdict.parts import (
@@ -171,17 +169,14 @@ class Verdict(Told):
 
     def to_dict(self) -> dict[str, object]:
         """As plain values, without provenance, with the version of the fields; what is not known is None."""
-        found = {"schema": VERDICT_SCHEMA, **asdict(self)}
+        found = {"schema": VERDICT_SCHEMA, **split(self)}
         found.pop("provenance")
-        found["grade"] = str(self.grade)
-        found["motion"] = None if self.motion is None else str(self.motion)
         return _plain(found)  # type: ignore[return-value]
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any]) -> Self:
         """The inverse of `to_dict`."""
-        hints = _hints(cls)
-        return cls(**{name: _read(hints[name], value) for name, value in given.items() if name != "schema"})
+        return join(cls, {name: value for name, value in given.items() if name != "schema"})
 
     def to_json(self) -> str:
         """As `verdict.json` has it, but with amplitudes in this verdict's own unit."""
@@ -218,22 +213,6 @@ class Verdict(Told):
                 f"{path}: holds verdicts of {names or 'no record'}; record= must name one of them"
             )
         return chosen[0]
-
-
-_hints = cache(get_type_hints)
-
-
-def _read(kind: Any, value: Any) -> Any:
-    """A field of this type out of what JSON holds of it; a number that is not known is NaN."""
-    each = get_args(kind)
-    if isinstance(value, list | tuple):
-        return tuple(_read(each[0], one) for one in value)
-    if value is None:
-        return None if NoneType in each else NAN
-    one = each[0] if each else kind
-    if isinstance(value, dict):
-        return one(**{name: _read(_hints(one)[name], part) for name, part in value.items()})
-    return one(value) if issubclass(one, StrEnum) else value
 
 
 def _plain(value: object) -> object:

@@ -16,6 +16,7 @@ from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise.gaussian import Gaussian
+from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.report import render
 from bayesdamp.store import CellResult
 from bayesdamp.types import InputError
@@ -136,7 +137,7 @@ def test_what_is_drawn_has_the_prior_that_the_posterior_uses(tmp_path):
     assert other.truth["zeta"] != drawn.truth["zeta"]
     # The noise of the record is that which was drawn: four standard errors.
     quiet = problem.replace(made, blank=problem.replace(made.blank)).draw(problem.record_rng(1, "a"), "a")
-    clean = problem.simulate_signal(
+    clean = simulate_signal(
         made.blank.oscillator,
         {**made.blank.known, **quiet.truth},
         duration=10.0,

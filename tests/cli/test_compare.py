@@ -14,6 +14,7 @@ from bayesdamp.cli.asked import own_folder
 from bayesdamp.config.again import asked
 from bayesdamp.config.compare import Asked, comparison, laws_for
 from bayesdamp.pipeline.records.records import SignalCell
+from bayesdamp.pipeline.tasks import perform
 from bayesdamp.records.stated_columns import choose_columns
 from bayesdamp.store import Store, write_json
 from bayesdamp.types import InputError
@@ -188,7 +189,7 @@ def test_a_record_without_noise_gets_some_and_says_so(tmp_path) -> None:
     for name in ("clean", "noisy"):
         study = comparison([Asked(tmp_path / f"{name}.csv", "t", "angle")])
         cell = SignalCell(study, study.signals[0], 0, Store(tmp_path / "out"))
-        cell.compute()
+        perform(cell.store, cell.name, cell.key, cell.product)
         found[name] = Store(tmp_path / "out").read(cell.name)
     told = {n: c.meta["provenance"]["warnings"] for n, c in found.items()}
     assert all(c.meta["noisy"] for c in found.values())

@@ -133,10 +133,10 @@ def test_times_in_an_unlikely_unit_are_asked_about_and_not_computed_with(
     with pytest.raises(InputError, match=r"time_unit="):
         bayesdamp.read(path)
     with pytest.raises(InputError, match=r"\(signal.time_unit, signal.rate\)$"), in_keys():
-        recorded(Recording(path.name, path, 2, 1))
+        recorded(Recording(file=path.name, path=path, angle=2, time=1))
     assert chosen_records([path], Options(time_unit="s")).records
     assert bayesdamp.read(path, time_unit="s").raw[0].t is not None
-    assert recorded(Recording(path.name, path, 2, 1, time_unit="s")).t is not None
+    assert recorded(Recording(file=path.name, path=path, angle=2, time=1, time_unit="s")).t is not None
 
 
 def test_times_that_change_their_unit_are_refused_in_the_words_of_each_front(tmp_path, capsys) -> None:
@@ -324,13 +324,6 @@ def test_a_study_names_run_and_channel(tmp_path) -> None:
         source = load_study(tmp_path / "a.toml").signals[0].source
         assert isinstance(source, Recording)
         np.testing.assert_allclose(recorded(source).y, 30 * Y, atol=1e-6)
-
-
-def test_a_study_without_these_keys_reads_as_it_always_did(tmp_path) -> None:
-    runs(tmp_path / "rig.csv")
-    (tmp_path / "a.toml").write_text(STUDY.format("rate = 50.0\nangle = 2"), encoding="utf-8")
-    source = load_study(tmp_path / "a.toml").signals[0].resolved()["source"]
-    assert not {"run", "channel", "time_unit"} & set(source)
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,6 @@ def remembered(study: Path, out: Path) -> Path:
 def test_it_is_the_same_question(study: Path, tmp_path: Path) -> None:
     again = load_study(remembered(study, tmp_path / "out"))
     assert again.resolved() == load_study(study).resolved()
-    assert again.digest() == load_study(study).digest()
 
 
 def test_the_files_may_have_moved_beside_it(study: Path, tmp_path: Path) -> None:

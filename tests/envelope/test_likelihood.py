@@ -19,7 +19,6 @@ from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.types import InputError
-from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.envelope.specimen import joint_damping, shared_likelihoods, specimen
 from tests.envelope.ringdowns import Ringdown, simulate
 
@@ -105,8 +104,7 @@ def test_a_stored_answer_gives_the_same_specimen():
     """From what a cell holds as from the answers themselves."""
     records = [record(seed) for seed in (8, 9)]
     stored = [answer_envelope(one, None, SUMS, 0, repeated=True) for one in records]
-    contents = [(AnswerContent.of_meta(one.content().meta()), one.arrays) for one in stored]
-    answers = [Answer(Verdict.from_dict(c.verdict), arrays=a, envelope=c.envelope) for c, a in contents]
+    answers = [Answer(AnswerContent.of_meta(one.content.meta()), one.arrays) for one in stored]
     again = specimen_of_envelopes("one", answers)
     direct = specimen("one", [analyse(one) for one in records])
     assert again is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from bayesdamp.pipeline.candidates.averaging import averaged, probabilities
 from bayesdamp.pipeline.candidates.posteriors import SPREAD
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.posteriors import AverageContent
-from bayesdamp.types import Evidence
+from bayesdamp.types import Evidence, Refusal
 
 
 def quantiles(mean: float, sd: float) -> np.ndarray:
@@ -61,16 +62,21 @@ def test_the_average_is_over_what_has_draws_if_that_is_nearly_all(monkeypatch, l
     monkeypatch.setattr(averaging, "weighted_curves", lambda *_: {})
     exact = SimpleNamespace(deviation="none")
     study = SimpleNamespace(seed=1, compare=lambda spec: ("a", "b"), posterior=exact)
-    cell = averaging._one(study, SimpleNamespace(name="s"), SimpleNamespace(find=find), "averaged/s/0", "")  # type: ignore[arg-type]
-    assert cell.outcome.startswith(said)
+    asked: Any = study, SimpleNamespace(name="s"), SimpleNamespace(find=find), "averaged/s/0"
     if said == "ok":
-        assert AverageContent.of(cell).covered == pytest.approx(0.98)
+        content = averaging.average(*asked).content
+        assert isinstance(content, AverageContent)
+        assert content.covered == pytest.approx(0.98)
+    else:
+        with pytest.raises(Refusal, match=f"^{said}"):
+            averaging.average(*asked)
     # With weighted draws of the other it is over both.
     own = {"amplitudes": np.arange(2.0), "spread/equivalent_ratio": quantiles(3.0, 0.1)}
     monkeypatch.setattr(averaging, "weighted_curves", lambda *_: own)
-    both = averaging._one(study, SimpleNamespace(name="s"), SimpleNamespace(find=find), "averaged/s/0", "")  # type: ignore[arg-type]
-    assert AverageContent.of(both).weighed == ("b",)
-    assert AverageContent.of(both).covered == pytest.approx(1.0)
+    both = averaging.average(*asked)
+    assert isinstance(both.content, AverageContent)
+    assert both.content.weighed == ("b",)
+    assert both.content.covered == pytest.approx(1.0)
     assert (both.arrays["curve/equivalent_ratio"][2, 0] > 2.5) == (left > 0.025)
     np.testing.assert_allclose(both.arrays["median/b"], [3.0, 13.0], atol=1e-9)
 

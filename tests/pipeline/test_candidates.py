@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from bayesdamp.config import load_study
-from bayesdamp.pipeline import cells, pruning, run_study
+from bayesdamp.pipeline import cells, run_study
+from bayesdamp.pipeline.pruning import NOT_SAMPLED, Contest
 from bayesdamp.pipeline.records import answering
 from bayesdamp.pipeline.tables import tables
 from bayesdamp.store import CellResult, Store, read_table
@@ -75,7 +76,6 @@ def test_one_law_leaves_all_names_and_keys_as_they_were(tmp_path) -> None:
     )
     assert plain.compare(plain.signals[0]) == named.compare(named.signals[0]) == ("viscous", "coulomb")
     assert [c.name for c in cells(plain)] == [c.name for c in cells(named)]
-    assert "restoring" not in plain.resolved()["models"]
 
 
 @pytest.mark.parametrize(
@@ -158,32 +158,39 @@ def test_a_candidate_that_cannot_be_weighed_leaves_the_others_theirs(tmp_path, m
 def test_what_evidence_depends_on_is_told_of_all_that_are_not_far_behind(monkeypatch) -> None:
     """Beside those that are sampled; a candidate far behind is left out."""
     heights = {"a": -1.0, "b": -2.0, "c": -5.5, "d": -6.5}
-    monkeypatch.setattr(pruning, "_heights", lambda *_: heights)
+    monkeypatch.setattr(Contest, "_heights", lambda _: heights)
     doubted: set[str] = set()
-    monkeypatch.setattr(pruning, "_doubtful", lambda *given: given[-1] in doubted)
-    study = SimpleNamespace(posterior=SimpleNamespace(best=1), compare=lambda _: tuple("dcba"))
-    given: tuple[Any, ...] = (study, None, 0, None)
-    assert pruning.best_of(*given) == ("a",)
-    assert pruning.likely(*given) == ("a", "b", "c")
+    monkeypatch.setattr(Contest, "_is_doubtful", lambda _, name: name in doubted)
+    study: Any = SimpleNamespace(
+        posterior=SimpleNamespace(best=1), compare=lambda _: tuple("dcba"), models=SimpleNamespace(prune=None)
+    )
+    contest = Contest(study, None, 0, None)  # type: ignore[arg-type]
+    assert contest.best_of() == ("a",)
+    assert contest.likely() == ("a", "b", "c")
     doubted |= {"c", "d"}  # sampled too, so that bridge and referee can decide; not where it is far behind
-    assert pruning.best_of(*given) == ("a", "c")
+    assert contest.best_of() == ("a", "c")
     study.posterior.best = None
-    assert set(pruning.likely(*given)) == set("abcd")
+    assert set(contest.likely()) == set("abcd")
 
 
 @pytest.mark.parametrize(
     ("said", "doubtful"),
     [
         *(("ok", False), ("not to be trusted: Pareto k 0.8", True), ("no mode was found", True)),
-        *((pruning.NOT_SAMPLED, False), ("pruned: far behind", False)),
+        *((NOT_SAMPLED, False), ("pruned: far behind", False)),
     ],
 )
 def test_evidence_in_doubt_is_what_was_tried_and_is_not_trusted(tmp_path, said, doubtful) -> None:
     store = Store(tmp_path)
     for method, outcome in (("laplace", "no curvature"), ("importance", said)):
         store.write(CellResult(f"evidence/swing/0/viscous@linear/{method}", "", outcome=outcome))
-    study: Any = SimpleNamespace(evidence=SimpleNamespace(methods=("laplace", "importance", "bridge")))
-    assert pruning._doubtful(study, load(tmp_path).signals[0], 0, store, "viscous@linear") == doubtful
+    study: Any = SimpleNamespace(
+        evidence=SimpleNamespace(methods=("laplace", "importance", "bridge")),
+        compare=lambda _: (),
+        models=SimpleNamespace(prune=None),
+    )
+    contest = Contest(study, load(tmp_path).signals[0], 0, store)
+    assert contest._is_doubtful("viscous@linear") == doubtful
 
 
 @pytest.mark.parametrize(("law", "kept"), [(True, {"a", "c"}), (False, {"a", "b"})])

@@ -7,7 +7,7 @@ import pytest
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.candidates.cells import CERTAIN
-from bayesdamp.pipeline.records.records import SignalCell
+from bayesdamp.pipeline.records import records
 from bayesdamp.store import Store, read_table
 
 STUDY = """
@@ -49,16 +49,16 @@ def study(tmp_path, monkeypatch, request):
 
 @pytest.mark.parametrize("study", ['"gaussian"', '["gaussian", "student_t"]'], indirect=True)
 def test_a_failed_record(study, tmp_path, monkeypatch, capsys):
-    whole = SignalCell._simulated
+    whole = records.simulated
 
-    def failing(self, source):
-        if self.spec.name == "bad":
+    def failing(source, restoring, truth, name, rng):
+        if name == "bad":
             raise ArithmeticError("made to fail")
-        return whole(self, source)
+        return whole(source, restoring, truth, name, rng)
 
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr(SignalCell, "_simulated", failing)
+        patch.setattr(records, "simulated", failing)
         assert run_study(study, out, workers=1) == 3
     said = capsys.readouterr().err.replace("\n", " ")
     assert "signal/bad/0: failed: ArithmeticError: made to fail" in said
@@ -78,7 +78,7 @@ def test_a_failed_record(study, tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("study", ['"gaussian"'], indirect=True)
 def test_a_failed_mode(study, tmp_path, monkeypatch):
-    def failing(branch, name, key):
+    def failing(branch):
         raise ArithmeticError("made to fail")
 
     monkeypatch.setitem(CERTAIN, "mode", failing)

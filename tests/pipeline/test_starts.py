@@ -24,6 +24,7 @@ from bayesdamp.pipeline.records.answering import AnswerCell
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.pipeline.records.starts import ALL, OBSERVED, observed, of_all, regression
 from bayesdamp.pipeline.records.targets import Record
+from bayesdamp.pipeline.tasks import perform
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.store import CellResult, Store
@@ -44,17 +45,17 @@ def record(tmp_path_factory) -> Record:
     study = comparison([Asked(folder / "tower.csv", "t", "a", quantity="acceleration")])
     store = Store(folder / "out")
     cell = SignalCell(study, study.signals[0], 0, store)
-    cell.compute()
+    perform(cell.store, cell.name, cell.key, cell.product)
     return Record(study, study.signals[0], store.read(cell.name))
 
 
 def test_the_record_itself_says_where_to_start(record) -> None:
     """Truth from the closed form of the damped cosine. Negative control: the regression is lost."""
     problem = Problem(("viscous", "coulomb"), record.system("linear"))
-    (values,) = observed(record, problem).values()
+    (values,) = observed(record.signal, record.seen, problem).values()
     assert values["stiffness"] == pytest.approx(FREQUENCY**2, rel=0.02)
     assert values["zeta"] < 2 * RATE
-    (lost,) = regression(record, problem)[0].values()
+    (lost,) = regression(record.signal, problem)[0].values()
     assert not 0.5 * FREQUENCY**2 < lost["stiffness"] < 2 * FREQUENCY**2
 
 
@@ -62,7 +63,7 @@ def test_the_record_itself_says_where_to_start(record) -> None:
 def test_no_damping_misses_its_mode_on_a_noisy_acceleration(record, damping) -> None:
     target = record.target(damping, "linear", "gaussian")
     problem = Problem(damping, record.system("linear"))
-    seeds = observed(record, problem) | regression(record, problem)[0]
+    seeds = observed(record.signal, record.seen, problem) | regression(record.signal, problem)[0]
     found = find_mode(target, seeds, noise_level=record.seen.roughness, thrifty=True)
     assert [c.seed for c in found.searches] == [OBSERVED]  # it keeps step: the other need not be climbed from
     assert float(target.values(found.z)["stiffness"]) == pytest.approx(FREQUENCY**2, rel=0.01)
@@ -72,7 +73,8 @@ def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
     """Its motion keeps step: no other start is climbed from, and the three terms begin at their mode."""
     study, store = record.study, Store(tmp_path)
     store.write(record.cell)
-    AnswerCell(study, record.spec, 0, store).compute()
+    cell = AnswerCell(study, record.spec, 0, store)
+    perform(store, cell.name, cell.key, cell.product)
     fits = store.read("answer/tower/0").meta["fits"]
     assert fits["linear"]["stiffness"] == pytest.approx(FREQUENCY**2, rel=0.01)
     for model, most in (("coulomb@linear", 20), ("viscous+coulomb+quadratic@linear", 12)):

@@ -59,7 +59,7 @@ def test_where_they_agree_nobody_is_called(run, tmp_path):
     shutil.copytree(run, tmp_path / "out")
     assert run_study(study, tmp_path / "out", workers=1) == 0
     cell = Store(tmp_path / "out").read("evidence/noisy/0/viscous/nested")
-    assert cell.meta["diagnostic"] == "not called: the others agree"
+    assert cell.meta["evidence"] is None
     rows = [r for r in read_table(tmp_path / "out" / "evidence.csv") if r["model"] == "viscous"]
     rows = [r for r in rows if r["method"] != "smc"]
     assert {r["method"] for r in rows} == {"importance", "bridge", "combined"}

@@ -54,7 +54,8 @@ DETAILS = {
 
 
 def stages(method: str) -> list[dict]:
-    return [{"stage": "initial", "details": DETAILS.get(method, {})}, {"stage": "refined", "details": {}}]
+    own = {"estimator": method, "stage": "initial", "details": DETAILS.get(method, {})}
+    return [own, {"estimator": method, "stage": "refined", "details": {}}]
 
 
 def trajectory(signal: str, model: str, t: np.ndarray) -> np.ndarray:
@@ -233,7 +234,10 @@ class RunMaker:
             outcome = "not converged: R̂ of stiffness is 1.034, above 1.01" if slow else "ok"
             self.put(
                 f"posterior/{signal}/{repeat}/{model}/{sampler}",
-                {"names": names, "units": dict(zip(names, units)), "diagnostics": {}},
+                {
+                    "posterior": {"sampler": sampler, "names": names, "draws": [], "log_likelihood": []},
+                    "units": dict(zip(names, units)),
+                },
                 {"draws": draws},
                 outcome,
             )

@@ -198,17 +198,11 @@ def test_only_cells_are_removed_and_only_folders_that_held_them(tmp_path: Path) 
     assert not cells.exists()
 
 
-def test_a_run_of_an_earlier_version_is_known(tmp_path: Path) -> None:
-    """By its description, or, where it was cut off, by its cells."""
-    for name in ("done", "cut_off"):
-        Store(tmp_path / name).write(CELL)
-    (tmp_path / "done" / "run.json").write_text(json.dumps({"name": "a", "seed": 1, "study": {}}))
-    (tmp_path / "done" / "report.html").write_text("")
-    (tmp_path / "cut_off" / ".lock").write_text("77")
-    for name in ("done", "cut_off"):
-        with Store(tmp_path / name).lock():
-            assert Store(tmp_path / name).has(CELL.name, "k")
-        assert (tmp_path / name / MARK).is_file()
+def test_a_run_without_its_mark_is_known_by_its_description(tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text(json.dumps({"name": "a", "seed": 1, "study": {}}))
+    (tmp_path / "report.html").write_text("")
+    with Store(tmp_path).lock():
+        assert (tmp_path / MARK).is_file()
 
 
 def test_the_folder_itself_may_be_a_link(tmp_path: Path) -> None:

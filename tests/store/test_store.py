@@ -88,10 +88,10 @@ def test_names_and_clear(tmp_path):
     store = Store(tmp_path)
     assert store.names() == []
     names = ["evidence/a/0/viscous/importance", "signal/a/0", "signal/a/0/deeper", "signal/noise_sd=0.003/0"]
-    for name in names:
-        store.write(result(name))
-    assert store.names() == names
     with store.lock():
+        for name in names:
+            store.write(result(name))
+        assert store.names() == names
         store.clear()
         assert store.names() == []
         store.clear()
@@ -143,7 +143,7 @@ def test_no_flipped_byte_changes_a_result(tmp_path):
 
 
 def test_an_object_that_json_cannot_hold_is_a_misuse(tmp_path):
-    with pytest.raises(TypeError, match="cannot hold a set"):
+    with pytest.raises(TypeError, match="cannot store a set"):
         Store(tmp_path).write(CellResult(NAME, "k", {"bad": {1}}))
     with pytest.raises(ValueError, match=r"[Oo]bject arrays"):
         Store(tmp_path).write(CellResult(NAME, "k", {}, {"bad": np.array([{}], dtype=object)}))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -20,7 +21,9 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import Depth, run_study
-from bayesdamp.pipeline.many.many import joint_cells
+from bayesdamp.pipeline.many.joining import joined as joint_fit
+from bayesdamp.pipeline.many.specimens import Specimen
+from bayesdamp.pipeline.tasks import perform
 from bayesdamp.store import Store
 from bayesdamp.store.contents.many import CLEAR, JointContent
 
@@ -98,8 +101,8 @@ def joined(pair: Pair) -> JointContent | str:
         (folder / "pair.toml").write_text(text, encoding="utf-8")
         study, store = load_study(folder / "pair.toml"), Store(folder / "out")
         run_study(study, folder / "out", workers=1, depth=Depth.ANSWER, quiet=True)
-        for name, (key, join) in joint_cells(study, store, "pair").items():
-            join(name, key)
+        specimen = Specimen(study, "pair", study.specimens["pair"], store)
+        perform(store, "joint/pair", specimen.key, partial(joint_fit, specimen))
         cell = store.read("joint/pair")
     return JointContent.maybe(cell) or cell.outcome
 

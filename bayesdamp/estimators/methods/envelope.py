@@ -37,7 +37,7 @@ class EnvelopeOptions(Options):
     above: float = Field(default=6.0, ge=1.0)
 
 
-class Envelope(Estimator):
+class Envelope(Estimator[EnvelopeOptions]):
     """Σ (ln A_observed − ln A_simulated)² least over the damping coefficients.
 
     Restoring parameters that are not known are set from the record's frequency and midline, and the start
@@ -57,10 +57,9 @@ class Envelope(Estimator):
         return None
 
     def initial(
-        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: EnvelopeOptions, rng: np.random.Generator
     ) -> Estimate:
         """Coefficients of the trajectory whose Hilbert envelope is closest to the record's."""
-        assert isinstance(options, EnvelopeOptions)
         seen = checked_features(signal)
         if seen.cycles < LEAST_CYCLES:
             raise Refusal(f"{seen.cycles:.1f} cycles: an envelope needs at least {LEAST_CYCLES:.0f}")

@@ -40,21 +40,16 @@ class GeneticOptions(Options):
     readings: int = Field(default=250_000, ge=10_000)
 
 
-class Genetic(Estimator):
+class Genetic(Estimator[GeneticOptions]):
     """Least misfit of a population of trajectories."""
 
     name = "genetic"
     options = GeneticOptions
 
-    def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """None: the genes are the coefficients of any sum."""
-        return None
-
     def initial(
-        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: GeneticOptions, rng: np.random.Generator
     ) -> Estimate:
         """The fittest individual of the last generation, by the misfit of its trajectory."""
-        assert isinstance(options, GeneticOptions)
         seen = checked_features(signal)
         genes = Genes(signal, problem, seen)
         people = rng.random((options.population * len(genes.names), len(genes.names)))

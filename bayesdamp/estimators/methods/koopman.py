@@ -16,7 +16,7 @@ from bayesdamp.estimators.shared import (
     beside_coefficients,
     checked_features,
     epsilon_of,
-    free_names,
+    free_start,
     known_restoring,
     motion,
     oscillator,
@@ -68,7 +68,7 @@ class Operator:
     back: np.ndarray
 
 
-class Koopman(Estimator):
+class Koopman(Estimator[KoopmanOptions]):
     """g(x(t + τ)) ≈ K g(x(t)) for the paper's dictionary g; the damping is read off log(K)/τ.
 
     The row of the generator that belongs to θ̇ is the equation of motion: the acceleration that it gives along
@@ -82,15 +82,10 @@ class Koopman(Estimator):
     with_parameters = "its library is of fixed functions"
     options = KoopmanOptions
 
-    def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """None: the library is built from the problem's own terms."""
-        return None
-
     def initial(
-        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: KoopmanOptions, rng: np.random.Generator
     ) -> Estimate:
         """Coefficients from the generator on a library of the state, the logarithm of its operator over a step."""
-        assert isinstance(options, KoopmanOptions)
         seen = checked_features(signal)
         library = candidates(
             problem, epsilon_of(problem, seen), signal.unit, beside_coefficients(problem, seen), mixed=True
@@ -114,9 +109,7 @@ class Koopman(Estimator):
         if observed.columns.shape[1]:
             form = oscillator(problem).law.linear_form(moving.everywhere[0], known_restoring(problem))
             values |= form.decode(x[shapes.shape[1] :])
-        for name, value in (("theta0", moving.theta0), ("omega0", moving.omega0)):
-            if name in free_names(problem):
-                values[name] = value
+        values |= free_start(problem, moving.theta0, moving.omega0)
         of_step, of_generator = np.linalg.eigvals(operator.one_step), np.linalg.eigvals(operator.generator)
         of_step = of_step[np.argsort(-np.abs(of_step))]
         of_generator = of_generator[np.argsort(-of_generator.real)]

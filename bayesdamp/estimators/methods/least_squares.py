@@ -13,7 +13,7 @@ from bayesdamp.estimators.shared import (
     Motion,
     beside_coefficients,
     checked_features,
-    free_names,
+    free_start,
     further_priors,
     known_restoring,
     motion,
@@ -33,7 +33,7 @@ class LeastSquaresOptions(Options):
     variant: Literal["ols", "wls", "irls", "tls"] = "ols"
 
 
-class LeastSquares(Estimator):
+class LeastSquares(Estimator[LeastSquaresOptions]):
     """θ̈ + F_rest(θ) = −Σ coefficient · shape(θ, θ̇), solved for whatever is not known.
 
     A coefficient may come out negative: it is reported as it is.
@@ -42,15 +42,10 @@ class LeastSquares(Estimator):
     name = "least_squares"
     options = LeastSquaresOptions
 
-    def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """None: the equation of motion is linear in every coefficient."""
-        return None
-
     def initial(
-        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: LeastSquaresOptions, rng: np.random.Generator
     ) -> Estimate:
         """Coefficients by regression of the equation of motion over the samples."""
-        assert isinstance(options, LeastSquaresOptions)
         seen = checked_features(signal)
         moving = motion(signal, problem, seen)
         osc, known = oscillator(problem), known_restoring(problem)
@@ -102,9 +97,7 @@ class LeastSquares(Estimator):
             c, spread = x[start:count], covariance[start:count, start:count]
             values |= form.decode(c)
             stderr |= _decoded_stderr(form.decode, c, spread)
-        for name, value in (("theta0", moving.theta0), ("omega0", moving.omega0)):
-            if name in free_names(problem):
-                values[name] = value
+        values |= free_start(problem, moving.theta0, moving.omega0)
         return Estimate(self.name, "initial", values, stderr, evaluations=1)
 
 

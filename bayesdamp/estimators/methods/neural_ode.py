@@ -41,7 +41,7 @@ class NeuralOdeOptions(Options):
     rounds: int = Field(default=150, ge=1, le=5000)
 
 
-class NeuralOde(Estimator):
+class NeuralOde(Estimator[NeuralOdeOptions]):
     """The damping force as a network, and its projection on the law.
 
     A coefficient may come out negative: it is reported as it is. details: the learnt force (`force`, rad/s²) on a grid
@@ -53,15 +53,10 @@ class NeuralOde(Estimator):
     with_parameters = "its force is projected on functions with one coefficient each"
     options = NeuralOdeOptions
 
-    def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """None: the network is a force, on which any sum is projected."""
-        return None
-
     def initial(
-        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: NeuralOdeOptions, rng: np.random.Generator
     ) -> Estimate:
         """Coefficients from the force that a network in the equation of motion has learnt."""
-        assert isinstance(options, NeuralOdeOptions)
         seen = checked_features(signal)
         with single_thread(), torch.no_grad():
             shooting = Shooting(

@@ -32,7 +32,7 @@ from bayesdamp.estimators.shared import (
     checked_features,
     decay_start,
     epsilon_of,
-    free_names,
+    free_start,
     oscillator,
     start_parameters,
 )
@@ -61,7 +61,7 @@ class PinnOptions(Options):
     rounds: int = Field(default=300, ge=1, le=5000)
 
 
-class Pinn(Estimator):
+class Pinn(Estimator[PinnOptions]):
     """Damping coefficients, and free restoring parameters, of a network trained on record and equation of motion.
 
     A coefficient may come out negative: it is reported as it is.
@@ -72,15 +72,10 @@ class Pinn(Estimator):
     with_parameters = "its loss has one weight for each term"
     options = PinnOptions
 
-    def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """None: coefficients are weights of the loss's equation, whichever there are."""
-        return None
-
     def initial(
-        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: PinnOptions, rng: np.random.Generator
     ) -> Estimate:
         """Coefficients that were trained with a network for the motion, by its residual in the equation."""
-        assert isinstance(options, PinnOptions)
         seen = checked_features(signal)
         with single_thread():
             loss = _Loss(signal, problem, options, seen, rng)
@@ -90,9 +85,7 @@ class Pinn(Estimator):
         names = (*loss.coefficients, *loss.restoring)
         watched = trained.watched * loss.units.numpy()[: len(loss.coefficients)]
         found = dict(zip(names, map(float, loss.physical(trained.x))))
-        for name, value in zip(("theta0", "omega0"), loss.beginning(trained.x)):
-            if name in free_names(problem):
-                found[name] = value
+        found |= free_start(problem, *loss.beginning(trained.x))
         return Estimate(
             self.name,
             "initial",

@@ -60,7 +60,7 @@ class RnnOptions(Options):
     epochs: int = Field(default=30, ge=1, le=10_000)
 
 
-class Rnn(Estimator):
+class Rnn(Estimator[RnnOptions]):
     """One damping coefficient; its standard error is the network's error on simulated records.
 
     Free restoring parameters and a free start are those that the record's features show.
@@ -77,10 +77,9 @@ class Rnn(Estimator):
         return None
 
     def initial(
-        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: RnnOptions, rng: np.random.Generator
     ) -> Estimate:
         """The coefficient that a recurrent network reads off the record, trained on simulated ones."""
-        assert isinstance(options, RnnOptions)
         seen = checked_features(signal)
         drawn = _Drawn(signal, problem, seen, rng)
         with single_thread():

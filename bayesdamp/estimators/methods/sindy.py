@@ -21,7 +21,7 @@ from bayesdamp.estimators.shared import (
     beside_coefficients,
     checked_features,
     epsilon_of,
-    free_names,
+    free_start,
     integrated,
     known_restoring,
     motion,
@@ -90,7 +90,7 @@ class Sparse:
     score: float = np.inf
 
 
-class Sindy(Estimator):
+class Sindy(Estimator[SindyOptions]):
     """θ̈ + known force = Θ(θ, θ̇) ξ with few terms, by sequentially thresholded least squares of pysindy.
 
     State and acceleration come from a smoothing spline that penalises what is no slowly changing oscillation;
@@ -109,15 +109,10 @@ class Sindy(Estimator):
     with_parameters = "its library is of fixed functions"
     options = SindyOptions
 
-    def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """None: the library holds the problem's own terms."""
-        return None
-
     def initial(
-        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: SindyOptions, rng: np.random.Generator
     ) -> Estimate:
         """Coefficients by sparse regression of the acceleration (Brunton, Proctor and Kutz 2016)."""
-        assert isinstance(options, SindyOptions)
         features = checked_features(signal)
         seen = differentiated(signal, problem, features)
         epsilon = 0.0 if options.switch == "sign" else epsilon_of(problem, features)
@@ -160,9 +155,7 @@ class Sindy(Estimator):
             of_theta = np.array([one.restoring for one in library])
             found = evaluated(library, seen.theta, seen.omega)[:, of_theta] @ read.x[of_theta]
             values |= restoring_values(problem, seen.theta, found)
-        for name, value in (("theta0", float(seen.theta[0])), ("omega0", float(seen.omega[0]))):
-            if name in free_names(problem):
-                values[name] = value
+        values |= free_start(problem, seen.theta[0], seen.omega[0])
         names = [one.name for one in library]
         weighed = [one for one in path if np.isfinite(one.score)]
         return Estimate(

@@ -50,7 +50,7 @@ class SymbolicRegressionOptions(Options):
     penalty: float = Field(default=1.0, ge=0.0)
 
 
-class SymbolicRegression(Estimator):
+class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
     """An expression f(θ̇) for −(θ̈ + F_rest(θ)), bred from +, −, ×, tanh and |·|; the damping is read from it.
 
     Two objectives, error and length, give a Pareto front. Each expression there is written as a sum of
@@ -67,15 +67,10 @@ class SymbolicRegression(Estimator):
     by_position = "its expressions are of the velocity alone"
     options = SymbolicRegressionOptions
 
-    def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """None: any sum is projected on the expression."""
-        return None
-
     def initial(
-        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: SymbolicRegressionOptions, rng: np.random.Generator
     ) -> Estimate:
         """Coefficients from the expression on the Pareto front that was chosen for the force."""
-        assert isinstance(options, SymbolicRegressionOptions)
         seen = checked_features(signal)
         force = Force(signal, problem, seen)
         x, y = force.thinned(options.samples)

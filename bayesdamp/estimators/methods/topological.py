@@ -65,7 +65,7 @@ class Pairs:
         return self.p - self.v
 
 
-class Topological(Estimator):
+class Topological(Estimator[TopologicalOptions]):
     """One damping coefficient from the lifetimes of a cycle's sublevel components."""
 
     name = "topological"
@@ -80,10 +80,9 @@ class Topological(Estimator):
         return None
 
     def initial(
-        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: TopologicalOptions, rng: np.random.Generator
     ) -> Estimate:
         """The coefficient from the fall of the persistence lifetimes."""
-        assert isinstance(options, TopologicalOptions)
         seen = checked_features(signal)
         value = self._value(signal, problem, options, seen)
         values = {oscillator(problem).coefficients[0]: value}

@@ -18,6 +18,7 @@ from bayesdamp.estimators.shared import (
     checked_features,
     epsilon_of,
     free_names,
+    free_start,
     known_restoring,
     motion,
     noise_level,
@@ -40,7 +41,7 @@ class WeakSindyOptions(Options):
     width: float = Field(default=0.0, ge=0.0, le=10.0)
 
 
-class WeakSindy(Estimator):
+class WeakSindy(Estimator[WeakSindyOptions]):
     """∫φ″θ + ∫φ F_rest(θ) + Σ ξ ∫φ f(θ, θ̇) = 0 with few terms, no derivative of the record being taken.
 
     The inertia is integrated by parts twice and viscous damping once. Terms that are not linear in θ̇ take it
@@ -55,15 +56,10 @@ class WeakSindy(Estimator):
     with_parameters = "its library is of fixed functions"
     options = WeakSindyOptions
 
-    def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """None: the library holds the problem's own terms."""
-        return None
-
     def initial(
-        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: WeakSindyOptions, rng: np.random.Generator
     ) -> Estimate:
         """Coefficients by regression of the equation's weak form (Messenger and Bortz 2021)."""
-        assert isinstance(options, WeakSindyOptions)
         seen = checked_features(signal)
         sigma = noise_level(signal)
         library = candidates(
@@ -131,8 +127,7 @@ class WeakSindy(Estimator):
             values |= restoring_values(problem, theta, np.sum(parts, axis=0))
         if free_names(problem):
             moving = motion(signal, problem, seen)
-            start = {"theta0": moving.theta0, "omega0": moving.omega0}
-            values |= {name: value for name, value in start.items() if name in free_names(problem)}
+            values |= free_start(problem, moving.theta0, moving.omega0)
         return Estimate(
             self.name,
             "initial",

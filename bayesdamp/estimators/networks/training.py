@@ -5,14 +5,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Self
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
-
-from bayesdamp.numerics.levenberg_marquardt import Ended, Schedule, search
 
 REAL = torch.float64
 """Every tensor says its precision: torch's own default is left as it is."""
@@ -71,92 +68,11 @@ class Trained:
     converged: bool
 
 
-SCHEDULE = Schedule(less=0.2, more=5.0, eager=False, lowest=1e-14, again=0.0)
-"""How a step's damping changes (conventional)."""
+FIRST, LOWEST, LESS, MORE = 1e-3, 1e-14, 0.2, 5.0
+"""How a step's damping starts and where it ends, and its factors after a step that lowers the loss, where the one
+before did too, and after one that does not (conventional)."""
 TRIALS = 12
 """Steps that are tried from one point."""
-
-
-@dataclass
-class _Course:
-    """A search under way: what `gauss_newton` is given, and what it gives back."""
-
-    residuals: Residuals
-    linearised: Linearised
-    watch: Callable[[Tensor], np.ndarray]
-    steady: float
-    window: int
-    losses: list[float] = field(default_factory=list)
-    watched: list[np.ndarray] = field(default_factory=list)
-    evaluations: int = 0
-    converged: bool = False
-
-    def noted(self, x: Tensor, loss: float) -> None:
-        """The loss at x (k,), and what is watched there."""
-        self.losses.append(loss)
-        self.watched.append(self.watch(x))
-
-    @property
-    def calm(self) -> bool:
-        """Whether what is watched has stopped, and the loss with it."""
-        if len(self.losses) <= self.window:
-            return False
-        last = np.array(self.watched[-self.window - 1 :])
-        still = np.all(np.ptp(last, axis=0) <= self.steady * (np.abs(last[-1]) + 1e-3))
-        return bool(still) and self.losses[-1] > 0.1 * self.losses[-self.window - 1]
-
-
-@dataclass(frozen=True)
-class _Trial:
-    """Weights that were tried, and the loss there; gain: by what that is less, −inf where it is not."""
-
-    x: Tensor
-    loss: float
-    gain: float
-
-
-@dataclass
-class _Linear:
-    """A sum of squares, linearised at x (k,): its value; of half of it gradient (k,) and Hessian (k, k). number: of
-    points up to this one; tries: steps from here."""
-
-    course: _Course
-    x: Tensor
-    loss: float
-    gradient: Tensor
-    hessian: Tensor
-    number: int
-    tries: int = 0
-
-    @classmethod
-    def of(cls, course: _Course, x: Tensor, number: int) -> Self:
-        """At x (k,)."""
-        r, jacobian = course.linearised(x)
-        course.evaluations += 1
-        loss = float(r @ r)
-        course.noted(x, loss)
-        return cls(course, x, loss, jacobian.T @ r, jacobian.T @ jacobian, number)
-
-    def tried(self, damping: float) -> _Trial | None:
-        """The step of a damping; None where the search has converged, or cannot go on."""
-        self.course.converged = self.tries == TRIALS or self.course.calm
-        if self.course.converged or not np.isfinite(self.loss):
-            return None
-        self.tries += 1
-        size = float(self.hessian.diagonal().mean())
-        damped = self.hessian + damping * size * torch.eye(self.x.numel(), dtype=REAL)
-        factor, failed = torch.linalg.cholesky_ex(damped)
-        if int(failed) != 0:
-            return _Trial(self.x, np.inf, -np.inf)
-        there = self.x - torch.cholesky_solve(self.gradient[:, None], factor)[:, 0]
-        r = self.course.residuals(there)
-        self.course.evaluations += 1
-        loss = float(r @ r)
-        return _Trial(there, loss, self.loss - loss if loss < self.loss else -np.inf)
-
-    def beyond(self, trial: _Trial) -> Self:
-        """Linearised where a step leads."""
-        return self.of(self.course, trial.x, self.number + 1)
 
 
 def gauss_newton(
@@ -174,16 +90,44 @@ def gauss_newton(
     which they are about 1. It has converged when these have stayed within `steady` of their size for `window`
     rounds, while the loss did not fall to a tenth, or where no step lowers the loss any more.
     """
-    course = _Course(residuals, linearised, watch, steady, window)
+    losses: list[float] = []
+    watched: list[np.ndarray] = []
+    evaluations, damping, failed, converged = 0, FIRST, False, False
 
-    def ended(near: _Linear, trial: _Trial, damping: float) -> bool:
-        return trial.gain >= 0 and near.number == rounds
+    def is_calm() -> bool:
+        if len(losses) <= window:
+            return False
+        last = np.array(watched[-window - 1 :])
+        still = np.all(np.ptp(last, axis=0) <= steady * (np.abs(last[-1]) + 1e-3))
+        return bool(still) and losses[-1] > 0.1 * losses[-window - 1]
 
-    first = _Linear.of(course, x, 1)
-    found: Ended[_Linear, _Trial] = search(first, ended, limit=rounds * (TRIALS + 1), schedule=SCHEDULE)
-    last = found.near or first
-    if found.taken is not None:
-        course.noted(found.taken.x, found.taken.loss)
-        last = found.taken
-    losses, watched = np.array(course.losses), np.array(course.watched)
-    return Trained(last.x, losses, watched, course.evaluations, course.converged)
+    for number in range(1, rounds + 1):
+        r, jacobian = linearised(x)
+        evaluations += 1
+        loss = float(r @ r)
+        losses.append(loss)
+        watched.append(watch(x))
+        converged = is_calm()
+        if converged or not np.isfinite(loss):
+            break
+        gradient, hessian = jacobian.T @ r, jacobian.T @ jacobian
+        unit = float(hessian.diagonal().mean()) * torch.eye(x.numel(), dtype=REAL)
+        lower = np.inf
+        for _ in range(TRIALS):
+            factor, singular = torch.linalg.cholesky_ex(hessian + damping * unit)
+            if int(singular) == 0:
+                there = x - torch.cholesky_solve(gradient[:, None], factor)[:, 0]
+                r = residuals(there)
+                evaluations += 1
+                lower = float(r @ r)
+                if lower < loss:
+                    x, damping, failed = there, damping if failed else max(damping * LESS, LOWEST), False
+                    break
+            damping, failed = damping * MORE, True
+        else:
+            converged = True
+            break
+        if number == rounds:
+            losses.append(lower)
+            watched.append(watch(x))
+    return Trained(x, np.array(losses), np.array(watched), evaluations, converged)

@@ -87,13 +87,13 @@ def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
 
 def summarised(found: Posterior) -> Posterior:
     """A sampler's draws with a summary of each parameter, and the verdict of these, where it gives none itself."""
-    if found.summary or not found.draws.size:
+    if found.summaries or not found.draws.size:
         return found
     summary = {
         n: summarise(found.draws[..., i], found.ensembles, found.effective) for i, n in enumerate(found.names)
     }
     judged = found.outcome == OK and found.effective is None
-    return replace(found, summary=summary, outcome=verdict(summary) if judged else found.outcome)
+    return replace(found, summaries=summary, outcome=verdict(summary) if judged else found.outcome)
 
 
 def effective(draws: np.ndarray) -> float:

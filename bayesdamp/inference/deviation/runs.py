@@ -61,6 +61,6 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
         diagnostics={"log_evidence": log_evidence, "stderr": stderr},
         seconds=time.perf_counter() - began,
         outcome=outcome,
-        summary=summary,
+        summaries=summary,
         arrays={"u": u},
     )

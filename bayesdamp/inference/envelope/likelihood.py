@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,6 @@ ALONG = 33
 WIDE = 3.0
 """Standard deviation, in the sum of the fitted rates, of the normal prior under which the likelihoods of several noises
 are made one: wide against every rate that the record allows, and taken out again."""
-_ARRAYS = ("log", "slope", "information", "log_amplitudes", "log_losses")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,26 +76,6 @@ class RateLikelihood:
         loss = y[:, i] + (log_amplitude - x[i]) * (y[:, i + 1] - y[:, i]) / (x[i + 1] - x[i])
         factor = rate * np.exp(-loss)
         return self.log, self.slope * factor, self.information * factor * factor[:, None]
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Return the arrays by name, as a cell stores them."""
-        return {name: getattr(self, name) for name in _ARRAYS}
-
-    def numbers(self) -> dict[str, float | str | None]:
-        """Return what is not an array, as a cell stores it."""
-        return {
-            "reference": self.reference,
-            "unit": self.unit,
-            "omega": self.omega,
-            "duration": self.duration,
-        }
-
-    @classmethod
-    def of(
-        cls, arrays: Mapping[str, np.ndarray], numbers: Mapping[str, float | str | None]
-    ) -> RateLikelihood:
-        """Build it from what `arrays` and `numbers` returned."""
-        return cls(**{name: arrays[name] for name in _ARRAYS}, **numbers)  # type: ignore[arg-type]
 
 
 def likelihood_of(candidate: Candidate, blocks: Blocks, reference: float, unit: str) -> RateLikelihood:

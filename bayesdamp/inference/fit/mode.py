@@ -43,6 +43,17 @@ class LocalSearch:
 
 
 @dataclass(frozen=True)
+class StoredMode:
+    """What is stored of a mode: all that the rest of it follows from."""
+
+    z: np.ndarray
+    log_posterior: float
+    information: np.ndarray
+    tolerance: float
+    searches: tuple[LocalSearch, ...]
+
+
+@dataclass(frozen=True)
 class LinearPosterior:
     """The posterior of a model that is linear in parameters and deviations, where laws may hold approximately.
 
@@ -78,6 +89,11 @@ class Mode:
     likelihood_error: float
     tolerance: float
     linear: LinearPosterior | None = None
+
+    @property
+    def stored(self) -> StoredMode:
+        """What is stored of it."""
+        return StoredMode(self.z, self.log_posterior, self.information, self.tolerance, self.searches)
 
     def sd(self) -> np.ndarray:
         """Laplace standard deviations of the scores, shape (d,)."""
@@ -169,15 +185,10 @@ def whitening(information: np.ndarray) -> np.ndarray:
     return solve_triangular(turned[::-1, ::-1], np.eye(len(information)), trans=1, lower=False)
 
 
-def restore_mode(
-    target: Target,
-    z: np.ndarray,
-    log_posterior: float,
-    information: np.ndarray,
-    tolerance: float,
-    searches: tuple[LocalSearch, ...] = (),
-) -> Mode:
+def restore_mode(target: Target, stored: StoredMode) -> Mode:
     """Return a mode from what was stored of it."""
+    z, information, tolerance = stored.z, stored.information, stored.tolerance
     likelihood = Likelihood.near(target, z, tolerance)
     near, factor = about(likelihood, z, information)
-    return Mode(z, log_posterior, information, factor, likelihood, near, searches, np.nan, np.nan, tolerance)
+    found = z, stored.log_posterior, information, factor, likelihood, near, stored.searches
+    return Mode(*found, np.nan, np.nan, tolerance)

@@ -60,7 +60,7 @@ def approximate_posterior(
         diagnostics={"pareto_k": shape, **(more or {})},
         seconds=time.perf_counter() - began,
         outcome=outcome,
-        summary={n: diagnostics.summarise(v, effective=size) for n, v in values.items()},
+        summaries={n: diagnostics.summarise(v, effective=size) for n, v in values.items()},
         divergences=0,
         evaluations=weights.size,
         effective=size,

@@ -109,7 +109,7 @@ class Emcee(Sampler):
             diagnostics={"walkers": walkers, "thinned_by": thin},
             seconds=time.perf_counter() - began,
             outcome=outcome,
-            summary=summaries,
+            summaries=summaries,
             divergences=0,
             evaluations=int(ENSEMBLES * walkers * (draws.shape[1] + warmup)),
             ensembles=ENSEMBLES,

@@ -75,7 +75,7 @@ class Run:
             stats={"diverging": diverging, "n_steps": steps, "acceptance_rate": accept},
             diagnostics={"exact_force": self.exact, "step": self.chains[0].step},
             outcome=outcome,
-            summary=summaries,
+            summaries=summaries,
             starts=agreement(self.begun, draws),
             divergences=divergences,
             evaluations=int(np.sum(steps)),

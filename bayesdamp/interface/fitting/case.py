@@ -123,8 +123,8 @@ class Case:
 
     def starts(self) -> Starts:
         """What the record's turning points and a regression say. Raises Refusal where neither says anything."""
-        found, said = regression(self, self.problem)
-        starts = observed(self, self.problem) | found
+        found, said = regression(self.signal, self.problem)
+        starts = observed(self.signal, self.seen, self.problem) | found
         if not starts:
             raise Refusal(said)
         return starts
@@ -196,8 +196,7 @@ def searched(
     seeds = {**choice.starts, **starts, **prior_starts(target, PRIOR_STARTS, seed)}
     mode = find_mode(target, seeds, noise_level=case.seen.roughness, period=case.seen.period)
     # Made anew at the mode, as it is where a fit is read from a file, so that both are the same.
-    again = restore_mode(target, mode.z, mode.log_posterior, mode.information, mode.tolerance, mode.searches)
-    return target, again, choice.notes
+    return target, restore_mode(target, mode.stored), choice.notes
 
 
 def _noise_knows(case: Case, noise: str) -> bool:

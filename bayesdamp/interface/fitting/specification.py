@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Self
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from bayesdamp import types
 from bayesdamp.config.checks import StudyError
@@ -22,11 +22,11 @@ from bayesdamp.interface.parts.asked import (
     coefficients_of,
     number,
 )
-from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.result import Result
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
-from bayesdamp.priors import Prior, prior_of
+from bayesdamp.priors import Prior
 from bayesdamp.table import Table
 from bayesdamp.types import InputError, System
 
@@ -161,14 +161,3 @@ class Specification(Result):
         rows += [(f"prior of {n}", p.describe()) for n, p in self.priors.items()]
         rows += [(n, f"{v:.6g} (known)") for n, v in self.known.items()]
         return Table(("", ""), rows, caption=f"Model {self.name}")
-
-    def _packed(self) -> Packed:
-        meta = {f.name: getattr(self, f.name) for f in fields(self)}
-        meta["priors"] = {n: p.model_dump() for n, p in self.priors.items()}
-        return Packed("Model", {**meta, "known": dict(self.known)})
-
-    @classmethod
-    def _unpacked(cls, packed: Packed) -> Self:
-        meta = dict(packed.meta)
-        meta["noise"] = meta["noise"] if isinstance(meta["noise"], str) else tuple(meta["noise"])
-        return cls(**{**meta, "priors": {n: prior_of(p) for n, p in meta["priors"].items()}})

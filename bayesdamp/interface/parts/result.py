@@ -2,46 +2,23 @@
 
 from __future__ import annotations
 
-import io
-import json
 import zipfile
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Self, TypeVar
 
 import numpy as np
 
 from bayesdamp import __version__
 from bayesdamp.calls import Told
-from bayesdamp.store import write_bytes
+from bayesdamp.serial import join, split
+from bayesdamp.store.files import BROKEN, packed, unpacked, write_bytes
 from bayesdamp.table import Table
 from bayesdamp.types import InputError
 
+R = TypeVar("R")
 META = "result.json"
-BROKEN = (zipfile.BadZipFile, OSError, EOFError, KeyError, ValueError, TypeError)
-"""What reading a file raises that `save` did not write, or not to its end."""
-
-
-@dataclass(frozen=True)
-class Packed:
-    """A result as a file holds it: its kind, what JSON can hold, and named arrays."""
-
-    kind: str
-    meta: Mapping[str, Any] = field(default_factory=dict)
-    arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
-
-    def within(self, prefix: str) -> dict[str, np.ndarray]:
-        """Its arrays, named as parts of another result."""
-        return {f"{prefix}/{name}": value for name, value in self.arrays.items()}
-
-    def part(self, prefix: str) -> Packed:
-        """The result that was packed within this one under that name."""
-        found = {
-            n.removeprefix(f"{prefix}/"): a for n, a in self.arrays.items() if n.startswith(f"{prefix}/")
-        }
-        return Packed(prefix, self.meta[prefix], found)
 
 
 class Shown(Told, ABC):
@@ -60,25 +37,12 @@ class Shown(Told, ABC):
 class Result(Shown):
     """A frozen value that prints as a short table and can be saved and loaded."""
 
-    @abstractmethod
-    def _packed(self) -> Packed: ...
-
-    @classmethod
-    @abstractmethod
-    def _unpacked(cls, packed: Packed) -> Self: ...
-
     def save(self, path: str | Path) -> Path:
         """Write it to a file, all of it or nothing; the path. Raises InputError where it cannot be written."""
-        path, packed = Path(path), self._packed()
-        head = {"kind": packed.kind, "version": __version__, "meta": dict(packed.meta)}
-        buffer = io.BytesIO()
-        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr(META, json.dumps({**head, "arrays": list(packed.arrays)}, default=_plain))
-            for i, array in enumerate(packed.arrays.values()):
-                with archive.open(f"{i}.npy", "w") as member:
-                    np.lib.format.write_array(member, np.asarray(array), allow_pickle=False)  # type: ignore[arg-type]
+        path, arrays = Path(path), dict[str, np.ndarray]()
+        head = {"kind": type(self).__name__, "version": __version__, "value": split(self, arrays)}
         try:
-            write_bytes(path, buffer.getvalue())
+            write_bytes(path, packed(META, head, arrays, zipfile.ZIP_DEFLATED))
         except OSError as error:
             raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
         return path
@@ -86,39 +50,35 @@ class Result(Shown):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read what `save` wrote. Raises InputError where the file is no such result."""
-        packed = read(path)
-        if packed.kind != cls.__name__:
-            raise InputError(f"{path}: holds a {packed.kind}, not a {cls.__name__}; use bayesdamp.load")
-        return cls._unpacked(packed)
+
+        def own(kind: str) -> type[Self]:
+            if kind != cls.__name__:
+                raise InputError(f"{path}: holds a {kind}, not a {cls.__name__}; use bayesdamp.load")
+            return cls
+
+        return read(path, own)
 
 
-def read(path: str | Path) -> Packed:
-    """What a file holds. Raises InputError where `save` did not write it."""
+def read(path: str | Path, class_of: Callable[[str], type[R]]) -> R:
+    """Return the result in a file. class_of: returns the class of a kind of result. Raises InputError where `save` did
+    not write the file, or that of another version did."""
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file; give one that a result's save() wrote")
     try:
-        with zipfile.ZipFile(path) as archive:
-            head = json.loads(archive.read(META))
-            arrays = {
-                name: np.lib.format.read_array(io.BytesIO(archive.read(f"{i}.npy")), allow_pickle=False)
-                for i, name in enumerate(head["arrays"])
-            }
-        return Packed(head["kind"], head["meta"], arrays)
+        head, arrays = unpacked(path, META)
+        kind, version = head["kind"], head["version"]
     except BROKEN:
         raise InputError(
             f"{path}: is not a result of bayesdamp, or not a whole one; give one that save() wrote"
         ) from None
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return dict(value)
-    return str(value)
+    own = class_of(kind)
+    try:
+        return join(own, head["value"], arrays)
+    except BROKEN:
+        raise InputError(
+            f"{path}: was saved by bayesdamp {version}, which this version does not read"
+        ) from None
 
 
 def outcome_notes(outcome: str, notes: Sequence[str] = ()) -> tuple[str, ...]:

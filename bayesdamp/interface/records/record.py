@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bayesdamp.formatting import compact
 from bayesdamp.interface.parts import axes
-from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.result import Result
 from bayesdamp.interface.records.signal import Signal, cut
-from bayesdamp.provenance import Provenance
 from bayesdamp.records.cleaning.clean import known_unit
 from bayesdamp.records.files.named_units import by_name
 from bayesdamp.records.findings import Kind, findings, question
@@ -125,32 +124,6 @@ class Record(Result):
         title = f"Record {self.path.name}: {unit.called(self.quantity)} in {unit.of(self.quantity)}"
         return Table(("run", "time", "values", "samples", "range"), rows, caption=title)
 
-    def _packed(self) -> Packed:
-        arrays: dict[str, np.ndarray] = {}
-        heads: list[dict[str, object]] = []
-        for i, raw in enumerate(self.raw):
-            heads.append({"rate": raw.rate, "provenance": raw.provenance.to_dict()})
-            arrays |= {f"{i}/y": raw.y, f"{i}/rows": raw.rows}
-            arrays |= {} if raw.t is None else {f"{i}/t": raw.t}
-        meta = {"path": str(self.path), "columns": self.columns, "unit": self.unit, "quantity": self.quantity}
-        return Packed("Record", {**meta, "runs": heads}, arrays)
-
-    @classmethod
-    def _unpacked(cls, packed: Packed) -> Self:
-        meta, found = packed.meta, packed.arrays
-        raw = tuple(
-            RawRecord(
-                found.get(f"{i}/t"),
-                found[f"{i}/y"],
-                head["rate"],
-                found[f"{i}/rows"],
-                Provenance.of(head["provenance"]),
-            )
-            for i, head in enumerate(meta["runs"])
-        )
-        columns = tuple((time, value) for time, value in meta["columns"])
-        return cls(Path(meta["path"]), columns, meta["unit"], meta["quantity"], raw)
-
 
 def read(
     path: str | Path,
@@ -187,7 +160,17 @@ def read(
     """
     path = Path(path)
     unit, quantity = by_name(unit, quantity)
-    raw = _runs(path, time, value, rate, runs, channels, time_unit)
+    raw = tuple(
+        read_records(
+            path,
+            time=time,
+            value=value,
+            rate=rate,
+            runs=None if runs is None else str(runs),
+            channels=tuple(channels),
+            time_unit=time_unit,
+        )
+    )
     said = {read_as(one, unit, quantity): one.channel for one in raw}
     if len(said) > 1:
         each = ", ".join(f"{channel!r} ({u})" for (u, _), channel in said.items())
@@ -212,27 +195,3 @@ def _assumed(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
     before = raw.provenance
     said = (*before.warnings, *(f"{doubt.sentence}; give unit= where that is wrong." for doubt in doubts))
     return replace(raw, provenance=replace(before, warnings=said))
-
-
-def _runs(
-    path: Path,
-    time: Column | None,
-    value: Column | None,
-    rate: float | None,
-    runs: str | int | None,
-    channels: Sequence[str],
-    time_unit: str | None,
-) -> tuple[RawRecord, ...]:
-    """Every run in a file: the one place that asks a reader."""
-    chosen = None if runs is None else str(runs)
-    return tuple(
-        read_records(
-            path,
-            time=time,
-            value=value,
-            rate=rate,
-            runs=chosen,
-            channels=tuple(channels),
-            time_unit=time_unit,
-        )
-    )

@@ -13,7 +13,7 @@ from bayesdamp import types
 from bayesdamp.formatting import compact
 from bayesdamp.interface.parts import axes
 from bayesdamp.interface.parts.numbers import numbers_of
-from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.result import Result
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.cleaning.clean import clean, known_unit
 from bayesdamp.records.cleaning.clock import clock_times
@@ -114,16 +114,6 @@ class Signal(Result, types.Signal):
             ("range", f"{compact(low)} to {compact(high)}"),
         )
         return Table(("", "value"), rows, caption=f"Signal {self.name}", notes=self.notes)
-
-    def _packed(self) -> Packed:
-        meta: dict[str, object] = {n: getattr(self, n) for n in ("quantity", "unit", "name", "step")}
-        arrays = {n: getattr(self, n) for n in ("t", "y", "whole_t", "whole_y")}
-        return Packed("Signal", {**meta, "provenance": self.provenance.to_dict()}, arrays)
-
-    @classmethod
-    def _unpacked(cls, packed: Packed) -> Self:
-        about = {**packed.meta, "provenance": Provenance.of(packed.meta["provenance"])}
-        return cls(**packed.arrays, **about)
 
     @classmethod
     def of(cls, signal: types.Signal, **more: Any) -> Self:

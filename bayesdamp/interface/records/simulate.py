@@ -12,10 +12,9 @@ from bayesdamp.config.checks import StudyError
 from bayesdamp.config.signals import resolve_signal, term_keys
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline.records.records import simulated
 from bayesdamp.plugins import nearest
-from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import InputError
 
 START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
@@ -78,24 +77,7 @@ def simulate(
     options |= {"outliers": float(outliers), "gaps": gaps, "quantum": float(quantum)}
     options |= {"quantity": quantity, "unit": unit}
     made = _checked({**damping, **given, **options}, restoring, name)
-    own = {n: made.truth[n] for n in ("noise_time", "noise_dof") if n in made.truth}
-    found = simulate_signal(
-        Oscillator(made.damping, restoring),
-        dict(made.truth),
-        duration=made.duration,
-        samples=made.samples,
-        noise_sd=made.truth["noise_sd"],
-        noise=made.noise,
-        outliers=made.outliers,
-        gaps=made.gaps,
-        quantum=made.quantum,
-        quantity=made.quantity,
-        unit=made.unit,
-        name=name,
-        rng=np.random.default_rng(seed),
-        **own,
-    )
-    return Signal.of(found)
+    return Signal.of(simulated(made, restoring, made.truth, name, np.random.default_rng(seed)))
 
 
 def _checked(given: Mapping[str, object], restoring: str, name: str) -> Simulation:

@@ -15,9 +15,10 @@ from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.posteriors import CURVE, LEVELS, weighted_curves
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
 from bayesdamp.pipeline.records.records import cell_seed
-from bayesdamp.store import CellResult, Store
+from bayesdamp.pipeline.tasks import Product
+from bayesdamp.store import Store
 from bayesdamp.store.contents.posteriors import AverageContent
-from bayesdamp.types import OK, Evidence, candidate_parts
+from bayesdamp.types import Evidence, Refusal, candidate_parts
 
 COVERED = 0.95
 """Probability that the models with draws must hold together: the average is over these."""
@@ -31,19 +32,15 @@ def averages(study: Study, spec: SignalSpec) -> bool:
     return bool(asked) and len(study.compare(spec)) > 1
 
 
-def average(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> None:
-    """Store the averaged curve of a signal's first repeat (`averaged/bench/0`), or why there is none."""
-    store.write(_one(study, spec, store, name, key))
-
-
-def _one(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> CellResult:
+def average(study: Study, spec: SignalSpec, store: Store, name: str) -> Product:
+    """The averaged curve of a signal's first repeat (`averaged/bench/0`). Raises Refusal where there is none."""
     models, record = study.compare(spec), f"{spec.name}/0"
     by_method = evidence_by_method(study, store, record, models)
     method = list(by_method)[-1]
     shares = probabilities(by_method[method])
     shares |= {m: 0.0 for m, e in by_method[method].items() if status_of(e.outcome) is Status.PRUNED}
     if len(shares) < len(models):
-        return CellResult(name, key, outcome="not applicable: not every model has its evidence")
+        raise Refusal("not applicable: not every model has its evidence")
     drawn = {m: _sampled(store, f"posterior/{record}/{m}/nuts") for m in models}
     drawn = {m: a for m, a in drawn.items() if _usable(a)}
     weighed: list[str] = []
@@ -55,17 +52,16 @@ def _one(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> C
             drawn[model] = arrays
             weighed.append(model)
     if not drawn:
-        return CellResult(name, key, outcome="not applicable: no model has damping against amplitude")
+        raise Refusal("not applicable: no model has damping against amplitude")
     covered = sum(shares[m] for m in drawn)
     if covered < COVERED:
-        why = f"not applicable: the models with draws hold {covered:.2f} of the probability, below {COVERED}"
-        return CellResult(name, key, outcome=why)
+        hold = f"the models with draws hold {covered:.2f} of the probability"
+        raise Refusal(f"not applicable: {hold}, below {COVERED}")
     shared = np.array(sorted(set.intersection(*(set(a["amplitudes"]) for a in drawn.values()))))
     found = {m: a[f"spread/{CURVE}"][:, np.isin(a["amplitudes"], shared)] for m, a in drawn.items()}
     arrays = {"amplitudes": shared, f"curve/{CURVE}": averaged(found, shares)}
     arrays |= {f"median/{m}": np.median(c, axis=0) for m, c in found.items()}
-    content = AverageContent(shares, method, covered, tuple(weighed))
-    return CellResult(name, key, content.meta(), arrays, OK)
+    return Product(AverageContent(shares, method, covered, tuple(weighed)), arrays)
 
 
 def _sampled(store: Store, name: str) -> dict[str, np.ndarray]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -12,24 +11,21 @@ from bayesdamp.outcomes import following
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.posteriors import amplitude_grid
-from bayesdamp.pipeline.records.records import plain_seconds
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.records.oscillation.law_free import amplitude_curves
-from bayesdamp.store import CellResult
 from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.types import OK, Refusal
 
 
-def compute_curve(branch: Branch, name: str, key: str) -> None:
+def compute_curve(branch: Branch) -> Product:
     """Compute the damping ratio and the frequency (rad/s) of the mode over the record's amplitudes.
 
     They begin as those of the undamped motion at each amplitude, and are corrected by what `amplitude_curves` reads
     from the fitted record, so that a candidate and the record itself are read in the same way.
     """
-    began = time.perf_counter()
     found = branch.store.read(f"mode/{branch.path}")
     if found.outcome != OK:
-        branch.store.write(CellResult(name, key, outcome=following(found.name, found.outcome)))
-        return
+        raise Refusal(following(found.name, found.outcome))
     seen = branch.record.seen
     try:
         read = amplitude_curves(replace(branch.record.signal, y=found.arrays["fit"]), seen)
@@ -62,4 +58,4 @@ def compute_curve(branch: Branch, name: str, key: str) -> None:
                 arrays[what] = arrays[what] + np.interp(
                     np.log(grid), np.log(read.amplitude[known][order]), off[known][order]
                 )
-    branch.store.write(CellResult(name, key, {}, {"amplitude": grid, **arrays}, OK, plain_seconds(began)))
+    return Product(None, {"amplitude": grid, **arrays})

@@ -5,20 +5,19 @@ from __future__ import annotations
 from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.config.checks import plain
 from bayesdamp.inference.deviation.single import Single
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.records.answering import ANSWERED, law_of, likelihood_of
+from bayesdamp.pipeline.records.answering import ANSWERED, law_of, likelihood_of, put_together
 from bayesdamp.pipeline.records.records import SignalCell
-from bayesdamp.pipeline.records.stored_modes import unpacked
 from bayesdamp.pipeline.records.targets import Record
-from bayesdamp.pipeline.stored_laws import put_together
+from bayesdamp.serial import join, split
 from bayesdamp.store import Store
 from bayesdamp.store.contents.answers import AnswerContent
+from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.types import OK, Refusal, System, candidate_parts
 
 
@@ -35,7 +34,7 @@ class Branch:
         self.parent = SignalCell(study, spec, repeat, store)
         self.path = f"{spec.name}/{repeat}/{model}"
         system = spec.under(self.restoring)
-        self.other = () if system is spec.system else (plain(system),)
+        self.other = () if system is spec.system else (split(system),)
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -68,7 +67,7 @@ class Branch:
     def noise(self) -> str:
         """The noise model: of those that the study allows, the likeliest in the answer."""
         every = self.answer.noises if self.answer else ()
-        found = {one.noise: one.log_evidence for one in every if one.noise in self.study.noises}
+        found = {one.name: one.log_evidence for one in every if one.name in self.study.noises}
         return max(found, key=lambda name: found[name], default=self.study.noises[0])
 
     @property
@@ -88,7 +87,8 @@ class Branch:
         found = self.store.read(f"mode/{self.path}")
         if found.outcome != OK:
             raise Refusal(following(found.name, found.outcome))
-        return unpacked(found, self.target)
+        stored = join(StoredMode, ModeContent.of(found).stored, found.arrays, "stored")
+        return restore_mode(self.target, stored)
 
     @cached_property
     def law(self) -> Single | None:

@@ -19,9 +19,9 @@ from bayesdamp.pipeline.keys import task_key, uses_library
 from bayesdamp.pipeline.records.answering import AnswerCell, likelihood_of
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.pipeline.records.starts import REGRESSION
-from bayesdamp.store import CellResult
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store.places import Place
-from bayesdamp.types import OK
+from bayesdamp.types import OK, Refusal
 
 SEEDED = {
     "estimate": compute_estimate,
@@ -66,7 +66,7 @@ def cells_of(branch: Branch) -> dict[str, str]:
         own = [EVIDENCES.source(Place.of(name).method), SAMPLERS.source("nuts")]
         found[name] = task_key("evidence", *whence, *parts, own)
     terms, noises = len(branch.terms), len(branch.study.noises)
-    together = sum(s.repeats for s in branch.study.specimens.get(branch.spec.specimen, ())) > 1
+    together = branch.spec.specimen in branch.study.repeated
     joined = together and not settings.samplers
     changed = sensitivity_cells(branch.path, found, branch.repeat, terms, noises, joined, law)
     for name, source in changed.items():
@@ -76,14 +76,11 @@ def cells_of(branch: Branch) -> dict[str, str]:
     return found
 
 
-def compute(branch: Branch, name: str, key: str) -> None:
-    """Compute one cell; where its record shows no oscillation, the cell says so."""
+def compute(branch: Branch, name: str) -> Product:
+    """Compute one cell. Raises Refusal where its record shows no oscillation, or a method cannot work on it."""
     if branch.record.cell.outcome != OK:
-        outcome = following(branch.parent.name, branch.record.cell.outcome)
-        branch.store.write(CellResult(name, key, outcome=outcome))
-        return
-    kind = Place.of(name).kind
-    if kind in SEEDED:
-        SEEDED[kind](branch, name, key, cell_seed(branch.study, name))
-    else:
-        CERTAIN[kind](branch, name, key)
+        raise Refusal(following(branch.parent.name, branch.record.cell.outcome))
+    place = Place.of(name)
+    if place.kind in SEEDED:
+        return SEEDED[place.kind](branch, place.method, cell_seed(branch.study, name))
+    return CERTAIN[place.kind](branch)

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import time
+from dataclasses import replace
 
 import numpy as np
 
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.pipeline.records.records import plain_seconds
-from bayesdamp.store import CellResult
-from bayesdamp.store.contents.estimates import EstimateContent, StageFound
-from bayesdamp.store.places import Place
-from bayesdamp.types import OK, Problem
+from bayesdamp.pipeline.tasks import Product
+from bayesdamp.store.contents.estimates import EstimateContent
+from bayesdamp.types import Problem
 
 
-def compute_estimate(branch: Branch, name: str, key: str, seed: int) -> None:
-    """Store both stages of one estimator, and its curves."""
-    began = time.perf_counter()
-    method, use = Place.of(name).method, branch.study.estimators
+def compute_estimate(branch: Branch, method: str, seed: int) -> Product:
+    """Both stages of one estimator, and its curves."""
+    use = branch.study.estimators
     found = run_estimator(
         use.method(method),
         branch.record.signal,
@@ -27,6 +24,5 @@ def compute_estimate(branch: Branch, name: str, key: str, seed: int) -> None:
         stages=use.stages,
         seed=seed,
     )
-    content = EstimateContent(tuple(map(StageFound.holding, found)))
     trace = {f"{e.stage}/{n}": np.asarray(v) for e in found for n, v in e.trace.items()}
-    branch.store.write(CellResult(name, key, content.meta(), trace, OK, plain_seconds(began)))
+    return Product(EstimateContent(tuple(replace(e, trace={}) for e in found)), trace)

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from bayesdamp.inference.checks.checks import check_fit
+from bayesdamp.inference.fit.laplace import value_sds
+from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.fit.starting_points import prior_starts
+from bayesdamp.inference.fit.starting_points import basins, prior_starts
 from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.pipeline.records.records import NOT_APPLICABLE, cell_seed, plain_seconds
+from bayesdamp.pipeline.records.records import NOT_APPLICABLE, cell_seed
 from bayesdamp.pipeline.records.starts import observed, of_all, regression
-from bayesdamp.pipeline.records.stored_modes import packed
-from bayesdamp.store import CellResult
-from bayesdamp.store.contents.candidates import BesideIt, Part, RefusedSeed, SecondHalf
+from bayesdamp.pipeline.tasks import Product
+from bayesdamp.serial import split
+from bayesdamp.store.contents.candidates import BesideIt, Maximum, ModeContent, RefusedSeed
 from bayesdamp.store.contents.estimates import EstimateContent
 from bayesdamp.types import OK, Problem, Refusal, Seed
 
@@ -46,8 +46,8 @@ def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[Ref
             refused.append(RefusedSeed(Seed(method), cell.outcome))
     problem = Problem(branch.terms, branch.system)
     if not seeds:
-        seeds |= regression(branch.record, problem)[0]
-    decays = observed(branch.record, problem)
+        seeds |= regression(branch.record.signal, problem)[0]
+    decays = observed(branch.record.signal, branch.record.seen, problem)
     seeds = decays | seeds
     fit = branch.answer.fits.get(branch.restoring) if branch.many and branch.answer else None
     if branch.answer and fit:
@@ -59,37 +59,51 @@ def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[Ref
     return seeds | from_prior, tuple(refused)
 
 
-def compute_mode(branch: Branch, name: str, key: str) -> None:
-    """Store the highest mode with what was checked of its fit, or why there is none."""
-    began = time.perf_counter()
+def compute_mode(branch: Branch) -> Product:
+    """The highest mode with what was checked of its fit. Raises Refusal where there is none."""
     if not branch.record.content.noisy:
-        branch.store.write(CellResult(name, key, outcome=NOT_APPLICABLE))
-        return
-    try:
-        (seeds, refused), seen = seeds_of(branch), branch.record.seen
-        mode = find_mode(
-            branch.target,
-            seeds,
-            noise_level=seen.roughness,
-            period=seen.period,
-            thrifty=branch.many,
-        )
-    except Refusal as refusal:
-        branch.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
-        return
-    seed = cell_seed(branch.study, f"checks/{branch.spec.name}/{branch.repeat}")
-    fit = check_fit(branch.target, mode, branch.record.seen.period, seed)
-    found, scores = packed(mode)
-    later = fit.forecast
-    checked = replace(
-        found,
-        refused=refused,
-        windows=tuple(Part(**vars(w)) for w in fit.windows),
-        forecast=None if later is None else SecondHalf(**vars(later)),
-        rivals=tuple(BesideIt(r.words, r.log_bayes) for r in fit.rivals),
-        **{k: v for k, v in vars(fit).items() if k not in (*CHECKS, "windows", "forecast", "rivals")},
+        raise Refusal(NOT_APPLICABLE)
+    (seeds, refused), seen = seeds_of(branch), branch.record.seen
+    mode = find_mode(
+        branch.target, seeds, noise_level=seen.roughness, period=seen.period, thrifty=branch.many
     )
-    arrays = {"t": branch.record.signal.t, **scores, **{k: getattr(fit, k) for k in CHECKS}}
+    seed = cell_seed(branch.study, f"checks/{branch.spec.name}/{branch.repeat}")
+    fit, target = check_fit(branch.target, mode, seen.period, seed), branch.target
+    arrays = {"t": branch.record.signal.t, **{k: getattr(fit, k) for k in CHECKS}}
     # What comes next reads the mode from its cell, as a run that was cut off in between does: the solver's plan is
     # made anew there, and evidence on the plan that found the mode is some 1e-8 nats apart.
-    branch.store.write(CellResult(name, key, checked.meta(), arrays, OK, plain_seconds(began)))
+    content = {
+        **{k: v for k, v in vars(fit).items() if k not in CHECKS},
+        **_climbs(mode),
+        "values": target.values(mode.z),
+        "sd": value_sds(target, mode.z, np.linalg.inv(mode.information)),
+        "known": target.known,
+        "priors": {n: p.describe() for n, p in target.priors.items()},
+        "log_posterior": mode.log_posterior,
+        "error_budget": {"step_error": mode.step_error, "log_likelihood_change": mode.likelihood_error},
+        "refused": refused,
+        "rivals": [BesideIt(r.words, r.log_bayes) for r in fit.rivals],
+        "stored": split(mode.stored, arrays, "stored"),
+    }
+    return Product(ModeContent.of_meta(split(content)), arrays)
+
+
+def _climbs(mode: Mode) -> dict[str, object]:
+    """What the seeds came to, the modes that they found, and the coefficients that touch zero."""
+    target = mode.likelihood.target
+    found, where = basins(mode)
+    climbs = []
+    for search, number in zip(mode.searches, where, strict=True):
+        away = search.origin - mode.z
+        distance = float(np.sqrt(max(away @ mode.information @ away, 0.0)))
+        own = {k: v for k, v in vars(search).items() if k not in ("origin", "z")}
+        climbs.append({**own, "distance": distance, "mode": number})
+    scores = zip(target.names, mode.z, mode.sd(), target.reflected, strict=True)
+    return {
+        "climbs": climbs,
+        "modes": [
+            Maximum(b.log_posterior, b.share, {n: float(v) for n, v in target.values(b.z).items()})
+            for b in found
+        ],
+        "touching_zero": [n for n, z, sd, reflected in scores if reflected and abs(z) < sd],
+    }

@@ -16,12 +16,11 @@ from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records.answering import verdict_of
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.store import CellResult
-from bayesdamp.store.contents.posteriors import SAID, DrawnRatio, PosteriorContent
+from bayesdamp.store.contents.posteriors import NO_DRAWS, DrawnRatio, PosteriorContent
 from bayesdamp.store.files import write_bytes
-from bayesdamp.store.places import Place
-from bayesdamp.types import OK, Posterior, Refusal
+from bayesdamp.types import OK, Posterior
 
 CURVE = "equivalent_ratio"
 LEVELS = np.array([0.025, 0.5, 0.975])
@@ -34,20 +33,15 @@ FAINTEST = 0.02
 """Least amplitude, as a share of the first, at which a damping is given against amplitude."""
 
 
-def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
-    """Draw with one sampler, and store what the draws say."""
-    sampler, s = Place.of(name).method, branch.study.posterior
+def compute_posterior(branch: Branch, sampler: str, seed: int) -> Product:
+    """Draw with one sampler: what the draws say. Raises Refusal."""
+    s = branch.study.posterior
     settings = Settings(s.chains, s.warmup, s.draws, seed % 2**31)
-    try:
-        law, mode = branch.law, branch.density
-        found = SAMPLERS.get(sampler).sample(mode.likelihood.target, mode, settings)
-        found = diagnostics.summarised(found)
-    except Refusal as refusal:
-        branch.store.write(CellResult(name, key, outcome=str(refusal)))
-        return
+    law, mode = branch.law, branch.density
+    found = diagnostics.summarised(SAMPLERS.get(sampler).sample(mode.likelihood.target, mode, settings))
     whole, u = found, None
     if law is not None:
-        found = replace(found, summary=law.with_parts(found.summary))
+        found = replace(found, summaries=law.with_parts(found.summaries))
         u = law.drawn(found, settings.seed).reshape(found.draws.shape[0] * found.draws.shape[1], -1)
         sizes = np.stack([x.reshape(found.draws.shape[:2]) for x in law.sizes(u)], axis=-1)
         draws = np.concatenate([found.draws, sizes], axis=-1)
@@ -58,13 +52,14 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
     motions = _motions(branch, {n: found.draws[..., i] for i, n in enumerate(found.names)})
     content = replace(
         _content(branch, found, motions),
-        diagnostics=found.diagnostics,
+        posterior=replace(
+            found, draws=NO_DRAWS[0], log_likelihood=NO_DRAWS[1], stats={}, arrays={}, summaries={}
+        ),
         file=file.relative_to(folder).as_posix(),
         ratios=() if law is None or u is None else _ratios(branch, law, u),
-        **{k: getattr(found, k) for k in SAID},
     )
     arrays = {"draws": found.draws, **_curves(branch, motions, u), **found.arrays}
-    branch.store.write(CellResult(name, key, content.meta(), arrays, found.outcome, found.seconds))
+    return Product(content, arrays, found.outcome, found.seconds)
 
 
 def weighted_curves(branch: Branch, seed: int) -> dict[str, np.ndarray]:
@@ -82,7 +77,7 @@ def weighted_curves(branch: Branch, seed: int) -> dict[str, np.ndarray]:
 
 def _content(branch: Branch, found: Posterior, motions: Motions) -> PosteriorContent:
     """Summaries of the parameters and of what follows from them, with units."""
-    summary = dict(found.summary)
+    summary = dict(found.summaries)
     derived = derive(motions)
     # A draw without such a motion (no stable equilibrium, an escape) leaves no honest mean of the others.
     partial = {n: int(np.sum(~np.isfinite(v))) for n, v in derived.items() if not np.all(np.isfinite(v))}
@@ -92,7 +87,6 @@ def _content(branch: Branch, found: Posterior, motions: Motions) -> PosteriorCon
     signal, law = branch.record.signal, branch.restoring
     unit = units(signal.unit)
     return PosteriorContent(
-        names=tuple(map(str, found.names)),
         units={n: unit.get(n) or parameter_unit(n, law, signal.unit, signal.quantity) for n in summary},
         summary=summary,
         reference_amplitude=motions.amplitude,

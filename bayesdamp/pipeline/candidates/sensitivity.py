@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 
 import numpy as np
@@ -21,10 +20,10 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.outcomes import following
 from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.candidates import ModeContent
-from bayesdamp.store.contents.content import Content
 from bayesdamp.store.contents.evidence import (
     EvidenceContent,
     HalfContent,
@@ -78,24 +77,13 @@ def sensitivity_cells(
     }
 
 
-def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
-    """Compute one of these cells."""
-    kind, began = Place.of(name).method, time.perf_counter()
+def compute_sensitivity(branch: Branch, kind: str, seed: int) -> Product:
+    """Compute one of these cells. Raises Refusal."""
     source = branch.store.read(SOURCES[kind].format(branch.path))
     if not source.arrays:
         none = "not applicable: no draws were kept; run with --fresh"
-        why = following(source.name, source.outcome) if source.outcome != OK else none
-        branch.store.write(CellResult(name, key, outcome=why))
-        return
-    try:
-        content, arrays = _PRODUCTS[kind](branch, source, seed)
-    except Refusal as refusal:
-        branch.store.write(CellResult(name, key, outcome=str(refusal)))
-        return
-    branch.store.write(CellResult(name, key, content.meta(), arrays, OK, time.perf_counter() - began))
-
-
-Product = tuple[Content, dict[str, np.ndarray]]
+        raise Refusal(following(source.name, source.outcome) if source.outcome != OK else none)
+    return _PRODUCTS[kind](branch, source, seed)
 
 
 def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
@@ -108,7 +96,7 @@ def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
 
     found = asdict(against_width(target.priors, target.oscillator.coefficients, y, log_weights, near, seed))
     varied = found.pop("varied")
-    return WidthsContent(tuple(varied)), found
+    return Product(WidthsContent(tuple(varied)), found)
 
 
 def _half(branch: Branch, source: CellResult, seed: int) -> Product:
@@ -121,7 +109,7 @@ def _half(branch: Branch, source: CellResult, seed: int) -> Product:
         t, y, half = float(signal.t[0]) + data.t, data.y, one.mode
         carry = partial(law.carried_on, one, seed=seed)
     found = predict(branch.model, half, carry, t, y, seed)
-    whole = EvidenceContent.of(source).evidence()
+    whole = EvidenceContent.of(source).evidence
     assert whole is not None  # a source with draws was weighed
     density, uncertainty = log_predictive(whole, found.evidence)
     content = HalfContent(
@@ -131,12 +119,12 @@ def _half(branch: Branch, source: CellResult, seed: int) -> Product:
         coverage=found.coverage,
         log_predictive=density,
         log_predictive_stderr=uncertainty,
-        evidence=EvidenceContent.holding(found.evidence),
+        evidence=replace(found.evidence, arrays={}),
     )
     every = max(1, found.centre.size // SHOWN)
     later = slice(y.size - found.centre.size, None)
     error = y[later] - found.centre
-    return content, {"t": t[later][::every], "error": error[::every], "sd": found.sd[::every]}
+    return Product(content, {"t": t[later][::every], "error": error[::every], "sd": found.sd[::every]})
 
 
 def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
@@ -150,7 +138,7 @@ def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
     ratios = {
         m: savage_dickey(target.priors, coefficient[t], scores, target.scales) for m, t in pairs.items()
     }
-    return RatiosContent({m: NestedRatio(**vars(one)) for m, one in ratios.items()}), {}
+    return Product(RatiosContent({m: NestedRatio(**vars(one)) for m, one in ratios.items()}))
 
 
 def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
@@ -170,7 +158,7 @@ def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
             found[noise] = UnderNoise(log_evidence_near(mode.likelihood, mode.z))
         except Refusal as refusal:
             found[noise] = UnderNoise(-np.inf, str(refusal))
-    return NoisesContent(branch.noise, found), {}
+    return Product(NoisesContent(branch.noise, found))
 
 
 _PRODUCTS = {"widths": _widths, "half": _half, "noises": _noises, "savage_dickey": _ratios}

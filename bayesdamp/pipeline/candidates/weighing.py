@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,10 +12,10 @@ from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.inference.evidence.adopted import COMBINED, NESTED_CHECK, adopted, disagreement
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.store import CellResult, Store
+from bayesdamp.pipeline.tasks import Product
+from bayesdamp.store import Store
 from bayesdamp.store.contents.evidence import EvidenceContent
-from bayesdamp.store.places import Place
-from bayesdamp.types import OK, Evidence, Refusal
+from bayesdamp.types import OK, Evidence
 
 FIRST_LOOK = "laplace"
 """A method without an error estimate, by which candidates are pruned; it does not count where another one does."""
@@ -40,25 +41,17 @@ def evidence_parts(study: Study, path: str, found: Mapping[str, str]) -> dict[st
     return parts
 
 
-def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
-    """Compute one of these cells; a referee that is not needed says so."""
-    method = Place.of(name).method
-    store = branch.store
-    try:
-        if not called(branch, method):
-            store.write(CellResult(name, key, silent(branch, method).meta()))
-            return
-        plugin = EVIDENCES.get(method)
-        mode = branch.density
-        draws = _draws(branch, mode) if plugin.needs_draws else None
-        one = plugin.evidence(branch.model, mode.likelihood.target, mode, seed, draws)
-    except Refusal as refusal:
-        store.write(CellResult(name, key, outcome=str(refusal)))
-        return
+def compute_evidence(branch: Branch, method: str, seed: int) -> Product:
+    """The evidence by one method; a referee that is not needed says so. Raises Refusal."""
+    if not called(branch, method):
+        return Product(EvidenceContent(), seconds=0.0)
+    plugin, mode = EVIDENCES.get(method), branch.density
+    draws = _draws(branch, mode) if plugin.needs_draws else None
+    one = plugin.evidence(branch.model, mode.likelihood.target, mode, seed, draws)
     arrays: Mapping[str, np.ndarray] = {}
     if branch.repeat == 0:  # for what is asked of the first repeat alone
         arrays = {n: a.astype(np.float32) if n == "y" else a for n, a in one.arrays.items()}
-    store.write(CellResult(name, key, EvidenceContent.holding(one).meta(), arrays, one.outcome, one.seconds))
+    return Product(EvidenceContent(replace(one, arrays={})), arrays, one.outcome, one.seconds)
 
 
 def called(branch: Branch, method: str) -> bool:
@@ -69,11 +62,6 @@ def called(branch: Branch, method: str) -> bool:
     asked = [m for m in study.methods if m != FIRST_LOOK]
     found = evidences(branch.store, f"{branch.spec.name}/{branch.repeat}", branch.model, asked)
     return not found or bool(disagreement(found))
-
-
-def silent(branch: Branch, method: str) -> EvidenceContent:
-    """What a referee says that is not called."""
-    return EvidenceContent(branch.model, method, diagnostic="not called: the others agree")
 
 
 def _draws(branch: Branch, mode: Mode) -> Draws | None:
@@ -94,7 +82,7 @@ def evidences(store: Store, record: str, model: str, methods: Sequence[str]) -> 
         cell = store.find(f"evidence/{record}/{model}/{method}")
         if cell is None:
             continue
-        one = EvidenceContent.of(cell).evidence()
+        one = EvidenceContent.of(cell).evidence
         if one is not None:
             found.append(one)
         elif cell.outcome != OK:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 
 import numpy as np
@@ -10,8 +9,7 @@ import numpy as np
 from bayesdamp.inference.deviation.several.specimen import priors_of, weigh_specimen
 from bayesdamp.outcomes import Status
 from bayesdamp.pipeline.many.specimens import Specimen, summaries
-from bayesdamp.pipeline.records.records import plain_seconds
-from bayesdamp.store import CellResult
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store.contents.many import JointCandidate, JointContent, Weighing
 from bayesdamp.store.contents.records import Scales
 from bayesdamp.types import OK, Refusal, candidate_parts, summed
@@ -21,19 +19,8 @@ NOT_WEIGHED = Status.PRUNED.because("not weighed in the answer on any record")
 Arrays = dict[str, np.ndarray]
 
 
-def join(specimen: Specimen, name: str, key: str) -> None:
-    """Store the joint fit (`joint/SPECIMEN`), or why there is none."""
-    began = time.perf_counter()
-    try:
-        content, arrays = joined(specimen)
-    except Refusal as refusal:
-        specimen.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
-        return
-    specimen.store.write(CellResult(name, key, content.meta(), arrays, OK, plain_seconds(began)))
-
-
-def joined(specimen: Specimen) -> tuple[JointContent, Arrays]:
-    """Return the joint fit and its draws. Raises Refusal where fewer than two records have an answer."""
+def joined(specimen: Specimen) -> Product:
+    """Return the joint fit (`joint/SPECIMEN`) and its draws. Raises Refusal where fewer than two records have one."""
     if len(specimen.answered) < 2:
         raise Refusal("fewer than two of its records have an answer")
     rows, arrays = weighed_candidates(specimen)
@@ -63,7 +50,7 @@ def joined(specimen: Specimen) -> tuple[JointContent, Arrays]:
         no_spread=no_spread,
         alone=alone,
     )
-    return content, arrays
+    return Product(content, arrays)
 
 
 def weighed_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], Arrays]:

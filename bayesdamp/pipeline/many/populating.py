@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -13,9 +12,9 @@ from bayesdamp.inference.many.population import Sample, population
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.pipeline.many.joining import Arrays, coefficients_of, weighed_candidates
 from bayesdamp.pipeline.many.specimens import Specimen
-from bayesdamp.pipeline.records.records import plain_seconds
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import Prior, SharedHalfNormal
-from bayesdamp.store import CellResult, Store
+from bayesdamp.store import Store
 from bayesdamp.store.contents.many import JointCandidate, JointContent, PopulationContent, PopulationFound
 from bayesdamp.types import OK, Refusal, candidate_parts
 from bayesdamp.units import UNITS
@@ -25,21 +24,9 @@ WIDE = 3.0
 states no prior of the coefficient. Much wider than what the specimens' own intervals leave open."""
 
 
-def populate(study: Study, store: Store, name: str, key: str) -> None:
-    """Store the population over all specimens (`population/specimens`), or why there is none."""
-    began = time.perf_counter()
-    found = [Specimen(study, label, specs, store) for label, specs in study.specimens.items()]
-    try:
-        content = _populated(found)
-    except Refusal as refusal:
-        store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
-        return
-    warnings = dict.fromkeys(p.outcome for p in content.populations.values() if p.outcome != OK)
-    outcome = "; ".join(warnings) or OK
-    store.write(CellResult(name, key, content.meta(), {}, outcome, plain_seconds(began)))
-
-
-def _populated(specimens: list[Specimen]) -> PopulationContent:
+def populate(study: Study, store: Store) -> Product:
+    """The population over all specimens (`population/specimens`). Raises Refusal where there is none."""
+    specimens = [Specimen(study, label, specs, store) for label, specs in study.specimens.items()]
     assumed = sorted({s.deviation for s in specimens})
     if len(assumed) > 1:
         raise Refusal("no population: laws hold exactly for some specimens, approximately for others")
@@ -57,7 +44,7 @@ def _populated(specimens: list[Specimen]) -> PopulationContent:
     draws = {label: arrays for label, (_, arrays) in every.items()}
     names = list(coefficients_of(draws[specimens[0].name], best))
     found = {n: _population_of(specimens, draws, best, n) for n in names}
-    return PopulationContent(
+    content = PopulationContent(
         deviation=assumed[0],
         best=best,
         log_evidence=sums,
@@ -66,6 +53,8 @@ def _populated(specimens: list[Specimen]) -> PopulationContent:
         units=specimens[0].units(best, names),
         populations=found,
     )
+    warnings = dict.fromkeys(p.outcome for p in found.values() if p.outcome != OK)
+    return Product(content, outcome="; ".join(warnings) or OK)
 
 
 def _population_of(

@@ -21,13 +21,14 @@ from bayesdamp.inference.deviation.several.specimen import (
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.units import parameter_unit
+from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.records.answering import AnswerCell, answered_of, approximately, stated_priors
 from bayesdamp.pipeline.records.records import cell_seed
-from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.priors import Prior
 from bayesdamp.store import Store
 from bayesdamp.store.contents.many import Summary
 from bayesdamp.types import Refusal, candidate_parts
+from bayesdamp.units import UNITS
 
 
 @dataclass(frozen=True)
@@ -60,13 +61,15 @@ class Specimen:
         return "law" if self.approximate else "none"
 
     @property
-    def answer_keys(self) -> list[str]:
-        """Keys of the answers on its records, sampled or not."""
-        return [
+    def key(self) -> str:
+        """Of its joint fit, which depends on the answers on its records, sampled or not."""
+        answers = [
             AnswerCell(self.study, spec, repeat, self.store, sample).key
             for spec, repeat in self.records
             for sample in (False, True)
         ]
+        priors = {n: str(p) for n, p in self.priors.items()}
+        return task_key("joint", self.name, self.candidates, priors, answers)
 
     @property
     def priors(self) -> dict[str, Prior]:
@@ -110,9 +113,8 @@ class Specimen:
     def units(self, candidate: str, names: Sequence[str]) -> dict[str, str]:
         """Units of parameters, as tables have them."""
         law = candidate_parts(candidate)[1] or self.specs[0].restoring[0]
-        spec, repeat = self.records[0]
-        signal = Record(self.study, spec, self.store.read(f"signal/{spec.name}/{repeat}")).signal
-        return {n: parameter_unit(n, law, signal.unit, signal.quantity) for n in names}
+        source = self.specs[0].source
+        return {n: parameter_unit(n, law, UNITS[source.unit].base, source.quantity) for n in names}
 
 
 def summaries(found: Repeats) -> dict[str, Summary]:

@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 
-import numpy as np
-
 from bayesdamp.config import Recording, SignalSpec, Study
-from bayesdamp.config.checks import plain
+from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.sample_noise import noises_of
-from bayesdamp.inference.deviation.single import ESCAPED, Found
+from bayesdamp.inference.deviation.single import ESCAPED, Found, Single, again
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.answer import Answer, answer, answered_from
+from bayesdamp.pipeline.answer import Answer, answer, found_name
 from bayesdamp.pipeline.keys import task_key
-from bayesdamp.pipeline.records.records import NOT_APPLICABLE, SignalCell, cell_seed, plain_seconds
+from bayesdamp.pipeline.records.records import NOT_APPLICABLE, RecordCell, SignalCell, cell_seed
 from bayesdamp.pipeline.records.targets import Record
-from bayesdamp.pipeline.stored_laws import unpacked
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import Prior
+from bayesdamp.serial import join, split
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.answers import AnswerContent
-from bayesdamp.store.contents.records import RecordContent
-from bayesdamp.types import OK, Refusal
+from bayesdamp.types import OK, Refusal, Signal
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Verdict
@@ -53,31 +51,24 @@ def likelihood_of(study: Study) -> str:
     return "law" if study.posterior.deviation == "law" else "none"
 
 
-class AnswerCell:
+class AnswerCell(RecordCell):
     """The verdict on one record, as `answer/SIGNAL/REPEAT`; with the likeliest candidates' motions sampled, as
-    `sampled/SIGNAL/REPEAT`."""
+    `sampled/SIGNAL/REPEAT`. Its key is of the record, the question, and the source of terms and laws."""
 
     def __init__(
         self, study: Study, spec: SignalSpec, repeat: int, store: Store, sample: bool = False
     ) -> None:
-        self.study, self.spec, self.repeat, self.store, self.sample = study, spec, repeat, store, sample
-        self.kind = SAMPLED if sample else ANSWERED
-        self.name = f"{self.kind}/{spec.name}/{repeat}"
-        self.parent = SignalCell(study, spec, repeat, store)
+        super().__init__(SAMPLED if sample else ANSWERED, study, spec, repeat, store)
+        self.sample, self.parent = sample, SignalCell(study, spec, repeat, store)
 
     @property
     def approximate(self) -> bool:
         """Whether laws may hold approximately."""
         return approximately(self.study, self.spec)
 
-    @property
-    def key(self) -> str:
-        """Of the record, the question, and the source of terms and laws."""
-        return self.store.key(self.name, (self.study, self.spec), self._key)
-
     def _key(self) -> str:
         priors = {t: str(p) for t, p in self.study.models.prior.items()}
-        systems = [plain(self.spec.under(law)) for law in self.spec.restoring]
+        systems = [split(self.spec.under(law)) for law in self.spec.restoring]
         parts = (
             self.study.compare(self.spec),
             priors,
@@ -92,36 +83,20 @@ class AnswerCell:
         named += [*map(NOISES.source, noises_of(self.study.posterior.noise))]
         return task_key(self.kind, self.parent.key, *parts, named)
 
-    def compute(self) -> None:
-        """Store the verdict with what it rests on, or why nothing was weighed."""
-        began = time.perf_counter()
+    def product(self) -> Product:
+        """The verdict with what it rests on. Raises Refusal where nothing was weighed."""
         cell = self.store.read(self.parent.name)
-        outcome = following(cell.name, cell.outcome)
-        if outcome == OK:
-            outcome = "" if RecordContent.of(cell).noisy else NOT_APPLICABLE
-        missing = [t for t in self._terms if TERMS.get(t).kernel is DampingTerm.kernel]
-        if not outcome and missing:
-            outcome = NO_KERNEL.format(names=", ".join(missing))
-        if outcome:
-            self.store.write(CellResult(self.name, self.key, outcome=outcome))
-            return
+        if cell.outcome != OK:
+            raise Refusal(following(cell.name, cell.outcome))
         record = Record(self.study, self.spec, cell)
-        try:
-            found = self._answer(record)
-        except Refusal as refusal:
-            self.store.write(
-                CellResult(self.name, self.key, outcome=str(refusal), seconds=plain_seconds(began))
-            )
-            return
-        arrays = {
-            **found.arrays,
-            **found.law_arrays(),
-            **{f"draws/{d}@{law}": one.draws for (d, law), one in found.posteriors.items()},
-        }
+        if not record.content.noisy:
+            raise Refusal(NOT_APPLICABLE)
+        missing = [t for t in self._terms if TERMS.get(t).kernel is DampingTerm.kernel]
+        if missing:
+            raise Refusal(NO_KERNEL.format(names=", ".join(missing)))
+        found = self._answer(record)
         outcome = found.verdict.sentence if found.verdict.grade is Grade.NOT_WEIGHED else OK
-        self.store.write(
-            CellResult(self.name, self.key, found.content().meta(), arrays, outcome, plain_seconds(began))
-        )
+        return Product(found.content, {**found.arrays, **found.further}, outcome)
 
     @property
     def _terms(self) -> tuple[str, ...]:
@@ -195,13 +170,17 @@ def law_of(store: Store, signal: str, repeat: int, damping: str, restoring: str)
     own = set(damping.split("+"))
     for one in content.laws:
         if set(one.damping.split("+")) == own and one.restoring == restoring:
-            prefix = f"found/{one.damping}@{one.restoring}/"
-            arrays = {n.removeprefix(prefix): a for n, a in cell.arrays.items() if n.startswith(prefix)}
-            return unpacked(one.found, arrays)
+            return join(Found, one.found, cell.arrays, found_name(one.damping, one.restoring))
     refused = (
         r.outcome for r in content.candidates if set(r.damping.split("+")) == own and r.restoring == restoring
     )
     raise Refusal(next(refused, ESCAPED))
+
+
+def put_together(signal: Signal, restoring: str, found: Found) -> Single:
+    """The candidate on its record, without a search. Raises Refusal where it was found on another record."""
+    damping = tuple(t for t in found.terms if TERMS.get(t).parameter in found.priors)
+    return again(prepared(signal, found.averaged), Candidate(damping, restoring), found)
 
 
 def shortlist(store: Store, signal: str, repeat: int, nats: float, law: bool) -> set[tuple[str, str]] | None:
@@ -222,22 +201,19 @@ def shortlist(store: Store, signal: str, repeat: int, nats: float, law: bool) ->
     return found
 
 
+def answer_of(store: Store, signal: str, repeat: int) -> Answer | None:
+    """The latest answer that is stored of a record; None where there is none."""
+    cell = answer_cell(store, signal, repeat)
+    return None if cell is None else Answer(AnswerContent.of(cell), cell.arrays)
+
+
 def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:
     """The verdict that is stored of a record; None where there is none."""
-    cell = answer_cell(store, signal, repeat)
-    return None if cell is None else Verdict.from_dict(AnswerContent.of(cell).verdict)
-
-
-def arrays_of(store: Store, signal: str, repeat: int) -> Mapping[str, np.ndarray]:
-    """What a record's picture is drawn from; nothing where it has no answer."""
-    cell = answer_cell(store, signal, repeat)
-    return {} if cell is None else cell.arrays
+    found = answer_of(store, signal, repeat)
+    return None if found is None else found.verdict
 
 
 def answered_of(store: Store, signal: str, repeat: int) -> Answered | None:
     """What a verdict on several records takes of one; None where nothing was weighed."""
-    cell = answer_cell(store, signal, repeat)
-    if cell is None or not AnswerContent.of(cell).candidates:
-        return None
-    content = AnswerContent.of(cell)
-    return answered_from(Verdict.from_dict(content.verdict), content.candidates, content.rivals, cell.arrays)
+    found = answer_of(store, signal, repeat)
+    return None if found is None or not found.candidates else found.of_specimen()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import time
 import zlib
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.not_one import no_free_decay
 from bayesdamp.pipeline.records.recorded import cleaned, of_file
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.plugins import sources_below
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.oscillation.anomalies import anomalies
@@ -45,22 +47,50 @@ def cell_seed(study: Study, name: str) -> int:
     return int(np.random.SeedSequence([study.seed, zlib.crc32(name.encode())]).generate_state(1)[0])
 
 
-def plain_seconds(began: float) -> float:
-    """Seconds since a `time.perf_counter()`."""
-    return time.perf_counter() - began
+def simulated(
+    source: Simulation, restoring: str, truth: Mapping[str, float], name: str, rng: np.random.Generator
+) -> Signal:
+    """Make a record as a study describes it. truth: the parameters' values. Raises InputError where it escapes."""
+    return simulate_signal(
+        Oscillator(source.damping, restoring),
+        truth,
+        **source.model_dump(exclude={"damping", "truth", "repeats"}),
+        noise_sd=truth.get("noise_sd", 0.0),
+        noise_time=truth.get("noise_time"),
+        noise_dof=truth.get("noise_dof"),
+        name=name,
+        rng=rng,
+    )
 
 
-class SignalCell:
-    """One record: read or simulated, cleaned, with its features and what is known of its system."""
+class RecordCell(ABC):
+    """A task of one record, `KIND/SIGNAL/REPEAT`."""
 
-    def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
-        self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
-        self.name = f"signal/{spec.name}/{repeat}"
+    def __init__(self, kind: str, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
+        self.kind, self.study, self.spec, self.repeat, self.store = kind, study, spec, repeat, store
+        self.name = f"{kind}/{spec.name}/{repeat}"
 
     @property
     def key(self) -> str:
-        """Of the signal's table, its repeat, the file's content, and the source of what makes or reads it."""
+        """Of all that its product depends on."""
         return self.store.key(self.name, (self.study, self.spec), self._key)
+
+    @abstractmethod
+    def _key(self) -> str: ...
+
+    @abstractmethod
+    def product(self) -> Product:
+        """Compute what it leaves."""
+
+
+class SignalCell(RecordCell):
+    """One record: read or simulated, cleaned, with its features and what is known of its system.
+
+    Its key is of the signal's table, its repeat, the file's content, and the source of what makes or reads it.
+    """
+
+    def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
+        super().__init__("signal", study, spec, repeat, store)
 
     def _key(self) -> str:
         source = self.spec.source
@@ -76,13 +106,12 @@ class SignalCell:
             return [law, *sources_below("bayesdamp.records")]
         return [law, *(TERMS.source(term) for term in source.damping)]
 
-    def compute(self) -> None:
-        """Store the record, cleaned, with its features. Raises InputError where a measured one shows no
-        oscillation."""
-        began = time.perf_counter()
+    def product(self) -> Product:
+        """The record, cleaned, with its features. Raises InputError where a measured one shows no oscillation."""
         source, arrays = self.spec.source, {}
         if isinstance(source, Simulation):
-            signal = self._simulated(source)
+            rng = np.random.default_rng(cell_seed(self.study, self.name))
+            signal = simulated(source, self.spec.system.restoring, source.truth, self.spec.name, rng)
         else:
             try:
                 raw, signal = cleaned(source, self.spec.name)
@@ -107,30 +136,7 @@ class SignalCell:
             if isinstance(source, Recording):
                 raise InputError(f"signal {self.spec.name}: {refusal}") from None
             outcome = str(refusal)  # of one simulated record in a series; the others go on
-        self.store.write(
-            CellResult(self.name, self.key, content.meta(), arrays, outcome, plain_seconds(began))
-        )
-
-    def _simulated(self, source: Simulation) -> Signal:
-        truth = dict(source.truth)
-        law = self.spec.system.restoring
-        quiet = {k: truth.get(k) for k in ("noise_time", "noise_dof") if k in truth}
-        return simulate_signal(
-            Oscillator(source.damping, law),
-            truth,
-            duration=source.duration,
-            samples=source.samples,
-            noise_sd=truth.get("noise_sd", 0.0),
-            noise=source.noise,
-            outliers=source.outliers,
-            gaps=source.gaps,
-            quantum=source.quantum,
-            quantity=source.quantity,
-            unit=source.unit,
-            name=self.spec.name,
-            rng=np.random.default_rng(cell_seed(self.study, self.name)),
-            **quiet,
-        )
+        return Product(content, arrays, outcome)
 
     def _with_noise(self, signal: Signal, share: float) -> Signal:
         """A record that has no noise with some, this share of its amplitude, and a note on it; others as they are."""

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
 
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, start_parameters
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Problem, Refusal, Seed, Signal
-
-if TYPE_CHECKING:
-    from bayesdamp.pipeline.records.targets import Record
 
 REGRESSION = "least_squares"
 """The estimator that is asked where a study has none."""
@@ -24,34 +20,20 @@ ALL = Seed("fit of all dampings")
 """The start that has the motion of the fit under which the noise was chosen, which keeps step."""
 
 
-class Seen(Protocol):
-    """A record and its features."""
-
-    @property
-    def signal(self) -> Signal:
-        """The record."""
-        ...
-
-    @property
-    def seen(self) -> Features:
-        """Its features."""
-        ...
-
-
-def regression(record: Seen | Record, problem: Problem) -> tuple[dict[Seed, Mapping[str, float]], str]:
+def regression(signal: Signal, problem: Problem) -> tuple[dict[Seed, Mapping[str, float]], str]:
     """Least squares' own values, and what it says where it has none."""
-    found = run_estimator(REGRESSION, record.signal, problem, stages=("initial",), seed=0)
+    found = run_estimator(REGRESSION, signal, problem, stages=("initial",), seed=0)
     return {Seed(REGRESSION, e.stage): e.values for e in found if e.values}, found[0].outcome
 
 
-def observed(record: Seen | Record, problem: Problem) -> dict[Seed, Mapping[str, float]]:
+def observed(signal: Signal, seen: Features, problem: Problem) -> dict[Seed, Mapping[str, float]]:
     """The restoring law of the record's frequency and midline, its smoothed start, and the damping of its decrements;
     nothing where they cannot be read."""
     try:
-        values = start_parameters(record.signal, problem, record.seen)
+        values = start_parameters(signal, problem, seen)
     except Refusal:
         return {}
-    return {OBSERVED: values | decay_start(problem, record.seen)}
+    return {OBSERVED: values | decay_start(problem, seen)}
 
 
 def of_all(

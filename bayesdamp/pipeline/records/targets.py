@@ -52,39 +52,21 @@ class Record:
 
     def system(self, law: str, epsilon: float | None = None) -> System:
         """The system under a law; a friction's ε (rad/s) that was not given is this, or follows from the record."""
-        followed = {k: v for k, v in self.content.known.items() if k == "epsilon"}
-        return _knowing(self.spec.under(law), {**followed, **_of(epsilon)})
+        system, own = self.spec.under(law), self.content.known.get("epsilon")
+        epsilon = own if epsilon is None else epsilon
+        return system if epsilon is None else replace(system, known={**system.known, "epsilon": epsilon})
 
-    def target(
-        self,
-        terms: tuple[str, ...],
-        law: str,
-        noise: str,
-        *,
-        reference: Reference | None = None,
-        epsilon: float | None = None,
-    ) -> Target:
+    def target(self, terms: tuple[str, ...], law: str, noise: str, *, epsilon: float | None = None) -> Target:
         """The target of damping terms under a law. Raises Refusal where the record is not one for this noise.
 
-        reference: that of several records, from which an ε that was not given follows
-        too; without one, the record's own. epsilon: in rad/s, the one that suits the record, where it was not given.
+        epsilon: in rad/s, the one that suits the record, where it was not given.
         """
-        own = reference is None
-        system = self.system(law, epsilon) if own else _knowing(self.spec.under(law), _of(epsilon))
         return build_target(
             self.signal,
             terms,
-            system,
+            self.system(law, epsilon),
             self.seen,
-            self.reference if reference is None else reference,
+            self.reference,
             noise=noise,
             term_priors={t: p for t, p in self.study.models.prior.items() if t in terms},
         )
-
-
-def _of(epsilon: float | None) -> dict[str, float]:
-    return {} if epsilon is None else {"epsilon": epsilon}
-
-
-def _knowing(system: System, more: dict[str, float]) -> System:
-    return replace(system, known={**system.known, **more})

@@ -50,15 +50,9 @@ def write_tables(study: Study, store: Store) -> None:
     write_json(store.folder / "run.json", run_info(study, store))
 
 
-def _records(study: Study) -> Iterator[tuple[SignalSpec, int]]:
-    for spec in study.signals:
-        for repeat in range(spec.repeats):
-            yield spec, repeat
-
-
 def _branches(study: Study) -> Iterator[tuple[SignalSpec, int, str, Row]]:
     """(signal, repeat, candidate's name, the columns that say which)."""
-    for spec, repeat in _records(study):
+    for spec, repeat in study.records:
         for name in study.compare(spec):
             yield spec, repeat, name, _head(spec, repeat, name)
 
@@ -127,7 +121,7 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
             content = PosteriorContent.of(cell)
             if not content.summary:
                 yield common
-            common["divergences"] = content.divergences
+            common["divergences"] = content.posterior.divergences
             for name, s in content.summary.items():
                 yield {**common, "parameter": name, "unit": content.units[name], **s}
         one = _sampled(store, spec, repeat).get(model)
@@ -155,7 +149,7 @@ def _sampled(store: Store, spec: SignalSpec, repeat: int) -> dict[str, SampledPo
 
 
 def _evidence(study: Study, store: Store) -> Iterator[Row]:
-    for spec, repeat in _records(study):
+    for spec, repeat in study.records:
         models = study.compare(spec)
         by_method = evidence_by_method(study, store, f"{spec.name}/{repeat}", models)
         every = [(m, e) for found in by_method.values() for m, e in found.items()]

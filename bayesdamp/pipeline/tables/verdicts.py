@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.pipeline.envelopes import specimen_of_cells
-from bayesdamp.pipeline.records.answering import answered_of, arrays_of, stated_priors, verdict_of
+from bayesdamp.pipeline.records.answering import answer_of, answered_of, stated_priors, verdict_of
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import DAMPING_CURVES, Store, write_table
 from bayesdamp.units import Unit, unit_named
@@ -22,9 +22,10 @@ def write_verdicts(study: Study, store: Store) -> None:
     verdict.json is in rad, m or the sensor's unit; lines have the unit that a record came in, and say it.
     """
     found: list[tuple[Verdict, Unit]] = []
-    for spec in study.signals:
-        every = (verdict_of(store, spec.name, repeat) for repeat in range(spec.repeats))
-        found += [(verdict, unit_of(spec)) for verdict in every if verdict is not None]
+    for spec, repeat in study.records:
+        verdict = verdict_of(store, spec.name, repeat)
+        if verdict is not None:
+            found.append((verdict, unit_of(spec)))
     for name, specs in study.every_specimen.items():
         together = _specimen(study, store, name, specs)
         if together is not None:
@@ -33,13 +34,7 @@ def write_verdicts(study: Study, store: Store) -> None:
     if not found:
         return
     files.write(store.folder, [v for v, _ in found], [in_unit(v, unit) for v, unit in found])
-    curves = [
-        row
-        for spec in study.signals
-        if not spec.is_envelope
-        for repeat in range(spec.repeats)
-        for row in _curve(store, spec, repeat)
-    ]
+    curves = [row for spec, repeat in study.records for row in _curve(store, spec, repeat)]
     write_table(store.folder / "damping_curves.csv", ("record", "unit", *DAMPING_CURVES), curves)
 
 
@@ -58,15 +53,15 @@ def _specimen(study: Study, store: Store, name: str, specs: Sequence[SignalSpec]
 
 def _curve(store: Store, spec: SignalSpec, repeat: int) -> list[dict[str, object]]:
     """A record's damping curve without a law, a line an amplitude."""
-    verdict, arrays = verdict_of(store, spec.name, repeat), arrays_of(store, spec.name, repeat)
-    if verdict is None or "free/amplitude" not in arrays:
+    answer = answer_of(store, spec.name, repeat)
+    if answer is None or "free/amplitude" not in answer.arrays:
         return []
     unit = unit_of(spec)
-    arrays = picture_in_unit(arrays, unit)
+    arrays = picture_in_unit(answer.arrays, unit)
     columns = [arrays[f"free/{name}"].tolist() for name in DAMPING_CURVES]
     return [
         {
-            "record": verdict.record,
+            "record": answer.verdict.record,
             "unit": unit.displacement.name,
             **dict(zip(DAMPING_CURVES, row, strict=True)),
         }

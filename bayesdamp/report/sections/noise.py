@@ -42,15 +42,15 @@ class Noise(SignalSection):
         assert content is not None
         ranked = sorted(content.noises, key=lambda noise: -noise.log_evidence)
         columns: dict[str, Callable[[WeighedNoise], str]] = {
-            "noise": lambda n: words.method(n.noise),
+            "noise": lambda n: words.method(n.name),
             "log evidence below the best": lambda n: fmt.fixed(ranked[0].log_evidence - n.log_evidence, 1),
             "its parameters": lambda n: ", ".join(
                 f"{words.symbol(name).text} {fmt.number(value, 3)}" for name, value in n.values.items()
             ),
-            "": lambda n: "used for the answer" if n.noise == content.noise else "",
+            "": lambda n: "used for the answer" if n.name == content.noise else "",
         }
         return stack(
-            Table.of(ranked, columns, {0, 2, 3}, kind=lambda n: "best" if n.noise == content.noise else "")
+            Table.of(ranked, columns, {0, 2, 3}, kind=lambda n: "best" if n.name == content.noise else "")
         )
 
 

@@ -64,7 +64,7 @@ def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
     for cell in sorted(run.cells("posterior", signal, repeat, model), key=lambda c: c.place.method != "nuts"):
         array = cell.arrays.get("draws")
         content = PosteriorContent.of(cell)
-        names = content.names
+        names = content.posterior.names
         if array is None or array.ndim != 3 or array.shape[2] != len(names) or not np.isfinite(array).all():
             continue
         draws[cell.place.method] = {name: array[:, :, i] for i, name in enumerate(names)}

@@ -51,7 +51,7 @@ def _filtered(cell: CellResult) -> bool:
 
 def _drawn(run: Run, signal: str, model: str, cell: CellResult) -> Markup:
     content = PosteriorContent.of(cell)
-    listed = content.running
+    listed = content.posterior.running
     names = [n for n in coefficients(run, model) if n in listed]
     first, last = (_by_name(cell, label, listed) for label in _PASSES)
     t, units = cell.arrays["running/t"], content.units

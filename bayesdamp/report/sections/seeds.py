@@ -136,7 +136,8 @@ def _chains(run: Run, signal: str, repeat: int, model: str) -> list[Table]:
         "mean off that of all / sd": lambda s: fmt.fixed(s[1].shift, 2),
     }
     found = {
-        c.place.method: PosteriorContent.of(c).starts for c in run.cells("posterior", signal, repeat, model)
+        c.place.method: PosteriorContent.of(c).posterior.starts
+        for c in run.cells("posterior", signal, repeat, model)
     }
     return [
         Table.of(

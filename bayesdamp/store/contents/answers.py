@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bayesdamp.store.contents.content import Content
-from bayesdamp.store.contents.records import Scales
 from bayesdamp.types import OK
 
 
@@ -60,7 +59,7 @@ class CandidatePriors:
 
 @dataclass(frozen=True)
 class FoundFriction:
-    """As `inference.deviation.weighing.Friction`."""
+    """As `inference.deviation.weighing.Friction` explains it."""
 
     epsilon: float
     weight: float
@@ -72,36 +71,19 @@ class FoundFriction:
 class WeighedNoise:
     """A noise model on the residuals of the fit of all terms: log evidence in nats, and its parameters."""
 
-    noise: str
+    name: str
     log_evidence: float
     values: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class LawContent(Content):
-    """Where the search for a candidate with deviations ended, as `inference.deviation.single.Found` but for its scores,
-    which are arrays; priors as a study file has them."""
-
-    terms: tuple[str, ...]
-    reference: Scales
-    priors: Mapping[str, Mapping[str, Any]]
-    known: Mapping[str, float]
-    variance: float
-    inflation: float
-    exact_variance: float
-    epsilon: float
-    frictions: tuple[FoundFriction, ...]
-    averaged: bool
-    noise: WeighedNoise = field(default_factory=lambda: WeighedNoise("gaussian", float("nan")))
-
-
-@dataclass(frozen=True)
 class FoundLaw:
-    """A candidate that was weighed with deviations; its arrays are `found/DAMPING@RESTORING/...`."""
+    """Where the search for a candidate with deviations ended, as `bayesdamp.serial` splits an
+    `inference.deviation.single.Found`; its arrays are `found/DAMPING@RESTORING/...`."""
 
     damping: str
     restoring: str
-    found: LawContent
+    found: Mapping[str, Any]
 
 
 @dataclass(frozen=True)

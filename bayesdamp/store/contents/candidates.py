@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from bayesdamp.store.contents.content import Content
 from bayesdamp.types import Seed
@@ -81,7 +82,8 @@ class ModeContent(Content):
     """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`).
 
     values, sd: of the inferred parameters; known: the others; priors in words. climbs, modes: what searches came to;
-    touching_zero: coefficients within a standard deviation of zero.
+    touching_zero: coefficients within a standard deviation of zero. stored: an `inference.fit.mode.StoredMode`, as
+    `bayesdamp.serial` splits it; its arrays are `stored/...`.
     refused: what had no values to start from; and what was checked of the fit, as
     `inference.checks.checks.Fit` explains it.
     """
@@ -91,7 +93,6 @@ class ModeContent(Content):
     known: Mapping[str, float] = field(default_factory=dict)
     priors: Mapping[str, str] = field(default_factory=dict)
     log_posterior: float = NAN
-    tolerance: float = NAN
     error_budget: Mapping[str, float] = field(default_factory=dict)
     climbs: tuple[Climb, ...] = ()
     modes: tuple[Maximum, ...] = ()
@@ -111,3 +112,4 @@ class ModeContent(Content):
     forecast: SecondHalf | None = None
     rivals: tuple[BesideIt, ...] = ()
     verdict: str = ""
+    stored: Mapping[str, Any] = field(default_factory=dict)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
 
 from bayesdamp.store.contents.candidates import SecondHalf
 from bayesdamp.store.contents.content import Content
@@ -15,37 +14,10 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class EvidenceContent(Content):
-    """One method's evidence (`evidence/NAME/REPEAT/CANDIDATE/METHOD`), as `types.Evidence` explains it.
+    """One method's evidence (`evidence/NAME/REPEAT/CANDIDATE/METHOD`), whose arrays are the cell's; None where a
+    referee was not called, because the others agree."""
 
-    log_evidence: in nats, None where the method was not called, as its diagnostic says.
-    """
-
-    model: str = ""
-    method: str = ""
-    log_evidence: float | None = None
-    stderr: float = NAN
-    diagnostic: str = ""
-    evaluations: int = 0
-    seconds: float = 0.0
-    outcome: str = OK
-
-    @classmethod
-    def holding(cls, found: Evidence) -> Self:
-        """Of an evidence, without its arrays."""
-        return cls(
-            found.model,
-            found.method,
-            found.log_evidence,
-            found.stderr,
-            found.diagnostic,
-            found.evaluations,
-            found.seconds,
-            found.outcome,
-        )
-
-    def evidence(self) -> Evidence | None:
-        """The evidence, None where the method was not called."""
-        return None if self.log_evidence is None else Evidence(**vars(self))
+    evidence: Evidence | None = None
 
 
 @dataclass(frozen=True)
@@ -62,7 +34,7 @@ class HalfContent(SecondHalf, Content):
 
     start: float
     log_predictive_stderr: float
-    evidence: EvidenceContent
+    evidence: Evidence
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+
+import numpy as np
 
 from bayesdamp.store.contents.content import Content
-from bayesdamp.types import ChainStart
+from bayesdamp.types import Posterior
 
 NAN = float("nan")
-SAID = ("starts", "divergences", "evaluations", "ensembles", "effective", "running")
-"""What is stored of a posterior as its sampler says it."""
+NO_DRAWS = np.empty((0, 0, 0)), np.empty((0, 0))
+"""Draws and log likelihoods of a posterior that has none."""
 
 
 @dataclass(frozen=True)
@@ -30,26 +31,19 @@ class DrawnRatio:
 class PosteriorContent(Content):
     """One sampler's draws (`posterior/NAME/REPEAT/CANDIDATE/SAMPLER`).
 
-    names: of the parameters of the array `draws`, (chain, draw, parameter). summary, units: of these and of what
-    follows from them, at the reference amplitude (unit of displacement); without: derived quantities that have no
-    summary, by how many draws have no such motion. file: whole, in the run's folder. ratios: where laws may hold
-    approximately, the damping ratio at the verdict's amplitudes. The others are those of `bayesdamp.types.Posterior`.
+    posterior: without its arrays; the cell has `draws`, (chain, draw, parameter). summary, units: of the parameters and
+    of what follows from them, at the reference amplitude (unit of displacement); without: derived quantities that have
+    no summary, by how many draws have no such motion. file: whole, in the run's folder. ratios: where laws may hold
+    approximately, the damping ratio at the verdict's amplitudes.
     """
 
-    names: tuple[str, ...] = ()
+    posterior: Posterior = field(default_factory=lambda: Posterior("", (), *NO_DRAWS))
     units: Mapping[str, str] = field(default_factory=dict)
     summary: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     reference_amplitude: float = NAN
     without: Mapping[str, int] = field(default_factory=dict)
-    diagnostics: Mapping[str, Any] = field(default_factory=dict)
     file: str = ""
     ratios: tuple[DrawnRatio, ...] = ()
-    starts: tuple[ChainStart, ...] = ()
-    divergences: int | None = None
-    evaluations: int = 0
-    ensembles: int | None = None
-    effective: float | None = None
-    running: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -112,7 +112,7 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     at = nuts.whitening_of(target, mode)
     found = nuts.PLUGIN.attempt(mode, at, settings, shorter=0.5).posterior(mode)
     assert not nuts.poor(found)
-    summary = found.summary["noise_time"]
+    summary = found.summaries["noise_time"]
     assert summary["ess_bulk"] > 300
     weighed = importance.PLUGIN.evidence("m", target, mode, 5)
     assert weighed.outcome == OK
@@ -128,5 +128,5 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(NoiseShear, "of", classmethod(lambda cls, target, mode: cls.none(mode.z.size)))
     at = nuts.whitening_of(target, mode)
     plain = nuts.PLUGIN.attempt(mode, at, settings, shorter=0.5).posterior(mode)
-    assert plain.summary["noise_time"]["ess_bulk"] < 0.2 * summary["ess_bulk"]
+    assert plain.summaries["noise_time"]["ess_bulk"] < 0.2 * summary["ess_bulk"]
     assert bridge.PLUGIN.evidence("m", target, mode, 5, draws).stderr > 1.5 * bridged.stderr

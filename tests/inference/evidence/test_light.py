@@ -102,7 +102,7 @@ def test_nuts_against_quadrature() -> None:
     assert found.outcome == "ok"
     for i, name in enumerate(found.names):
         draws, sd = found.draws[..., i], wanted["sd"][name]
-        size = found.summary[name]["ess_bulk"]
+        size = found.summaries[name]["ess_bulk"]
         assert draws.mean() == pytest.approx(wanted["mean"][name], abs=5 * sd / np.sqrt(size))
         assert draws.std() == pytest.approx(sd, rel=0.05)
 

@@ -116,7 +116,7 @@ def test_posterior_is_that_of_quadrature(sampler):
     found = SAMPLERS.get(sampler).sample(made, mode, Settings(draws=1000, warmup=300, seed=2))
     assert found.outcome == "ok"
     draws = found.draws[..., 0].ravel()
-    summary = found.summary
+    summary = found.summaries
     count = summary["c_xxv"]["ess_bulk"]
     assert abs(draws.mean() - mean) < 5 * sd / math.sqrt(count)
     assert abs(draws.std() / sd - 1) < 5 / math.sqrt(count)

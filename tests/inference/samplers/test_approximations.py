@@ -43,7 +43,7 @@ def test_against_the_reference(sampler, name):
         assert found.outcome.startswith("a poor approximation")
     elif name != "coulomb_correlated":
         assert found.outcome == "ok"
-    for s in found.summary.values():
+    for s in found.summaries.values():
         assert np.isnan(s["rhat"])
         assert s["ess_bulk"] == s["ess_tail"] == found.effective
 

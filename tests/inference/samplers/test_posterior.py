@@ -73,7 +73,7 @@ def test_against_the_reference(sampler, name):
     posterior = problems.posterior(name, sampler)
     assert posterior.outcome == "ok"
     assert departures(posterior, name) == []
-    for parameter, s in posterior.summary.items():
+    for parameter, s in posterior.summaries.items():
         assert s["rhat"] <= 1.01
         assert min(s["ess_bulk"], s["ess_tail"]) >= 400
         expected = problems.reference(name)["posterior"][parameter]
@@ -127,8 +127,8 @@ def test_a_step_is_as_long_as_it_may_be():
     at, settings = whitening_of(target, mode), Settings(chains=4, warmup=100, draws=1000, seed=2)
     whole, half = (Nuts().attempt(mode, at, settings, shorter=share).posterior(mode) for share in (1.0, 0.5))
     assert np.mean(whole.stats["n_steps"]) < min(4.0, 0.6 * np.mean(half.stats["n_steps"]))
-    for name, found in whole.summary.items():
-        assert found["ess_bulk"] > 0.8 * half.summary[name]["ess_bulk"]
+    for name, found in whole.summaries.items():
+        assert found["ess_bulk"] > 0.8 * half.summaries[name]["ess_bulk"]
 
 
 @EACH

@@ -41,7 +41,8 @@ def specimen(monkeypatch: pytest.MonkeyPatch, *runs: Any, candidates=("viscous",
 
 def test_probabilities_and_spread_are_those_of_the_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
     runs = [weighed_run(0.05, 0.001), weighed_run(0.052, 0.001)]
-    content, arrays = joined(specimen(monkeypatch, *runs))
+    product = joined(specimen(monkeypatch, *runs))
+    content, arrays = product.content, product.arrays
     whole = weigh_specimen(runs, seed=3)
     assert {c: r.probability for c, r in content.candidates.items()} == {
         "viscous": whole.probability[V], "coulomb": whole.probability[C]
@@ -57,7 +58,7 @@ def test_probabilities_and_spread_are_those_of_the_verdict(monkeypatch: pytest.M
 def test_each_record_alone_is_what_it_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """Within four Monte Carlo errors of 4,000 draws; log(x) prior: shifts by sd²/x, a fiftieth of an sd. Control:
     the specimen's own interval is wider, as it has the spread."""
-    content, _ = joined(specimen(monkeypatch, weighed_run(0.05, 0.001), weighed_run(0.053, 0.001)))
+    content = joined(specimen(monkeypatch, weighed_run(0.05, 0.001), weighed_run(0.053, 0.001))).content
     for label, place in (("r0", 0.05), ("r1", 0.053)):
         one = content.alone[label].summary["zeta"]
         assert one["mean"] == pytest.approx(place, abs=(4 / np.sqrt(4000) + 0.02) * 0.001)
@@ -82,7 +83,7 @@ def test_whether_records_agree(
     said: str,
 ) -> None:
     """Each row is the control of the others."""
-    content, _ = joined(specimen(monkeypatch, *(weighed_run(p, sd) for p in places)))
+    content = joined(specimen(monkeypatch, *(weighed_run(p, sd) for p in places))).content
     assert (content.differ, content.agree) == (differ, agree)
     sentence = joint_sentence(SimpleNamespace(fits=[]), CellResult("joint/rig", "", content.meta()))  # type: ignore[arg-type]
     assert said in sentence
@@ -94,7 +95,8 @@ def test_a_candidate_that_a_record_lacks_has_evidence_and_no_coefficients(
 ) -> None:
     runs = [weighed_run(0.05, 0.001), weighed_run(0.05, 0.001, others=())]
     del runs[1].runs[C]  # type: ignore[attr-defined]
-    content, arrays = joined(specimen(monkeypatch, *runs, candidates=("viscous", "coulomb", "quadratic")))
+    product = joined(specimen(monkeypatch, *runs, candidates=("viscous", "coulomb", "quadratic")))
+    content, arrays = product.content, product.arrays
     assert content.candidates["coulomb"].log_evidence is not None
     assert not content.candidates["coulomb"].summary
     assert status_of(content.candidates["coulomb"].outcome) is Status.PRUNED
@@ -104,7 +106,9 @@ def test_a_candidate_that_a_record_lacks_has_evidence_and_no_coefficients(
 
 def test_other_forms_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     form = OtherForm("displacement", "linear", -2.0)
-    content, _ = joined(specimen(monkeypatch, *(weighed_run(0.05, 0.001, others=(form,)) for _ in range(2))))
+    content = joined(
+        specimen(monkeypatch, *(weighed_run(0.05, 0.001, others=(form,)) for _ in range(2)))
+    ).content
     assert content.others["displacement"] == pytest.approx(
         1 - sum(r.probability for r in content.candidates.values())
     )

@@ -16,7 +16,7 @@ from bayesdamp.config import load_study
 from bayesdamp.machine.processes import processes
 from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.spread import spread
-from bayesdamp.pipeline.workers import executor
+from bayesdamp.pipeline.workers import pool_of
 from bayesdamp.plugins import use
 from bayesdamp.store import Store, read_table
 from bayesdamp.types import InputError
@@ -185,7 +185,7 @@ def test_a_task_that_kills_its_dask_worker_costs_itself_and_no_more(scheduler, t
     cloudpickle.register_pickle_by_value(sys.modules[__name__])  # the workers do not have this file
     (tmp_path / "b1.kill").write_text("always")
     try:
-        with executor(1, scheduler) as pool:
+        with pool_of(1, scheduler) as pool:
             reported, lost = spread_out(tmp_path, "abc", pool)
     finally:
         cloudpickle.unregister_pickle_by_value(sys.modules[__name__])

@@ -1,0 +1,125 @@
+"""Values as JSON and named arrays hold them, and back, by the types of a dataclass's fields."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import cache
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, TypeAdapter
+
+_adapter = cache(TypeAdapter)
+UNIONS = (Union, UnionType)
+
+
+class Reduced:
+    """A value that is stored as another one, of the class `_STORED`, from which it is made again."""
+
+    _STORED: type
+
+    def _reduced(self) -> Any:
+        """Return what is stored of it."""
+        raise NotImplementedError
+
+    @classmethod
+    def _restored(cls, stored: Any) -> Any:
+        """Return the value of which that was stored."""
+        raise NotImplementedError
+
+
+def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str = "") -> Any:
+    """Return a value as JSON can hold it.
+
+    Parameters
+    ----------
+    value
+        Of dataclasses, pydantic models, mappings, sequences, arrays and what JSON holds. Numbers that are not finite
+        stay floats.
+    arrays
+        Receives each array under its path in the value, such as `signal/t`; without it arrays become lists.
+    path
+        Of the value.
+    """
+    below = f"{path}/" if path else ""
+    if isinstance(value, Reduced):
+        value = value._reduced()
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json")
+    if is_dataclass(value):
+        value = {f.name: getattr(value, f.name) for f in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(k): split(v, arrays, f"{below}{k}") for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [split(v, arrays, f"{below}{i}") for i, v in enumerate(value)]
+    if isinstance(value, np.ndarray):
+        if arrays is None:
+            return value.tolist()
+        arrays[path] = value
+        return None
+    if isinstance(value, np.generic | Enum):
+        return value.item() if isinstance(value, np.generic) else value.value
+    if isinstance(value, Path):
+        return str(value)
+    if value is None or isinstance(value, str | int | float):
+        return value
+    raise TypeError(f"cannot store a {type(value).__name__}")
+
+
+def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, path: str = "") -> Any:
+    """Return the value of a type of which `split` made JSON and arrays; a number that is None is NaN.
+
+    Raises KeyError, TypeError or ValueError for what is not of that type.
+    """
+    arrays, below = arrays or {}, f"{path}/" if path else ""
+    if path in arrays:
+        return arrays[path]
+    if get_origin(kind) in UNIONS:
+        kind = _member(kind, value)
+    args, origin = get_args(kind), get_origin(kind) or kind
+    if origin in UNIONS:
+        return _adapter(kind).validate_python(value)
+    if not isinstance(origin, type):
+        return value
+    if issubclass(origin, Reduced):
+        return origin._restored(join(origin._STORED, value, arrays, path))
+    if issubclass(origin, BaseModel):
+        return _adapter(origin).validate_python(value)
+    if is_dataclass(origin):
+        hints = _hints(origin)
+        return origin(**{n: join(hints[n], v, arrays, f"{below}{n}") for n, v in value.items()})
+    if issubclass(origin, tuple):
+        kinds = [args[0]] * len(value) if Ellipsis in args else args
+        each = enumerate(zip(kinds, value, strict=True))
+        return tuple(join(one, v, arrays, f"{below}{i}") for i, (one, v) in each)
+    if issubclass(origin, Mapping):
+        return {k: join(args[1], v, arrays, f"{below}{k}") for k, v in value.items()}
+    if issubclass(origin, np.ndarray):
+        return np.array(value)
+    if issubclass(origin, Enum | Path):
+        return origin(value)
+    return math.nan if origin is float and (value is None or value != value) else value
+
+
+def _member(kind: Any, value: object) -> Any:
+    """Return the one of several types that a value is of; Any of plain numbers and text, and all of several models."""
+    kinds = [one for one in get_args(kind) if one is not NoneType]
+    if value is None and NoneType in get_args(kind):
+        return NoneType
+    if all(isinstance(one, type) and issubclass(one, BaseModel) for one in kinds):
+        return kind
+    wanted = {list: (tuple, np.ndarray), dict: (Mapping,)}.get(type(value), ())
+    fitting = (k for k in kinds if (get_origin(k) or k) in wanted or (wanted and is_dataclass(k)))
+    return kinds[0] if len(kinds) == 1 else next(fitting, Any)
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    """Return the types of a dataclass's fields; some modules import NumPy for type checkers alone."""
+    return get_type_hints(kind, localns={"np": np, "NDArray": NDArray})
