@@ -143,7 +143,9 @@ def chosen_envelopes(
     from bayesdamp.pipeline.envelopes import read_recording
 
     def readable(path: Path) -> Asked:
-        read_recording(Recording(path.name, path.resolve(), unit=unit or "", **options), path.name)
+        # Not checked as a study's table, whose keys nobody has written here.
+        source = Recording.model_construct(file=path.name, path=path.resolve(), unit=unit or "", **options)
+        read_recording(source, path.name)
         return Asked(path, unit=unit, quantity="envelope", **options)
 
     return read_each(paths, readable)

@@ -40,6 +40,7 @@ class Recording(FileTable):
 
     file: str
     path: Path
+    unit: str = "rad"
 
 
 @dataclass(frozen=True)

@@ -286,6 +286,6 @@ def _envelopes(records: Sequence[EnvelopeRecord], name: str, sums: Sequence[str]
     """Compare envelopes: one, or several of one specimen."""
     weighed = [parse_model(one) for one in sums or all_sums()]
     answers = tuple(answer_envelope(record, None, weighed, seed, len(records) > 1) for record in records)
-    together = specimen_of_envelopes(name, answers) if len(answers) > 1 else None
+    together = specimen_of_envelopes(name, answers) if len(records) > 1 else None
     units, quantities = tuple(r.unit for r in records), ("envelope",) * len(answers)
     return Comparison._of(together or answers[0].verdict, answers, units, quantities)

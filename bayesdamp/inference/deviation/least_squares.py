@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.numerics.levenberg_marquardt import Ended, Schedule, search
-from bayesdamp.physics.kernel import Motion, Solver
+from bayesdamp.physics.kernel import Motion
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, TOLERANCE
 
 SCHEDULE, MOST_DAMPING = Schedule(less=0.2, more=8.0, again=1e-6), 1e8
@@ -27,6 +27,31 @@ FIRST_CYCLES = 2.0
 SEARCHED = 1e-7
 """Error of a step, as a share of the amplitude, while a search is under way, and of all tangents: steps short enough
 for forces with a corner, which the motion itself need not show (measured: at 1e-6 a bound is a tenth too low)."""
+
+
+class SolvesMotion(Protocol):
+    """What solves the motion of parameters, (k,): an oscillation, or the decay of an amplitude."""
+
+    @property
+    def t(self) -> np.ndarray:
+        """Times of the values, s, (n,)."""
+        ...
+
+    @property
+    def frequency(self) -> float:
+        """Of the oscillation, rad/s."""
+        ...
+
+    @property
+    def restoring(self) -> str:
+        """The restoring law."""
+        ...
+
+    def solve(
+        self, p: np.ndarray, active: np.ndarray, *, tangents: int, stop: int | None, tolerance: float | None
+    ) -> Motion | None:
+        """Return the motion, with tangents by its parameters; None where it escapes."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -76,7 +101,7 @@ def nonnegative(root: np.ndarray, target: np.ndarray, positive: np.ndarray) -> n
 
 
 def fit(
-    solver: Solver,
+    solver: SolvesMotion,
     parameters: Parameters,
     active: np.ndarray,
     y: np.ndarray,
@@ -121,7 +146,7 @@ class _Window:
     """What is searched: a part of a record, y (n,), by motions that are solved to a tolerance. close: the share by
     which a step must lower the squares for the search to go on."""
 
-    solver: Solver
+    solver: SolvesMotion
     parameters: Parameters
     active: np.ndarray
     y: np.ndarray
@@ -219,7 +244,7 @@ class _Linear:
 
 
 def _search(
-    solver: Solver,
+    solver: SolvesMotion,
     parameters: Parameters,
     active: np.ndarray,
     y: np.ndarray,
