@@ -13,7 +13,6 @@ from bayesdamp.inference.evidence.adopted import NESTED_CHECK
 from bayesdamp.pipeline.candidates.averaging import average, averages
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of, compute
-from bayesdamp.pipeline.envelopes import EnvelopeCell
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.many.joining import joined
 from bayesdamp.pipeline.many.populating import populate
@@ -119,6 +118,8 @@ def work_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]
         return {name: (key, partial(average, study, spec, store, name))}
     if job.model is None:
         if spec.is_envelope:
+            from bayesdamp.pipeline.envelopes import EnvelopeCell  # imports slowly
+
             cell: RecordCell = EnvelopeCell(study, spec, store)
         elif job.part == "read":
             cell = SignalCell(study, spec, job.repeat, store)

@@ -17,7 +17,6 @@ from threadpoolctl import threadpool_limits
 from bayesdamp.config import Recording, Study
 from bayesdamp.machine.threads import cores
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.pipeline.envelopes import check_recording
 from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, within, work_of
 from bayesdamp.pipeline.keys import digest
 from bayesdamp.pipeline.not_one import no_free_decay
@@ -135,6 +134,8 @@ def read_records(study: Study) -> None:
         if not isinstance(source, Recording):
             continue
         if spec.is_envelope:
+            from bayesdamp.pipeline.envelopes import check_recording  # imports slowly
+
             check_recording(study, spec)
             continue
         try:

@@ -80,7 +80,7 @@ def test_savage_and_dickey_s_ratio_is_the_evidence_s_difference() -> None:
     assert abs(difference) < FARTHEST
     assert abs(ratio["log_bayes_factor"] - difference) < limit < np.log(2)
     draws = Store(ran()).read(f"posterior/swell/0/{LARGE}/nuts")
-    mu_c = draws.arrays["draws"][..., list(draws.meta["names"]).index("mu_c")].ravel() / 0.005
+    mu_c = draws.arrays["draws"][..., list(draws.meta["posterior"]["names"]).index("mu_c")].ravel() / 0.005
     blind = float(gaussian_kde(mu_c).logpdf(0.0)[0]) - 0.5 * np.log(2 / np.pi)
     assert abs(blind - difference) > limit
 

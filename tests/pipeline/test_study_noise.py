@@ -51,7 +51,7 @@ def test_one_noise_is_chosen_and_shown(tmp_path):
     store = Store(tmp_path / "out")
     found = store.read("answer/noisy/0")
     assert found.meta["noise"] == "gaussian"
-    assert [one["noise"] for one in found.meta["noises"]] == ["student_t", "gaussian"]
+    assert [one["name"] for one in found.meta["noises"]] == ["student_t", "gaussian"]
     assert read_table(tmp_path / "out" / "fits.csv")[0]["verdict"] == "fits"
     searches = ModeContent.of(store.read("mode/noisy/0/viscous")).climbs
     assert [c.seed for c in searches] == [

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.pipeline.envelopes import specimen_of_cells
 from bayesdamp.pipeline.records.answering import answer_of, answered_of, stated_priors, verdict_of
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import DAMPING_CURVES, Store, write_table
@@ -43,6 +42,8 @@ def _specimen(study: Study, store: Store, name: str, specs: Sequence[SignalSpec]
     if sum(spec.repeats for spec in specs) < 2:
         return None
     if specs[0].is_envelope:
+        from bayesdamp.pipeline.envelopes import specimen_of_cells  # imports slowly
+
         return specimen_of_cells(store, name, specs)
     every = (answered_of(store, spec.name, repeat) for spec in specs for repeat in range(spec.repeats))
     answered = [a for a in every if a is not None]
