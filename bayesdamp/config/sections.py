@@ -42,10 +42,10 @@ def _floats(values: object) -> object:
     return tuple(float(v) if isinstance(v, int) and not isinstance(v, bool) else v for v in values)
 
 
-class Section(BaseModel, frozen=True):
+class Section(BaseModel):
     """A table of the study file: frozen, and no key but its own."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Header(Section):

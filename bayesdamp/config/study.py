@@ -42,6 +42,10 @@ class Recording(FileTable):
     path: Path
     unit: str = "rad"
 
+    def __hash__(self) -> int:
+        """Return a hash of what it says."""
+        return hash(tuple(self.__dict__.values()))
+
 
 @dataclass(frozen=True)
 class SignalSpec:
