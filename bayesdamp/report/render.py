@@ -38,6 +38,9 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     InputError where the folder is no run, or one of a version that stored other things.
     """
     run = Run(folder)
+    if run.info.get("kind") == "envelopes":
+        what = "compares envelopes as an earlier version of bayesdamp did; compare the records again"
+        raise InputError(what, str(folder))
     claim(run.folder)
     try:
         page, figures = page_of(run, pool)
