@@ -93,32 +93,76 @@ def truncated(mean: np.ndarray, sd: np.ndarray, shares: np.ndarray) -> np.ndarra
 
 
 def draw(
-    rng: np.random.Generator, mean: np.ndarray, factor: np.ndarray, places: np.ndarray, count: int
+    rng: np.random.Generator,
+    mean: np.ndarray,
+    factor: np.ndarray,
+    places: np.ndarray,
+    count: int | np.ndarray,
 ) -> np.ndarray:
-    """Draws, (count, d), of a normal with mean (d,) and covariance factor·factorᵀ, ≥ 0 at `places`.
+    """Draw from normals with means (c, d) and covariances factor·factorᵀ, factors (c, d, d), that are ≥ 0 at `places`.
 
     The constrained coordinates are drawn one after the other, the least likely first, from truncated normals (Geweke,
     Hajivassiliou and Keane) and resampled by their weights; the others follow by conditioning.
+
+    Parameters
+    ----------
+    rng
+        The random generator.
+    mean, factor
+        Of each normal; of a single one also (d,) and (d, d).
+    places
+        Coordinates that are not negative.
+    count
+        Draws of each normal, (c,).
+
+    Returns
+    -------
+    np.ndarray
+        The draws, (sum of count, d), those of the first normal first.
     """
+    mean, counts = np.atleast_2d(mean), np.atleast_1d(count)
+    factor = factor.reshape(-1, *factor.shape[-2:])
+    owner = np.repeat(np.arange(counts.size), counts)
+    parts = np.split(rng.standard_normal((owner.size, factor.shape[2])), np.cumsum(counts)[:-1])
+    free = mean[owner] + np.concatenate([z @ f.T for z, f in zip(parts, factor, strict=True)])
     if places.size == 0:
-        return mean + rng.standard_normal((count, mean.size)) @ factor.T
-    covariance = factor @ factor.T
-    places = places[np.argsort(mean[places] / np.sqrt(np.diag(covariance)[places] + 1e-300))]
-    part = covariance[np.ix_(places, places)]
-    lower = np.linalg.cholesky(part + 1e-14 * np.diag(np.diag(part)) + 1e-300 * np.eye(places.size))
-    tries = 4 * count
-    scores, log_weight = np.zeros((tries, places.size)), np.zeros(tries)
-    for i in range(places.size):
-        centre = mean[places[i]] + scores[:, :i] @ lower[i, :i]
-        sd = np.full(tries, lower[i, i])
-        log_weight += log_ndtr(centre / sd)
-        value = truncated(centre, sd, rng.random((tries, 1)))[:, 0]
-        scores[:, i] = (value - centre) / sd
-    weight = np.exp(log_weight - log_weight.max())
-    chosen = rng.choice(tries, count, p=weight / weight.sum())
-    constrained = mean[places] + scores[chosen] @ lower.T
-    free = mean + rng.standard_normal((count, mean.size)) @ factor.T
-    gain = covariance[:, places] @ np.linalg.inv(part + 1e-14 * np.diag(np.diag(part)))
-    found = free + (constrained - free[:, places]) @ gain.T
-    found[:, places] = np.maximum(constrained, 0.0)
+        return free
+    rows = np.arange(counts.size)[:, None]
+    spread = np.einsum("cij,cij->ci", factor, factor)[:, places]
+    places = places[np.argsort(mean[:, places] / np.sqrt(spread + 1e-300), axis=1)]  # (c, k)
+    own = factor[rows, places]
+    part = own @ np.swapaxes(own, 1, 2)
+    part = part + (1e-14 * np.diagonal(part, axis1=1, axis2=2) + 1e-300)[:, :, None] * np.eye(places.shape[1])
+    lower = np.linalg.cholesky(part)
+    constrained = _truncated_draws(rng, mean[rows, places], lower, counts)
+    gain = np.swapaxes(np.linalg.solve(part, own @ np.swapaxes(factor, 1, 2)), 1, 2)
+    at = places[owner]
+    off = constrained - np.take_along_axis(free, at, axis=1)
+    found = free + np.concatenate(
+        [o @ g.T for o, g in zip(np.split(off, np.cumsum(counts)[:-1]), gain, strict=True)]
+    )
+    np.put_along_axis(found, at, np.maximum(constrained, 0.0), axis=1)
     return found
+
+
+def _truncated_draws(
+    rng: np.random.Generator, mean: np.ndarray, lower: np.ndarray, counts: np.ndarray
+) -> np.ndarray:
+    """Draw from normals with means (c, k) and triangles (c, k, k), all of whose coordinates are ≥ 0."""
+    tries = np.repeat(np.arange(counts.size), 4 * counts)
+    scores, log_weight = np.zeros((tries.size, mean.shape[1])), np.zeros(tries.size)
+    for i in range(mean.shape[1]):
+        centre = mean[tries, i] + np.einsum("ni,ni->n", scores[:, :i], lower[tries, i, :i])
+        sd = lower[tries, i, i]
+        log_weight += log_ndtr(centre / sd)
+        value = truncated(centre, sd, rng.random((tries.size, 1)))[:, 0]
+        scores[:, i] = (value - centre) / sd
+    highest = np.full(counts.size, -np.inf)
+    np.maximum.at(highest, tries, log_weight)
+    weight = np.exp(log_weight - highest[tries])
+    weight /= np.bincount(tries, weight)[tries]
+    owner = np.repeat(np.arange(counts.size), counts)
+    # The weights of each normal sum to 1: so much further along are those of the next.
+    chosen = np.searchsorted(np.cumsum(weight), owner + rng.random(owner.size))
+    chosen = np.clip(chosen, 4 * (np.cumsum(counts) - counts)[owner], 4 * np.cumsum(counts)[owner] - 1)
+    return mean[owner] + np.einsum("nij,nj->ni", lower[owner], scores[chosen])

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Protocol, Self
 
 import numpy as np
+from scipy.optimize import nnls
 
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.numerics.levenberg_marquardt import Ended, Schedule, search
@@ -82,22 +82,13 @@ class Fit:
 
 
 def nonnegative(root: np.ndarray, target: np.ndarray, positive: np.ndarray) -> np.ndarray:
-    """The u, (d,), of least |root u − target|² with u ≥ 0 where `positive`, root (n, d): each set of zeros is tried."""
-    best, found = np.inf, np.zeros(root.shape[1])
-    places = np.flatnonzero(positive)
-    for zeros in product((False, True), repeat=places.size):
-        free = np.ones(root.shape[1], bool)
-        free[places[np.array(zeros, bool)]] = False
-        u = np.zeros(root.shape[1])
-        u[free] = np.linalg.lstsq(root[:, free], target, rcond=None)[0]
-        if np.any(u[places] < 0):
-            continue
-        left = float(np.sum((root @ u - target) ** 2))
-        if left < best:
-            best, found = left, u
-        if not any(zeros):  # nothing can be better
-            break
-    return found
+    """Return the u, (d,), of least |root u − target|² with u ≥ 0 where `positive`; root (n, d)."""
+    basis, triangle = np.linalg.qr(root[:, ~positive])
+    part, u = root[:, positive], np.zeros(root.shape[1])
+    if positive.any():
+        u[positive] = nnls(part - basis @ (basis.T @ part), target - basis @ (basis.T @ target))[0]
+    u[~positive] = np.linalg.solve(triangle, basis.T @ (target - part @ u[positive]))
+    return u
 
 
 def fit(

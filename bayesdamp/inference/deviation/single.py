@@ -19,7 +19,7 @@ from bayesdamp.inference.deviation.gaussian.linear import weigh
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit
 from bayesdamp.inference.deviation.numbers.curves import ratio_at, ratios_drawn
 from bayesdamp.inference.deviation.numbers.deviations import size_of
-from bayesdamp.inference.deviation.numbers.draws import Drawn, scores_of
+from bayesdamp.inference.deviation.numbers.draws import Drawn
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise
@@ -99,7 +99,7 @@ class Single:
         """Draws of the linear model: scores, log g and h at the knots, (n, K)."""
         result = self.result
         assert result.weighed is not None
-        return scores_of(result.weighed, result.fit.parameters.positive, DRAWS, np.random.default_rng(0))
+        return result.weighed.draws(result.fit.parameters.positive, DRAWS, np.random.default_rng(0))[0]
 
     @property
     def names(self) -> tuple[str, ...]:

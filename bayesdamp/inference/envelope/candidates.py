@@ -20,7 +20,6 @@ from bayesdamp.inference.deviation.gaussian.linear import (
     with_priors,
 )
 from bayesdamp.inference.deviation.least_squares import Fit, fit
-from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.envelope.noise import Noise, whiten
 from bayesdamp.physics.amplitude.law import Law, PowerLaw
@@ -130,7 +129,7 @@ class Candidate:
 
     def draws(self, exact: bool, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Draw rates in 1/s, (n, d), and the deviation at the knots, (n, KNOTS)."""
-        u = scores_of(self.exact if exact else self.weighed, self.about.positive, count, rng)
+        u, _ = (self.exact if exact else self.weighed).draws(self.about.positive, count, rng)
         return self.unit * u[:, : len(self.terms)], u[:, -KNOTS:]
 
     @property

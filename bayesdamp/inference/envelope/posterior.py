@@ -10,7 +10,7 @@ import numpy as np
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, Candidate
 from bayesdamp.physics.amplitude.solver import hats
 
-DRAWS = 1600
+DRAWS = 4000
 SENSOR = 0.002
 """Relative sd of any rate that no record tells: the linearity of a detector, and its clock."""
 DRIFT = 0.1

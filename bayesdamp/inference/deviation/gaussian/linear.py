@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid
-from bayesdamp.numerics.orthant import log_probability
+from bayesdamp.numerics.orthant import draw, log_probability
 from bayesdamp.priors import SHARED_SIGMAS
 
 PRECISE = 1e11
@@ -102,6 +102,15 @@ class Weighed:
     def weights(self) -> np.ndarray:
         """Posterior probability of each combination of hyperparameters, (m,)."""
         return np.exp(self.log_each - self.log_evidence)
+
+    def draws(
+        self, positive: np.ndarray, count: int, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Draw scores, g and h, (count, d + 2n), over all combinations; and the place of each one's, (count,)."""
+        numbers = rng.multinomial(count, self.weights / self.weights.sum())
+        taken = np.flatnonzero(numbers)
+        u = draw(rng, *self.posteriors(taken), np.flatnonzero(positive), numbers[taken])
+        return u, np.repeat(taken, numbers[taken])
 
     def probable(self, least: float) -> np.ndarray:
         """Places in the grid of the combinations whose posterior probability, over all scales, is above `least`."""

@@ -15,11 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
-from bayesdamp.numerics.orthant import draw
 from bayesdamp.numerics.pareto import pareto_k
 
-NEGLIGIBLE = 1e-4
-"""Weight of a combination of hyperparameters below which none is drawn from it."""
 DRAWS = 300
 KEPT = 0.5
 """Share of the draws that the weights of one temperature must be worth (conventional)."""
@@ -143,11 +140,8 @@ def _whole(
 
 
 def _first(rng: np.random.Generator, weighed: Weighed, positive: np.ndarray, count: int) -> _Cloud:
-    weights = np.where(weighed.weights > NEGLIGIBLE, weighed.weights, 0.0)
-    numbers = rng.multinomial(count, weights / weights.sum())
-    places, taken = np.flatnonzero(positive), np.flatnonzero(numbers)
-    parts = [draw(rng, weighed.means[i], weighed.factors[i], places, int(numbers[i])) for i in taken]
-    return _Cloud(np.repeat(taken, numbers[taken]), np.concatenate(parts), np.zeros(count))
+    u, combos = weighed.draws(positive, count, rng)
+    return _Cloud(combos, u, np.zeros(count))
 
 
 def _rise(ratio: np.ndarray, most: float) -> float:

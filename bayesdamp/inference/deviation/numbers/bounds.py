@@ -15,7 +15,6 @@ import numpy as np
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import condensed, weigh
 from bayesdamp.inference.deviation.numbers.curves import values_of
-from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.damping import TERMS, TINY, others
@@ -72,7 +71,7 @@ def bounds_of_others(
         whole = np.insert(columns, at, more[:, i] * size, axis=1)
         model = condensed(whole, target, np.append(positive, not form.signed), np.append(shared, True))
         weighed = weigh(model, grid, weighing.variance, samples)
-        u = scores_of(weighed, model.positive, FEW, rng)
+        u = weighed.draws(model.positive, FEW, rng)[0]
         taken = np.abs(u[:, at]) * size * abs(work[i])
         rest = np.maximum(own.power(u[:, :at]), 0.0)
         share = float(np.quantile(taken / np.maximum(taken + rest, 1e-300), 0.95))

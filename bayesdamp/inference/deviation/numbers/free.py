@@ -23,7 +23,6 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, wide_gr
 from bayesdamp.inference.deviation.gaussian.linear import weigh
 from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.deviation.numbers.curves import at_share, turning_amplitudes
-from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.inference.deviation.numbers.quantities import Ratio
 from bayesdamp.inference.deviation.orbit import orbit_at, rest_of
 from bayesdamp.inference.deviation.parameters import Parameters
@@ -68,7 +67,7 @@ def free_curve(
         return None
     samples = data.y.size / weighing.inflation
     weighed = weigh(at.model, grid, weighing.variance, samples)
-    u = scores_of(weighed, at.parameters.positive, DRAWS, rng)
+    u = weighed.draws(at.parameters.positive, DRAWS, rng)[0]
     d = at.fit.z.size
     g, h, zeta = u[:, d : d + count], u[:, d + count :], at.parameters.known["zeta"]
     if np.abs(g).max() > FAR:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
-from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sampled.ridge import Ridge
 from bayesdamp.physics.kernel import Solver
@@ -51,7 +50,7 @@ def motions_near(
     counts, in the record's unit."""
     usual = Motions(solver, parameters, active)
     middle = weighed.means[int(np.argmax(weighed.log_each))]
-    rows = [middle, *scores_of(weighed, parameters.positive, TRIED, np.random.default_rng(0))]
+    rows = [middle, *weighed.draws(parameters.positive, TRIED, np.random.default_rng(0))[0]]
     wanted = [usual.at(row) for row in rows]
     if any(y is None for y in wanted):
         return usual

@@ -9,7 +9,6 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import norm
 
-from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sampled import candidates, reference
 from bayesdamp.inference.deviation.sampled.reference import Reference, reference_of
@@ -67,7 +66,7 @@ def test_the_prior_keeps_its_density() -> None:
     ridge, start = started(False)
     moved = int(np.sum(ridge.base.positive[ridge.moved]))
     assert moved == 2
-    rows = scores_of(start.weighed, ridge.positive, 6, np.random.default_rng(3))
+    rows = start.weighed.draws(ridge.positive, 6, np.random.default_rng(3))[0]
     sizes = []
     for u in rows:
         z = ridge.plain(u)
@@ -101,7 +100,7 @@ def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.M
         _, one = weighed(stribeck_velocity=float(prior.value(np.asarray(z))))
         own = one.exact_weighed
         at = one.fit.parameters.free_names.index("static_excess")
-        rows = scores_of(own, one.fit.parameters.positive, 2000, np.random.default_rng(0))[:, at]
+        rows = own.draws(one.fit.parameters.positive, 2000, np.random.default_rng(0))[0][:, at]
         logs.append(own.log_evidence - 0.5 * z**2 - 0.5 * np.log(2 * np.pi))
         means.append(rows.mean())
         squares.append(np.mean(rows**2))

@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.inference.deviation.parameters import Straight, straight_at
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sampled import candidates, reference
@@ -120,7 +119,7 @@ def test_looser_motions_are_as_near_as_they_say() -> None:
     sd = float(np.sqrt(weighing.variance))
     found = motions_near(result.solver, start.parameters, result.fit.active, start.weighed, sd)
     assert found.tolerance in LOOSER
-    rows = scores_of(start.weighed, start.parameters.positive, 20, np.random.default_rng(9))
+    rows = start.weighed.draws(start.parameters.positive, 20, np.random.default_rng(9))[0]
     close = Motions(result.solver, start.parameters, result.fit.active, 1e-10)
     bare = replace(found, correction=0.0)
 
