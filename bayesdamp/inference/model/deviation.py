@@ -8,12 +8,11 @@ combinations. Without any knots it is that of exact laws under white noise of a 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_triangular
 
 from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.physics.trajectories import Trajectories
@@ -91,6 +90,14 @@ class Deviation(NoiseModel):
         pull = (np.exp(each - np.logaddexp.reduce(each))[:, None] * white).ravel() @ self._whitening[0]
         return -(self.basis @ pull + across) / np.sqrt(self.variance)
 
+    def quadratic(self, r: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the gradient of the log density by numbers that move the motion along slopes, (k, m), at residuals
+        (m,), and minus the second derivatives, (k, k), the combinations' weights held as they are there."""
+        _, _, _, each = self._parts(r)
+        held = replace(self, probabilities=np.exp(each - np.logaddexp.reduce(each)))
+        root = held.information_root(slopes, np.empty(0), {})
+        return -slopes @ self.slope(r, np.empty(0), {}), root @ root.T
+
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return R v for shifts (..., m), with the probabilities of the combinations as they are near the mode."""
         v = v / np.sqrt(self.variance)
@@ -102,10 +109,14 @@ class Deviation(NoiseModel):
         """Draw log g and h at the knots, (k,), given residuals (m,)."""
         along, _, _, each = self._parts(r)
         c = rng.choice(each.size, p=np.exp(each - np.logaddexp.reduce(each)))
-        effect = self.effects[c]
-        factor = np.linalg.cholesky(np.eye(len(effect)) + effect.T @ effect)
-        mean = solve_triangular(factor, effect.T @ along, lower=True)
-        return self.maps[c] @ solve_triangular(factor.T, mean + rng.standard_normal(mean.size))
+        inverse, effect = self._conditional[c], self.effects[c]
+        return self.maps[c] @ (inverse.T @ (inverse @ (effect.T @ along) + rng.standard_normal(along.size)))
+
+    @cached_property
+    def _conditional(self) -> np.ndarray:
+        """The inverse factors, (c, k, k), of the deviations' information given the motion."""
+        information = np.swapaxes(self.effects, 1, 2) @ self.effects + np.eye(self.effects.shape[1])
+        return np.linalg.inv(np.linalg.cholesky(information))
 
     def priors(self, features: Features) -> dict[str, Prior]:
         """Return none: nothing of it is a parameter."""
