@@ -14,7 +14,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.turning import midpoints, turning_points
-from bayesdamp.records.reference import reference_of
+from bayesdamp.records.reference import Reference, reference_of
 from bayesdamp.types import Problem, Refusal, Signal
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def free_start(problem: Problem, theta0: float, omega0: float) -> dict[str, floa
 def epsilon_of(problem: Problem, seen: Features) -> float:
     """The width of friction's switch, rad/s: as known, else 2 % of the record's peak velocity."""
     known = problem.system.known.get("epsilon")
-    return float(known) if known is not None else 0.02 * seen.amplitude * seen.frequency
+    return float(known) if known is not None else Reference(seen.amplitude, seen.frequency).friction_width
 
 
 def beside_coefficients(problem: Problem, seen: Features) -> dict[str, float]:

@@ -9,6 +9,9 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import InputError, System
 
+FRICTION_WIDTH = 0.02
+"""The velocity ε within which friction turns over, as a share of the peak velocity, where nobody gives it."""
+
 
 @dataclass(frozen=True)
 class Reference:
@@ -29,6 +32,11 @@ class Reference:
     def peak_velocity(self) -> float:
         """Amplitude times frequency, rad/s or m/s."""
         return self.amplitude * self.frequency
+
+    @property
+    def friction_width(self) -> float:
+        """ε where nobody gives it, rad/s or m/s."""
+        return FRICTION_WIDTH * self.peak_velocity
 
 
 def reference_of(system: System, seen: Features) -> Reference:

@@ -48,8 +48,6 @@ SHARES = (0.05, 0.02, 0.01, 0.005, 0.002)
 """ε as shares of the peak velocity that are tried where nobody gave it, its logarithm uniform beforehand."""
 BETWEEN, TOLD = 4, 1.0
 """Widths between these that are tried at most, and nats by which the likeliest must be ahead of a neighbour for it."""
-USUAL = 0.01
-"""The share under which candidates are compared where the record tells none from it."""
 LEAD = 3.0
 """Nats by which another ε must be ahead of the usual one."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
@@ -148,7 +146,7 @@ def weigh_all(
     reference = reference or Reference(float(f"{data.amplitude:.2g}"), float(f"{data.frequency:.2g}"))
     terms = tuple(dict.fromkeys(t for c in candidates for t in c.damping))
     given = known_under(candidates[0].restoring).get("epsilon")
-    epsilon = USUAL * reference.peak_velocity if given is None else given
+    epsilon = reference.friction_width if given is None else given
     laws = list(dict.fromkeys(c.restoring for c in candidates))
     knots = knots_of(data.end, data.cycles)
     solvers = {law: data.solver(terms, law, epsilon, knots) for law in laws}

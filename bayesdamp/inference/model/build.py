@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bayesdamp.inference.model.defaults import EPSILON_SHARE, Reference, default_prior
+from bayesdamp.inference.model.defaults import Reference, default_prior
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
@@ -34,7 +34,7 @@ def build_target(
     given: dict[str, object] = {**system.free, **{k: v for k, v in by_term.items() if v is not None}}
     known = {**system.known, **NOISES.get(noise).read(signal)}
     if osc.switches and "epsilon" not in known and "epsilon" not in system.free:
-        known["epsilon"] = EPSILON_SHARE * reference.peak_velocity
+        known["epsilon"] = reference.friction_width
     scales = reference.scales(features.rest)
     known = {**{n: scales[n] for n in osc.scales}, **known}
     wanted = (*osc.coefficients, *(n for n in osc.parameters if n not in osc.coefficients))

@@ -13,16 +13,14 @@ from bayesdamp.records.reference import Reference, reference_of
 
 __all__ = [
     "EPSILON_RANGE",
-    "EPSILON_SHARE",
     "Reference",
     "damping_priors",
     "default_prior",
     "reference_of",
 ]
 
-EPSILON_SHARE = 0.02
 EPSILON_RANGE = (0.0005, 0.05)
-"""ε as a share of the peak velocity: where it is not given, and the range of its prior where it is free."""
+"""Of ε's prior where it is free, as shares of the peak velocity."""
 
 
 def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prior]:

@@ -12,7 +12,6 @@ import numpy as np
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import noise_level
-from bayesdamp.inference.model.defaults import EPSILON_SHARE, reference_of
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
@@ -27,6 +26,7 @@ from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import amplitude_curves
 from bayesdamp.records.record import RawRecord
+from bayesdamp.records.reference import FRICTION_WIDTH, reference_of
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents.records import FeaturesSeen, RecordContent, Scales
@@ -167,8 +167,9 @@ class SignalCell(RecordCell):
         reference = reference_of(self.spec.system, seen)
         known, note = dict(self.spec.system.known), ""
         if "epsilon" not in known and "epsilon" not in self.spec.system.free:
-            known["epsilon"] = EPSILON_SHARE * reference.peak_velocity
-            note = f"ε was not given: 2 % of the peak velocity, {known['epsilon']:.3g} {signal.unit}/s."
+            known["epsilon"] = reference.friction_width
+            share = f"{100 * FRICTION_WIDTH:g} % of the peak velocity"
+            note = f"ε was not given: {share}, {known['epsilon']:.3g} {signal.unit}/s."
         return replace(
             content,
             features=FeaturesSeen(**{f.name: getattr(seen, f.name) for f in fields(FeaturesSeen)}),

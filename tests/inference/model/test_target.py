@@ -11,7 +11,7 @@ from scipy import stats
 from bayesdamp.inference.fit.mode import BUDGET
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import EPSILON_RANGE, EPSILON_SHARE, Reference, default_prior
+from bayesdamp.inference.model.defaults import EPSILON_RANGE, Reference, default_prior
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
@@ -295,7 +295,7 @@ def test_build_target():
     assert target.names == ("zeta", "mu_c", "theta0", "omega0", "noise_sd")
     assert target.priors["mu_c"] == HalfNormal(scale=7.0)
     assert target.priors["omega0"] == Uniform(low=-1, high=1)
-    assert target.known["epsilon"] == pytest.approx(EPSILON_SHARE * 0.3 * 4.47)
+    assert target.known["epsilon"] == pytest.approx(0.02 * 0.3 * 4.47)
     sharp = System("linear", {**system.known, "epsilon": 0.0}, system.free)
     assert build_target(signal, ("coulomb",), sharp, FEATURES, REFERENCE).known["epsilon"] == 0.0
     with pytest.raises(ValueError, match="neither known nor inferred: noise_sd"):
