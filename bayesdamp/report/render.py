@@ -54,7 +54,7 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
 
 def page_of(run: Run, pool: Executor | None = None) -> tuple[str, set[str]]:
     """Return the page of a run, and the names of its figures."""
-    wanted = [section for section in in_order() if section.applies(run)]
+    wanted = in_order(run)
     bodies = list(_rendered(run, [section.name for section in wanted], pool))
     sections = [
         {"name": section.name, "title": section.title, "body": Markup(done.body)}

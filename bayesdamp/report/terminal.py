@@ -12,10 +12,9 @@ from rich.console import Console
 from rich.text import Text
 
 from bayesdamp.report.results.answers import answers, specimens
-from bayesdamp.report.results.checks import Checks, sampled_words
+from bayesdamp.report.results.checks import sampled_words
 from bayesdamp.report.results.overview import overview_table
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import OK
 from bayesdamp.units import unit_named
 from bayesdamp.verdict.agreement import agreement
@@ -104,12 +103,6 @@ def conclude(folder: Path, console: Console) -> None:
             console.print()
             console.print(Text(f"{signal}: {_why(run, signal)}"), soft_wrap=True)
         _beware(run, signal, console)
-        whose = f"{signal}: " if len(run.signals) > 1 else ""
-        for check in Checks(run, signal).all():
-            console.print(Text(f"{whose}{check.text}"), soft_wrap=True)
-    for text in sentences(run):
-        console.print()
-        console.print(Text(text), soft_wrap=True)
     console.print(str(folder / "report.html"), soft_wrap=True, highlight=False)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import cycle
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,34 +14,24 @@ from bayesdamp.report.figures._panels import NARROW
 from bayesdamp.report.figures.density import outline
 from bayesdamp.report.style import INK, QUIET, WIDTH, colour, legend_above, looks
 
+INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 
-def ratio(
-    amplitudes: np.ndarray,
-    band: np.ndarray,
-    unit: str,
-    shade: str,
-    medians: Mapping[str, np.ndarray] | None = None,
-    reference: float | None = None,
-) -> Figure:
-    """Draw an equivalent damping ratio against amplitude.
 
-    band: its quantiles 2.5, 50 and 97.5 % at the amplitudes (in `unit`), shape (3, m); medians: of each model of which
-    it is the average, by name, shape (m,); reference: amplitude of the tables.
-    """
-    figure = Figure(figsize=(WIDTH * (0.7 if medians else 0.5), 2.7 if medians else 2.2))
-    ax = figure.add_subplot()
-    low, median, high = 100 * band
-    ax.fill_between(amplitudes, low, high, color=shade, alpha=0.2, lw=0)
-    ax.plot(amplitudes, median, color=shade, lw=1.6, label="average")
-    for model, (ink, dashes) in looks(medians or {}).items():
-        ax.plot(
-            amplitudes, 100 * (medians or {})[model], color=ink, ls=dashes, lw=1.0, label=words.model(model)
-        )
-    if reference is not None:
-        ax.axvline(reference, color=INK, lw=0.7, ls=(0, (1, 2)))
-    ax.set(xlabel=f"amplitude / {unit}", ylabel="equivalent\ndamping ratio / %")
-    ax.set_ylim(0, 1.4 * float(np.nanmax(high)) or 1.0)
-    if medians:
+def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
+    """Draw damping ratios of several records against amplitude (in `unit`): name to amplitude, ratio, low and high,
+    each (m,)."""
+    figure = Figure(figsize=(WIDTH, 3.4))
+    ax = figure.subplots()
+    few = len(curves) <= len(INKS)
+    for (name, (at, ratio, low, high)), ink in zip(
+        curves.items(), cycle(INKS if few else (QUIET,)), strict=False
+    ):
+        ax.fill_between(at, 100 * low, 100 * high, color=ink, alpha=0.15 if few else 0.05, lw=0)
+        ax.plot(at, 100 * ratio, color=ink, lw=1.4 if few else 0.8, label=name)
+    tops = [np.nanmax(curve[1]) for curve in curves.values()]
+    ax.set(xscale="log", xlabel=f"amplitude / {unit}", ylabel="damping ratio / %")
+    ax.set_ylim(0, 130 * float(np.nanquantile(tops, 0.9)) or 1.0)
+    if few:
         legend_above(figure)
     return figure
 

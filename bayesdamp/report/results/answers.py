@@ -50,11 +50,6 @@ def answers(run: Run) -> list[Answer]:
     return [one for one in found if one is not None]
 
 
-def verdicts(run: Run) -> list[Verdict]:
-    """Their verdicts."""
-    return [one.verdict for one in answers(run)]
-
-
 def specimens(run: Run) -> list[Verdict]:
     """The verdict of every specimen that has several records."""
     together = [v for v in run.verdicts if v.record not in run.signals]
@@ -64,4 +59,5 @@ def specimens(run: Run) -> list[Verdict]:
 
 def only_answered(run: Run) -> bool:
     """Whether a run went no further than to answers: exact laws were neither fitted nor sampled."""
-    return bool(verdicts(run)) and not any(run.cells("mode", signal) for signal in run.signals)
+    answered = any(answer_of(run, signal, run.repeats(signal)[0]) for signal in run.signals)
+    return answered and not any(run.cells("mode", signal) for signal in run.signals)

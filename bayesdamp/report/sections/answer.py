@@ -18,8 +18,7 @@ from bayesdamp.report.results.checks import Check, Checks, sampled
 from bayesdamp.report.results.overview import ANCHOR
 from bayesdamp.report.results.reading import models_by_rank, ranking
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import by_signal
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import Section, by_signal
 from bayesdamp.store.contents.answers import WeighedCandidate
 from bayesdamp.table import Table
 from bayesdamp.types import OK
@@ -82,7 +81,7 @@ class AnswerSection(Section):
         """Show one block a record."""
         if not run.signals:
             return paragraph("The folder holds no signal yet: run the study.")
-        return by_signal(run, _block, anchor=ANCHOR)
+        return by_signal(run, _block, run.signals, ANCHOR)
 
 
 def _block(run: Run, signal: str) -> Markup:

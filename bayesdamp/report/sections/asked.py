@@ -13,7 +13,7 @@ from bayesdamp.report import words
 from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.answers import answers, only_answered
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import Section
 from bayesdamp.table import Line, Table
 from bayesdamp.types import candidate_parts
 

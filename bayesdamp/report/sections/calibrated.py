@@ -14,7 +14,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.calibration import ranks
 from bayesdamp.report.html import folded, paragraph, stack
 from bayesdamp.report.results.run import Run, rows_of
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import Section
 from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 

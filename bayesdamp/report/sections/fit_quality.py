@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from markupsafe import Markup
@@ -11,12 +11,11 @@ from scipy.special import expit
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import Panel, intervals
-from bayesdamp.report.html import fill, folded, paragraph, stack
+from bayesdamp.report.html import folded, paragraph, stack
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import coefficients, mode_of, models_by_rank
 from bayesdamp.report.results.run import Row, Run, rows_of
-from bayesdamp.report.sections._layout import by_signal, drawn
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import SignalSection, drawn
 from bayesdamp.report.style import colour
 from bayesdamp.store.contents.candidates import BesideIt, ModeContent, Part
 from bayesdamp.table import Table
@@ -27,52 +26,46 @@ _EXACT = (
 )
 
 
-class FitQuality(Section):
+class FitQuality(SignalSection):
     """fits.csv, and the fits to parts of the record."""
 
     order = 70
     name = "fit_quality"
     title = "How good the fits are"
+    lead = (
+        "The residual's autocorrelation at lag one tells whether neighbouring samples are as independent as white "
+        "noise would have them. Stability over sub-records is how far a coefficient moves when only half of the "
+        "record is used, in the standard deviations that such a move has by chance: up to about three is chance; "
+        "above that, it and not the posterior's width limits what may be claimed. The predictive p is the share of "
+        "records drawn from the model that fit worse than this one."
+    )
+    nothing = "No model was fitted in this study."
 
-    def applies(self, run: Run) -> bool:
-        """Where modes were fitted, or should have been."""
-        return bool(run.signals) and not only_answered(run)
+    def shows(self, run: Run, signal: str) -> bool:
+        """Return whether modes were fitted."""
+        fitted = any(r["signal"] == signal for r in run.fits) or bool(run.cells("mode", signal))
+        return fitted and not only_answered(run)
 
-    def render(self, run: Run) -> str:
-        """Checks of each fit, and fits to parts of the record."""
-        if not run.fits and not any(run.cells("mode", s) for s in run.signals):
-            return paragraph("No model was fitted in this study.")
-        body: object = by_signal(run, _one)
-        if run.under_law:
-            body = stack(paragraph(_EXACT), body)
-        return fill("fit_quality.html", body=body)
-
-
-def _one(run: Run, signal: str) -> Markup:
-    repeats = run.repeats(signal)
-    repeat = repeats[0]
-    ranked = models_by_rank(run, signal, repeat)
-    parts: list[object] = []
-    if rows_of(run.fits, signal=signal, repeat=repeat):
-        parts.append(_table(run, signal, [repeat]))
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return checks of each fit, and fits to parts of the record."""
+        repeats = run.repeats(signal)
+        ranked = models_by_rank(run, signal, repeats[0])
+        parts: list[object] = [paragraph(_EXACT)] if run.under_law else []
+        parts.append(_table(run, signal, repeats[:1]))
         if len(repeats) > 1:
             parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
-    shown = 0
-    for place, model in enumerate(ranked):
-        if not drawn(run, place):
-            continue
-        content = _windows(run, signal, repeat, model)
-        if content is None:
-            continue
-        parts.append(content if shown == 0 else folded(f"Windows of {words.model(model)}", content))
-        shown += 1
-    mode = mode_of(run, signal, repeat, ranked[0]) if ranked else None
-    if mode is not None and mode.rivals:
-        parts.append(folded(f"Other forms of damping beside {words.model(ranked[0])}", _other_forms(mode)))
-    return stack(*(parts or [paragraph("No model was fitted to this signal.")]))
+        shown = (_windows(run, signal, repeats[0], m) for i, m in enumerate(ranked) if drawn(run, i))
+        for i, (model, content) in enumerate(found for found in shown if found):
+            parts.append(folded(f"Windows of {words.model(model)}", content) if i else content)
+        mode = mode_of(run, signal, repeats[0], ranked[0]) if ranked else None
+        if mode is not None and mode.rivals:
+            parts.append(
+                folded(f"Other forms of damping beside {words.model(ranked[0])}", _other_forms(mode))
+            )
+        return stack(*parts)
 
 
-def _table(run: Run, signal: str, repeats: list[int]) -> Table:
+def _table(run: Run, signal: str, repeats: Sequence[int]) -> Table:
     columns: dict[str, Callable[[Row], str]] = {
         "model": lambda r: words.model(r["model"]),
         "rms residual": lambda r: fmt.rms(*run.rms(r)),
@@ -101,7 +94,7 @@ def _other_forms(mode: ModeContent) -> Table:
     return Table.of(sorted(mode.rivals, key=lambda form: -form.log_bayes), columns)
 
 
-def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
+def _windows(run: Run, signal: str, repeat: int, model: str) -> tuple[str, Markup] | None:
     mode = mode_of(run, signal, repeat, model)
     found = [w for w in mode.windows if w.values] if mode else []
     names = [n for n in coefficients(run, model) if all(n in w.values for w in found)]
@@ -128,7 +121,7 @@ def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
         "to / s": lambda w: fmt.number(w.stop, 4),
         **{words.symbol(n).text: lambda w, n=n: fmt.with_error(w.values.get(n), w.sd.get(n)) for n in names},
     }
-    return stack(drawing, folded("These numbers", Table.of(found, columns)))
+    return model, stack(drawing, folded("These numbers", Table.of(found, columns)))
 
 
 PLUGIN = FitQuality()

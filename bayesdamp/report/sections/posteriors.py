@@ -10,52 +10,39 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.curves import ratio
 from bayesdamp.report.figures.posterior import marginals, pairs
-from bayesdamp.report.html import folded, paragraph
-from bayesdamp.report.results.answers import only_answered
+from bayesdamp.report.html import folded
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
-from bayesdamp.report.sections._layout import by_model, by_signal, drawn
-from bayesdamp.report.sections._section import Section
-from bayesdamp.report.style import colour
+from bayesdamp.report.sections._layout import SignalSection, by_model, drawn
 from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK
 
-RATIO = "curve/equivalent_ratio"
 
-
-class Posteriors(Section):
+class Posteriors(SignalSection):
     """Every model's posterior, the best model open; a table says whether the samplers may be trusted."""
 
     order = 50
     name = "posteriors"
     title = "The posteriors"
+    nothing = "No posterior was sampled in this study."
 
-    def applies(self, run: Run) -> bool:
-        """Where candidates were sampled, or should have been."""
-        return bool(run.posteriors) or (bool(run.signals) and not only_answered(run))
+    def shows(self, run: Run, signal: str) -> bool:
+        """Return whether candidates were sampled on a signal."""
+        return any(r["signal"] == signal for r in run.posteriors) or bool(run.cells("posterior", signal))
 
-    def render(self, run: Run) -> str:
-        """Marginals, pairs and what follows from them, candidate by candidate."""
-        if not run.posteriors and not any(run.cells("posterior", s) for s in run.signals):
-            return paragraph("No posterior was sampled in this study.")
-        return by_signal(run, _one)
-
-
-def _one(run: Run, signal: str) -> Markup:
-    repeats = run.repeats(signal)
-    repeat = repeats[0]
-    models: list[tuple[str, list[object]]] = []
-    for place, model in enumerate(models_by_rank(run, signal, repeat)):
-        content: list[object] = [*_figures(run, signal, repeat, model)] if drawn(run, place) else []
-        content += _tables(run, signal, repeat, model)
-        if content and len(repeats) > 1:
-            content.append(folded(f"All {len(repeats)} repeats", _repeats(run, signal, model)))
-        models += [(model, content)] if content else []
-    which = f" (repeat 1 of {len(repeats)})" if len(repeats) > 1 else ""
-    return by_model(models, behind=which) or paragraph("No posterior was sampled for this signal.")
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return marginals, pairs and what follows from them, candidate by candidate."""
+        repeats = run.repeats(signal)
+        models: list[tuple[str, list[object]]] = []
+        for place, model in enumerate(models_by_rank(run, signal, repeats[0])):
+            content: list[object] = [*_figures(run, signal, repeats[0], model)] if drawn(run, place) else []
+            content += _tables(run, signal, repeats[0], model)
+            if content and len(repeats) > 1:
+                content.append(folded(f"All {len(repeats)} repeats", _repeats(run, signal, model)))
+            models += [(model, content)] if content else []
+        return by_model(models, behind=f" (repeat 1 of {len(repeats)})" if len(repeats) > 1 else "")
 
 
 def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
@@ -91,29 +78,7 @@ def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
                 f"pairs-{signal}-{model}", caption, lambda: pairs(model, names, draws, units, chosen)
             )
         )
-    return [*figures, *_against_amplitude(run, signal, repeat, model, next(iter(draws)))]
-
-
-def _against_amplitude(run: Run, signal: str, repeat: int, model: str, sampler: str) -> list[Markup]:
-    """The equivalent damping ratio over the amplitudes, where the cell has it."""
-    cell = run.cell("posterior", signal, repeat, model, sampler)
-    if cell is None or cell.arrays.get("amplitudes", np.empty(0)).size < 2 or RATIO not in cell.arrays:
-        return []
-    shown = run.unit(signal).displacement
-    unit, scale = shown.name, shown.scale
-    grid, reference = scale * cell.arrays["amplitudes"], scale * PosteriorContent.of(cell).reference_amplitude
-    caption = (
-        f"{signal}, {words.model(model)}: equivalent damping ratio over the record's amplitudes, median and 95 % band "
-        f"by {words.method(sampler)}. Level: viscous; rising to small amplitudes: friction; to large ones: drag. "
-        "Dotted: the amplitude of the tables."
-    )
-    return [
-        run.drawings.add(
-            f"amplitude-{signal}-{model}",
-            caption,
-            lambda: ratio(grid, cell.arrays[RATIO], unit, colour(model), reference=reference),
-        )
-    ]
+    return figures
 
 
 def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Markup]:

@@ -13,7 +13,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.calibration import confusion, reliability
 from bayesdamp.report.html import paragraph, stack
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import Section
 from bayesdamp.table import Table
 
 SERIES = {

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
+from functools import partial
+
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import running
@@ -14,8 +14,6 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import SignalSection, drawn
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.posteriors import PosteriorContent
-
-_PASSES = ("online", "restarted")
 
 
 class Running(SignalSection):
@@ -41,7 +39,7 @@ class Running(SignalSection):
             for cell in filter(_filtered, run.cells("posterior", signal, repeat, model)):
                 if drawn(run, place):
                     figure = _drawn(run, signal, model, cell)
-                    parts.append(figure if not parts else folded(words.model(model), figure))
+                    parts.append(folded(words.model(model), figure) if parts else figure)
         return stack(*parts)
 
 
@@ -53,23 +51,17 @@ def _drawn(run: Run, signal: str, model: str, cell: CellResult) -> Markup:
     content = PosteriorContent.of(cell)
     listed = content.posterior.running
     names = [n for n in coefficients(run, model) if n in listed]
-    first, last = (_by_name(cell, label, listed) for label in _PASSES)
-    t, units = cell.arrays["running/t"], content.units
+    first, last = (
+        {
+            n: tuple(cell.arrays[f"running/{label}/{what}"][:, listed.index(n)] for what in ("mean", "sd"))
+            for n in names
+        }
+        for label in ("online", "restarted")
+    )
     true = {n: truth(run, signal, n) for n in names}
-    sampler = words.method(cell.place.method)
-    caption = f"{signal}, {words.model(model)}: running estimate of the damping by {sampler}."
-
-    def draw() -> Figure:
-        return running(model, names, t, last, first, units, true)
-
+    caption = f"{signal}, {words.model(model)}: running estimate of the damping by {words.method(cell.place.method)}."
+    draw = partial(running, model, names, cell.arrays["running/t"], last, first, content.units, true)
     return run.drawings.add(f"running-{signal}-{model}", caption, draw)
-
-
-def _by_name(
-    cell: CellResult, label: str, names: tuple[str, ...]
-) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    mean, sd = (cell.arrays[f"running/{label}/{what}"] for what in ("mean", "sd"))
-    return {n: (mean[:, i], sd[:, i]) for i, n in enumerate(names)}
 
 
 PLUGIN = Running()

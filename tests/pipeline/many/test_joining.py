@@ -14,7 +14,7 @@ from bayesdamp.pipeline.many.joining import coefficients_of, joined, likeliest
 from bayesdamp.pipeline.many.populating import WIDE, location_scale
 from bayesdamp.pipeline.many.specimens import Specimen
 from bayesdamp.priors import HalfNormal, SharedHalfNormal
-from bayesdamp.report.results.specimens import joint_sentence
+from bayesdamp.report.sections.specimens import joint_sentence
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointContent
 from bayesdamp.types import Refusal
