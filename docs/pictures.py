@@ -17,8 +17,8 @@ import bayesdamp as bd
 from bayesdamp.report.drawing import in_style
 from bayesdamp.report.figures.errors import sweep
 from bayesdamp.report.figures.estimators import against
-from bayesdamp.report.results.comparing import CATEGORIES
-from bayesdamp.report.results.estimates import coefficient_estimates
+from bayesdamp.report.results.comparing import CATEGORIES, true_models
+from bayesdamp.report.results.estimates import estimates_of
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import series
 from bayesdamp.report.style import FAINT, INK, QUIET, colour, dash
@@ -141,7 +141,8 @@ def in_noise(root: Path) -> Figure:
 
 def beside_posterior(root: Path) -> Figure:
     """The eleven against the posterior, from the report of studies/paper.toml."""
-    return against(coefficient_estimates(Run(root / "reports" / "paper")), 3)
+    run = Run(root / "reports" / "paper")
+    return against([one for made in true_models(run).items() for one in estimates_of(run, *made)], 3)
 
 
 def write(root: Path) -> None:

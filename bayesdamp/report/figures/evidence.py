@@ -13,10 +13,6 @@ from bayesdamp.report.results.reading import label
 from bayesdamp.report.results.run import Row
 from bayesdamp.report.style import FAINT, INK, WIDTH, colour, legend_above, looks
 
-INTERVAL = 1.96
-"""Half-width of a central 95 % interval in sds."""
-PANELS = 3
-
 
 def bars(rows: Sequence[Row]) -> Figure:
     """Draw rows of evidence.csv, best first. The axis is linear to one nat and logarithmic beyond."""
@@ -75,16 +71,4 @@ def widths(factors: np.ndarray, models: Mapping[str, Mapping[str, np.ndarray]]) 
     ax.set_xticks([], minor=True)
     ax.set(xlabel="factor on the width of the damping's priors", ylabel="log Bayes factor / nats")
     legend_above(figure)
-    return figure
-
-
-def prediction(models: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]], unit: str) -> Figure:
-    """Model to times (s), errors of the prediction and its predictive sds, each of shape (m,): a panel a model."""
-    figure = Figure(figsize=(WIDTH, 1.5 * len(models) + 0.3))
-    panels = figure.subplots(len(models), 1, sharex=True, squeeze=False)[:, 0]
-    for ax, (model, (t, error, sd)) in zip(panels, models.items()):
-        ax.fill_between(t, -INTERVAL * sd, INTERVAL * sd, color=colour(model), alpha=0.2, lw=0)
-        ax.plot(t, error, ".", color=colour(model), ms=2)
-        ax.set(title=words.model(model), ylabel=f"error / {unit}")
-    panels[-1].set_xlabel("time / s")
     return figure

@@ -29,8 +29,9 @@ from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK, candidate_parts
-from bayesdamp.verdict.agreement import SMALL, Z95, Agreement, agreement, intervals
+from bayesdamp.verdict.agreement import Z95, Agreement, agreement, intervals
 from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.thresholds import MOVED, WIDTH_HOLDS
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
 
@@ -38,8 +39,6 @@ WINDOW_SPREAD = 3.0
 """Standard deviations by which a coefficient seldom moves by chance between parts of a record."""
 PREDICTIVE = 0.01
 """Predictive p below which, and above one less it, records drawn from a model look different."""
-HOLDS = 0.8
-"""Probability that the leading damping should keep whatever the width of the given priors (conventional)."""
 ANSWERS = "smc"
 """The sampler whose draws and evidence the answer itself rests on."""
 SILENT = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
@@ -205,7 +204,7 @@ class Checks:
             for sampler, rows in chains.items() if name in self.own and not self.exact_only else ():
                 for r in rows_of(rows, parameter=name, outcome=OK):
                     moved = abs(r["median"] - self.own[name].value) * 2 * Z95 / max(high - low, 1e-300)
-                    if moved >= SMALL:
+                    if moved >= MOVED:
                         text = (
                             f"{_name(sampler)} contradicts the answer: its {symbol} is {moved:.1f} of the answer's "
                             "standard deviations away."
@@ -253,7 +252,7 @@ class Checks:
             yield Check(f"{name} confirms the damping ratio: {middle}.")
         else:
             most = given(next(k for k, r in enumerate(v.damping_ratio) if r.amplitude == off.amplitude))
-            if off.moved < SMALL:
+            if off.moved < MOVED:
                 size = f"an interval {off.wider:.1f} times as wide"
                 text = f"{name} agrees with the damping ratio but gives {size}: {most}."
                 yield Check(text, fails=off.wider > 1)
@@ -302,7 +301,7 @@ class Checks:
                     yield Check(f"{text}, which contradicts {against}.", fails=True)
         widths = over_widths(run, signal, repeat, chosen)
         factor = min(widths, key=lambda f: widths[f], default=1.0)
-        if widths and widths[factor] < min(HOLDS, chosen.dampings[leading]):
+        if widths and widths[factor] < min(WIDTH_HOLDS, chosen.dampings[leading]):
             text = (
                 f"The width of the priors matters: with priors {fmt.number(factor, 2)} times as wide, the "
                 f"probability of {words.model(leading)} is {fmt.probability(widths[factor])}."

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.errors import ranking
 from bayesdamp.report.html import paragraph, stack
 from bayesdamp.report.results.comparing import STAGES, Comparison, category, compared, true_models
 from bayesdamp.report.results.estimates import posterior_of
@@ -40,14 +39,11 @@ class ComparisonSection(Section):
         return many or bool(run.study.get("published"))
 
     def render(self, run: Run) -> str:
-        """Show errors and times in tables, and the mean errors as a figure."""
+        """Show errors and times in tables."""
         found = compared(run)
         if not found.errors:
             return paragraph("No estimator has an error to compare in this study.")
-        said = "Mean error of every method over the signals, at both stages"
-        said += ", and the published mean." if found.published else "."
-        figure = run.drawings.add("ranking", f"{said} Dashed: 0.1 %.", lambda: ranking(found))
-        return stack(paragraph(lead(found)), _errors(run, found), _times(found), figure)
+        return stack(paragraph(lead(found)), _errors(run, found), _times(found))
 
 
 def lead(found: Comparison) -> str:
@@ -71,7 +67,7 @@ def lead(found: Comparison) -> str:
 def _errors(run: Run, found: Comparison) -> Table:
     """Return errors in per cent by method and signal, with what was published and the posteriors' intervals."""
     own = ["own", "fit", *(["published"] if found.published else [])]
-    groups = [("", 2), *((signal, len(own)) for signal in found.signals)]
+    groups = [("", 2), *((signal, len(own)) for signal in found.signals), ("mean", len(own))]
     lines = []
     for method in found.methods:
         cells = [words.method(method), category(method)]
@@ -82,18 +78,20 @@ def _errors(run: Run, found: Comparison) -> Table:
                 cells.append(fmt.short(error) + ("*" if doubted else ""))
             if found.published:
                 cells.append(found.published.get((method, signal), fmt.NONE))
-        lines.append(Line(cells))
+        cells += [fmt.short(found.mean(method, stage)) for stage in STAGES]
+        lines.append(Line([*cells, fmt.short(found.mean_published(method))] if found.published else cells))
     said = "Errors in per cent of the truth: the method's own estimate, then the trajectory fit that starts there"
     said += ", then what was published." if found.published else "."
     posteriors = {signal: _posterior(run, signal) for signal in found.signals} if found.published else {}
     foot: list[tuple[str, int]] = []
     if any(posteriors.values()):
-        foot = [("posterior, 95 %", 2), *((_about(run, s, row), len(own)) for s, row in posteriors.items())]
+        about = [(_about(run, s, row), len(own)) for s, row in posteriors.items()]
+        foot = [("posterior, 95 %", 2), *about, ("", len(own))]
         said += " Last line: the posterior's 95 % interval about the truth, in per cent, from a record with noise."
     if any(o != OK for o in found.outcomes.values()):
         said += " *: the method itself doubts this answer; its sentence stands below."
     return Table(
-        ["method", "category", *own * len(found.signals)],
+        ["method", "category", *own * (len(found.signals) + 1)],
         lines,
         {0, 1},
         said,

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
 from markupsafe import Markup
 from scipy.special import expit
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.posterior import Panel, intervals
 from bayesdamp.report.html import folded, paragraph, stack
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import coefficients, mode_of, models_by_rank
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import SignalSection, drawn
-from bayesdamp.report.style import colour
 from bayesdamp.store.contents.candidates import BesideIt, ModeContent, Part
 from bayesdamp.table import Table
 
@@ -54,9 +51,10 @@ class FitQuality(SignalSection):
         parts.append(_table(run, signal, repeats[:1]))
         if len(repeats) > 1:
             parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
-        shown = (_windows(run, signal, repeats[0], m) for i, m in enumerate(ranked) if drawn(run, i))
-        for i, (model, content) in enumerate(found for found in shown if found):
-            parts.append(folded(f"Windows of {words.model(model)}", content) if i else content)
+        for place, model in enumerate(ranked):
+            windows = _windows(run, signal, repeats[0], model) if drawn(run, place) else None
+            if windows is not None:
+                parts.append(folded(f"Windows of {words.model(model)}", windows) if place else windows)
         mode = mode_of(run, signal, repeats[0], ranked[0]) if ranked else None
         if mode is not None and mode.rivals:
             parts.append(
@@ -94,34 +92,24 @@ def _other_forms(mode: ModeContent) -> Table:
     return Table.of(sorted(mode.rivals, key=lambda form: -form.log_bayes), columns)
 
 
-def _windows(run: Run, signal: str, repeat: int, model: str) -> tuple[str, Markup] | None:
+def _windows(run: Run, signal: str, repeat: int, model: str) -> Table | None:
+    """Return the damping coefficients from parts of the record; None where there are not two."""
     mode = mode_of(run, signal, repeat, model)
     found = [w for w in mode.windows if w.values] if mode else []
     names = [n for n in coefficients(run, model) if all(n in w.values for w in found)]
     if len(found) < 2 or not names:
         return None
-    units = {r["parameter"]: r["unit"] for r in (*run.posteriors, *run.estimates) if r["model"] == model}
-    caption = (
-        f"{signal}, {words.model(model)}: damping coefficients from parts of the record. Where they "
-        "scatter by more than their bars, the model is not the whole truth and the posterior is too narrow."
-    )
-    panels = []
-    for name in names:
-        each = [(w.values[name], float(np.nan_to_num(w.sd.get(name, 0.0)))) for w in found]
-        rows = [(value - sd, value, value + sd) for value, sd in each]
-        panels.append(Panel(words.axis(name, units.get(name, "")), rows, rows[0]))
-    drawing = run.drawings.add(
-        f"windows-{signal}-{model}",
-        caption,
-        lambda: intervals([w.label for w in found], panels, colour(model)),
-    )
     columns: dict[str, Callable[[Part], str]] = {
         "window": lambda w: w.label,
         "from / s": lambda w: fmt.number(w.start, 4),
         "to / s": lambda w: fmt.number(w.stop, 4),
         **{words.symbol(n).text: lambda w, n=n: fmt.with_error(w.values.get(n), w.sd.get(n)) for n in names},
     }
-    return model, stack(drawing, folded("These numbers", Table.of(found, columns)))
+    caption = (
+        f"Damping coefficients of {words.model(model)} from parts of the record. Where they scatter by more than their "
+        "standard deviations, the model is not the whole truth and the posterior is too narrow."
+    )
+    return Table.of(found, columns, caption=caption)
 
 
 PLUGIN = FitQuality()

@@ -8,25 +8,13 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import paragraph, stack
+from bayesdamp.report.html import stack
 from bayesdamp.report.results.answers import content_of
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import SignalSection
 from bayesdamp.store.contents.answers import AnswerContent, FoundFriction, WeighedNoise
 from bayesdamp.table import Table
 
-NOISES = (
-    "The noise models are compared once for each record, on the residuals of the fit of all damping terms, and all "
-    "damping models share the result. The evidence is by Laplace's approximation; densities of rounded values are "
-    "probabilities divided by the recording step, so that all are on one scale. Where correlated noise is likeliest, "
-    "the answer is under Gaussian noise whose variance is that of the residual near the oscillation."
-)
-WIDTHS = (
-    "Friction changes its sign within a velocity ε, of which a precise record shows something near rest and at each "
-    "turning point. The widths are compared once for each record, with all damping terms, and all damping models are "
-    "then under one width. The table shows how far the coefficients of the fit of all terms move with it. "
-    "Estimators use 2 % of the peak velocity."
-)
 USED = "used for the answer"
 
 
@@ -36,6 +24,16 @@ class Noise(SignalSection):
     order = 45
     name = "noise"
     title = "Which noise, and how sharp friction is"
+    lead = (
+        "The noise models are compared once for each record, on the residuals of the fit of all damping terms, and all "
+        "damping models share the result. The evidence is by Laplace's approximation; densities of rounded values are "
+        "probabilities divided by the recording step, so that all are on one scale. Where correlated noise is "
+        "likeliest, the answer is under Gaussian noise whose variance is that of the residual near the oscillation. "
+        "Friction changes its sign within a velocity ε, of which a precise record shows something near rest and at "
+        "each turning point. Where ε was not given, widths are compared once for each record, with all damping terms, "
+        "and all damping models are then under one width; a table shows how far the coefficients of the fit of all "
+        "terms move with it. Estimators use 2 % of the peak velocity."
+    )
 
     def shows(self, run: Run, signal: str) -> bool:
         """Return whether several noise models or widths of friction were weighed on a record."""
@@ -46,10 +44,8 @@ class Noise(SignalSection):
         """Return a table of each."""
         content = content_of(run, signal)
         assert content is not None
-        parts: list[object] = [paragraph(NOISES), _noises(content)] if len(content.noises) > 1 else []
-        if content.frictions:
-            parts += [paragraph(WIDTHS), _widths(content, run.unit(signal).base)]
-        return stack(*parts)
+        noises = _noises(content) if len(content.noises) > 1 else ""
+        return stack(noises, _widths(content, run.unit(signal).base) if content.frictions else "")
 
 
 def _noises(content: AnswerContent) -> Table:

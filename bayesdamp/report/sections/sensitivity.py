@@ -44,7 +44,7 @@ class Sensitivity(SignalSection):
         """Return prior widths, odds, halves and other noise."""
         models = models_by_rank(run, signal, 0)
         found = ranking(run, signal, 0)
-        views = (_widths, _elsewhere, _halves, _prediction)
+        views = (_widths, _elsewhere, _halves)
         parts = [view(run, signal, models) for view in views]
         if found:
             parts += [_odds(found), _ratios(run, signal, found)]
@@ -167,21 +167,6 @@ def _halves(run: Run, signal: str, models: list[str]) -> Table | None:
         caption,
         lambda half: "" if half[1].evidence.outcome == OK else "alert",
     )
-
-
-def _prediction(run: Run, signal: str, models: list[str]) -> Markup | None:
-    cells = list(_cells(run, signal, models, "half").items())[: figures.PANELS]
-    if not cells:
-        return None
-    unit = run.unit(signal)
-    scale = unit.scale
-    shown = {m: (c.arrays["t"], scale * c.arrays["error"], scale * c.arrays["sd"]) for m, c in cells}
-    caption = (
-        f"{signal}: the second half of the record minus its prediction from the first half, and the 95 % interval "
-        "of that prediction; the most probable models."
-    )
-    recorded = unit.of(run.quantity(signal))
-    return run.drawings.add(f"prediction-{signal}", caption, lambda: figures.prediction(shown, recorded))
 
 
 def _ratios(run: Run, signal: str, found: Ranking) -> Table | None:

@@ -99,8 +99,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> Answer:
         probability_exact=ranking.exact,
         power_law=power.odds,
     )
-    verdict = replace(verdict, remarks=remarks(verdict, decay, ranking, alike))
-    verdict = replace(verdict, sentence=sentence(verdict))
+    verdict = replace(verdict, remarks=remarks(verdict, decay, ranking, alike), sentence=sentence(verdict))
     return Answer(verdict, decay.curve(ranking.fitted.fit), _likelihoods(decay, ranking))
 
 
