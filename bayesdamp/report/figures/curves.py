@@ -95,20 +95,24 @@ def exponent(
     return figure
 
 
-def draw_exponent(ax: Axes, draws: np.ndarray, interval: tuple[float, float, float], title: str = "") -> None:
-    """Draw it on these axes."""
+def draw_exponent(
+    ax: Axes,
+    draws: np.ndarray | None,
+    interval: tuple[float, float, float],
+    title: str = "",
+    marked: Sequence[tuple[float, str, str]] = MARKED,
+) -> None:
+    """Draw it on these axes; without draws the interval alone. marked: exponents of laws, their names and terms."""
     value, low, high = interval
-    grid, height = outline(draws)
-    inside = (grid >= 0.0) & (grid <= 3.0)
-    grid, height = grid[inside], height[inside]
-    for place, name, term in MARKED:
+    for place, name, term in marked:
         ax.axvline(place, color=colour(term), lw=1.2, ls=(0, (4, 2)))
-        ax.text(
-            place, 1.14, name, color=colour(term), fontsize=8, ha="left" if place == 0 else "center",
-            va="bottom",
-        )  # fmt: skip
-    ax.fill_between(grid, 0.0, height, color=QUIET, alpha=0.35, lw=0)
-    ax.plot(grid, height, color=INK, lw=1.0)
+        side = "left" if place == 0.0 else "center" if place < 3.0 else "right"
+        ax.text(place, 1.14, name, color=colour(term), fontsize=8, ha=side, va="bottom")
+    if draws is not None:
+        grid, height = outline(draws)
+        inside = (grid >= 0.0) & (grid <= 3.0)
+        ax.fill_between(grid[inside], 0.0, height[inside], color=QUIET, alpha=0.35, lw=0)
+        ax.plot(grid[inside], height[inside], color=INK, lw=1.0)
     ax.plot([low, high], [-0.13, -0.13], color=INK, lw=2.4)
     ax.plot([value], [-0.13], "o", color=INK, ms=5)
     ax.set(xlim=ENDS, ylim=(-0.3, 1.12), yticks=[])

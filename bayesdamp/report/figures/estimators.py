@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures._panels import off_axis, panels
+from bayesdamp.report.figures._panels import ABREAST, off_axis, panels
 from bayesdamp.report.results.estimates import CoefficientEstimates
 from bayesdamp.report.style import FAINT, INK, QUIET, colour
 
@@ -24,8 +24,12 @@ ROW, ROW_PUBLISHED = 0.31, 0.40
 """Inches a method takes, with two and with three marks."""
 
 
-def against(found: Sequence[CoefficientEstimates], abreast: int) -> Figure:
-    """A panel a coefficient, `abreast` in a row, a line a method. What is off the axis is an arrow with its value."""
+def against(found: Sequence[CoefficientEstimates], abreast: int = ABREAST, narrow: bool = False) -> Figure:
+    """Draw a panel a coefficient, `abreast` in a row, with a line a method; what is off the axis is an arrow.
+
+    narrow: panels below each other, for a phone.
+    """
+    abreast = 1 if narrow else min(abreast, len(found))
     methods = list(dict.fromkeys(m for one in found for m in one.methods))
     published = any(one.published for one in found)
     height = (ROW_PUBLISHED if published else ROW) * len(methods) + 0.85

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from markupsafe import Markup
 
@@ -118,12 +119,15 @@ def _views(run: Run, signal: str, answer: Answer) -> list[object]:
     """Return the pictures and tables of an answer."""
     v, own = answer.verdict, run.unit(signal).displacement
     unit, recorded = v.damping_ratio[0].unit if v.damping_ratio else "rad", own.of(run.quantity(signal))
-    picture = run.drawings.add(
-        f"answer-{signal}",
-        _caption(v),
-        lambda: figures.answer(answer.arrays, unit, v.damping, recorded),
-        narrow=lambda: figures.answer(answer.arrays, unit, v.damping, recorded, narrow=True),
+    draw = partial(figures.answer, answer.arrays, unit, v.damping, recorded)
+    caption = (
+        MEASURED
+        if v.contradicted
+        else f"{CAPTION} This record's ratio is measured without a law."
+        if v.law_free
+        else CAPTION
     )
+    picture = run.drawings.add(f"answer-{signal}", caption, draw, narrow=True)
     return [
         picture,
         _exponent(run, signal, answer),
@@ -177,13 +181,6 @@ def _why_none(run: Run, signal: str) -> str:
     return f"Which damping it is was not decided{missing}."
 
 
-def _caption(v: Verdict) -> str:
-    """What the picture shows: the law's curves, or those that are measured without one."""
-    if v.contradicted:
-        return MEASURED
-    return f"{CAPTION} This record's ratio is measured without a law." if v.law_free else CAPTION
-
-
 def _motions(run: Run, signal: str, v: Verdict) -> Markup | str:
     """The picture of what is no free decay; nothing where the record is not stored, or no oscillation is told."""
     cell = run.cell("signal", signal, run.repeats(signal)[0])
@@ -193,12 +190,9 @@ def _motions(run: Run, signal: str, v: Verdict) -> Markup | str:
     unit = run.unit(signal).displacement
     t, y = cell.arrays["t"], cell.arrays["y"] * unit.scale
     axis = f"{unit.called(quantity)} / {unit.of(quantity)}"
-    return run.drawings.add(
-        f"motions-{signal}",
-        EXCITED if v.motion is Motion.EXCITED else MOTIONS,
-        lambda: motions(t, y, v.modes, quantity, axis),
-        narrow=lambda: motions(t, y, v.modes, quantity, axis, narrow=True),
-    )
+    draw = partial(motions, t, y, v.modes, quantity, axis)
+    caption = EXCITED if v.motion is Motion.EXCITED else MOTIONS
+    return run.drawings.add(f"motions-{signal}", caption, draw, narrow=True)
 
 
 def _exponent(run: Run, signal: str, answer: Answer) -> Markup | str:
@@ -206,14 +200,9 @@ def _exponent(run: Run, signal: str, answer: Answer) -> Markup | str:
     e, draws = answer.verdict.exponent, answer.arrays.get("exponent")
     if e is None or draws is None:
         return ""
-    said, interval = loses_like(e, answer.verdict.damping), (e.value, e.low, e.high)
-    title = f"The damping force {said}"
-    return run.drawings.add(
-        f"exponent-{signal}",
-        EXPONENT,
-        lambda: exponent(draws, interval, title),
-        narrow=lambda: exponent(draws, interval, title, narrow=True),
-    )
+    title = f"The damping force {loses_like(e, answer.verdict.damping)}"
+    draw = partial(exponent, draws, (e.value, e.low, e.high), title)
+    return run.drawings.add(f"exponent-{signal}", EXPONENT, draw, narrow=True)
 
 
 def _numbers(v: Verdict) -> list[tuple[str, str]]:

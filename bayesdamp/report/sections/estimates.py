@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,6 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures._panels import ABREAST
 from bayesdamp.report.figures.estimators import against, eigenvalues, force
 from bayesdamp.report.figures.iterations import traces
 from bayesdamp.report.html import folded, paragraph, stack
@@ -95,12 +95,8 @@ def _figure(run: Run, signal: str, model: str) -> list[object]:
         caption.append("Published errors have no sign: a tick on each side of the truth.")
     if any(math.isfinite(value) for one in found for value in one.own.values()):
         caption.append("Arrows: off the axis.")
-    picture = run.drawings.add(
-        f"estimates-{signal}-{model}",
-        " ".join(caption),
-        lambda: against(found, min(ABREAST, len(found))),
-        narrow=lambda: against(found, 1),
-    )
+    name, draw = f"estimates-{signal}-{model}", partial(against, found)
+    picture = run.drawings.add(name, " ".join(caption), draw, narrow=True)
     said = inside(found)
     return [picture, said and paragraph(said)]
 
