@@ -113,8 +113,9 @@ def draw_exponent(
         inside = (grid >= 0.0) & (grid <= 3.0)
         ax.fill_between(grid[inside], 0.0, height[inside], color=QUIET, alpha=0.35, lw=0)
         ax.plot(grid[inside], height[inside], color=INK, lw=1.0)
-    ax.plot([low, high], [-0.13, -0.13], color=INK, lw=2.4)
-    ax.plot([value], [-0.13], "o", color=INK, ms=5)
+    at = 0.4 if draws is None else -0.13
+    ax.plot([low, high], [at, at], color=INK, lw=2.4)
+    ax.plot([value], [at], "o", color=INK, ms=5)
     ax.set(xlim=ENDS, ylim=(-0.3, 1.12), yticks=[])
     ax.spines["left"].set_visible(False)
     ax.set(xticks=[0, 0.5, 1, 1.5, 2, 2.5, 3], xlabel="exponent of the velocity")

@@ -52,10 +52,14 @@ def draw_envelope(
     else:
         e, cubic = verdict.exponent, any(share.term == "cubic" for share in verdict.energy)
         draw_exponent(below, None, (e.value, e.low, e.high), marked=(*MARKED, CUBIC) if cubic else MARKED)
+        below.tick_params(labelsize=8)
     if "curve/t" not in arrays or verdict.window is None:
         rest.set_axis_off()
         return
-    t, level, fit, scatter = (arrays[f"curve/{name}"] for name in ("t", "level", "fit", "scatter"))
+    t, level, fit, sd, scatter = (
+        arrays[f"curve/{name}"] for name in ("t", "level", "fit", "fit_sd", "scatter")
+    )
+    whole.fill_between(t, fit - 2 * sd, fit + 2 * sd, color=FIT, alpha=0.3, lw=0)
     whole.plot(t, fit, color=FIT, lw=1.4)
     for at in (verdict.window.start, verdict.window.stop):
         whole.axvline(at, color=BAND, lw=0.8)

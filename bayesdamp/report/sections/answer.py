@@ -41,8 +41,8 @@ MEASURED = (
 
 
 LEVELS = (
-    "Left: the level as recorded, the ends of the decay, and the fit. Right: what the fit leaves, and the exponent of "
-    "the velocity that the loss grows with."
+    "Left: the level as recorded, the ends of the decay, and the best damping sum with its law's deviation, ± 2 sd. "
+    "Right: what that leaves, and the exponent of the velocity that the loss grows with."
 )
 EMBEDDED = 24
 """Envelopes up to which the page holds their pictures; beyond, it shows those in `figures/`."""

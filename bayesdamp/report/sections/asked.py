@@ -11,7 +11,7 @@ from markupsafe import Markup, escape
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.html import fill, folded
-from bayesdamp.report.results.answers import answers, only_answered
+from bayesdamp.report.results.answers import answer_of, answers, only_answered
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import Section
 from bayesdamp.table import Table
@@ -135,7 +135,11 @@ def _signals(run: Run) -> Table | str:
 
     def samples(signal: str) -> tuple[int, float] | None:
         """Return the number of samples and the duration."""
-        cell = run.cell("signal", signal, run.repeats(signal)[0])
+        repeat = run.repeats(signal)[0]
+        answer, cell = answer_of(run, signal, repeat), run.cell("signal", signal, repeat)
+        if answer is not None and answer.envelope is not None:
+            w, t = answer.verdict.window, answer.arrays["t"]
+            return answer.envelope.samples, w.stop - w.start if w else float(t[-1] - t[0])
         t = cell.arrays.get("t") if cell else None
         return None if t is None or not len(t) else (len(t), float(t[-1] - t[0]))
 

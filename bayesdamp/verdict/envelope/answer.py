@@ -100,7 +100,8 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> Answer:
         power_law=power.odds,
     )
     verdict = replace(verdict, remarks=remarks(verdict, decay, ranking, alike), sentence=sentence(verdict))
-    return Answer(verdict, decay.curve(ranking.fitted.fit), _likelihoods(decay, ranking))
+    curve = decay.curve(*ranking.fitted.curve(decay.blocks))
+    return Answer(verdict, curve, _likelihoods(decay, ranking))
 
 
 def _drawn(
