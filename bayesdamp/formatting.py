@@ -25,11 +25,6 @@ def number(value: float | None, digits: int = 4) -> str:
     return _scientific(value, power, digits - 1)
 
 
-def rms(value: float, unit: str) -> str:
-    """A residual with its unit."""
-    return f"{number(value, 3)} {unit}"
-
-
 def short(error: float) -> str:
     """An error where there is little room: two digits, below a ten-thousandth one and a power."""
     if not math.isfinite(error) or error == 0 or abs(error) >= 1e-4:
@@ -90,15 +85,6 @@ def interval(low: float | None, high: float | None) -> str:
     if places > 8 or max(abs(low), abs(high)) >= 1e6:
         return f"[{number(low, 4)}, {number(high, 4)}]"
     return f"[{_signed(f'{low:.{places}f}')}, {_signed(f'{high:.{places}f}')}]"
-
-
-def spread(low: float, high: float) -> str:
-    """low to high, to two significant digits of the difference, within three to five of the larger."""
-    if low == high:
-        return number(low)
-    digits = _power(max(abs(low), abs(high)), 3) - _power(high - low, 2) + 2
-    places = min(5, max(3, digits))
-    return f"{number(low, places)} to {number(high, places)}"
 
 
 def probability(value: float | None) -> str:

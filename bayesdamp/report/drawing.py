@@ -30,12 +30,6 @@ COLOURS = 64
 """A figure has few colours and their shades: a PNG with a palette is a quarter of one without."""
 
 
-def in_style(draw: Callable[[], Figure]) -> Figure:
-    """A figure drawn under the reports' style."""
-    with mpl.rc_context(RC):
-        return draw()
-
-
 class Drawings:
     """Where a report's figures go: into the page, and into a folder where there is one."""
 

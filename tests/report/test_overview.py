@@ -92,6 +92,7 @@ def test_two_records_need_no_overview(folder: Path) -> None:
     info = Run(folder).info
     (folder / "cells" / "answer" / "rig_run_3").rename(folder / "elsewhere")
     write_json(folder / "run.json", {**info, "signals": {n: info["signals"][n] for n in list(SIZES)[:2]}})
+    (folder / "verdict.json").unlink()  # no specimen
     assert 'id="overview"' not in render(folder).read_text(encoding="utf-8")
 
 

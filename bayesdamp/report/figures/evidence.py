@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from bayesdamp import formatting as fmt
-from bayesdamp.report import words
 from bayesdamp.report.results.reading import label
 from bayesdamp.report.results.run import Row
-from bayesdamp.report.style import FAINT, INK, WIDTH, colour, legend_above, looks
+from bayesdamp.report.style import FAINT, INK, WIDTH, colour
 
 
 def bars(rows: Sequence[Row]) -> Figure:
@@ -43,32 +42,4 @@ def bars(rows: Sequence[Row]) -> Figure:
     right.set(xlim=(0, 1.22), xticks=[0, 0.25, 0.5, 0.75, 1.0], xlabel="probability of the model")
     for ax in (left, right):
         ax.tick_params(axis="y", length=0)
-    return figure
-
-
-def widths(factors: np.ndarray, models: Mapping[str, Mapping[str, np.ndarray]]) -> Figure:
-    """Draw log Bayes factors (nats) against the factor on the priors' widths, both (m,); logarithmic beyond one nat.
-
-    models: by name `log_bayes_factor`, whether it was sampled `anew` there (open marks) and is `trusted` (else ×).
-    """
-    figure = Figure(figsize=(WIDTH * 0.7, 2.7))
-    ax = figure.subplots()
-    ax.axvline(1.0, color=FAINT, lw=0.8, zorder=0.5)
-    for model, (shown, dashes) in looks(models).items():
-        y, anew, trusted = (models[model][name] for name in ("log_bayes_factor", "anew", "trusted"))
-        ax.plot(factors, y, color=shown, ls=dashes, label=words.model(model))
-        for chosen, mark, face in (
-            (trusted & ~anew, "o", shown),
-            (trusted & anew, "o", "white"),
-            (~trusted, "X", shown),
-        ):
-            ax.plot(factors[chosen], y[chosen], mark, color=shown, markerfacecolor=face, markersize=4)
-    ax.set_xscale("log")
-    values = np.concatenate([own["log_bayes_factor"] for own in models.values()])
-    if np.abs(values[np.isfinite(values)]).max(initial=0.0) > 20.0:
-        ax.set_yscale("symlog", linthresh=1.0, linscale=0.6)
-    ax.set_xticks([0.1, 0.3, 1, 3, 10], ["0.1", "0.3", "1", "3", "10"])
-    ax.set_xticks([], minor=True)
-    ax.set(xlabel="factor on the width of the damping's priors", ylabel="log Bayes factor / nats")
-    legend_above(figure)
     return figure

@@ -66,7 +66,7 @@ class FitQuality(SignalSection):
 def _table(run: Run, signal: str, repeats: Sequence[int]) -> Table:
     columns: dict[str, Callable[[Row], str]] = {
         "model": lambda r: words.model(r["model"]),
-        "rms residual": lambda r: fmt.rms(*run.rms(r)),
+        "rms residual": run.rms,
         "autocorrelation": lambda r: fmt.fixed(r["residual_autocorrelation"], 2),
         "stability over sub-records": lambda r: fmt.number(r["window_spread"], 2),
         "predictive p": lambda r: fmt.number(r["predictive_p"], 2),

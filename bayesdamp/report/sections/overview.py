@@ -29,8 +29,8 @@ class Overview(Section):
     title = "All records"
 
     def applies(self, run: Run) -> bool:
-        """Where so many records have an answer that one looks for one of them, and for envelopes of one specimen."""
-        many = len(answers(run)) >= FEWEST or any(v.quantity == "envelope" for v in specimens(run))
+        """Where many records have an answer, or several are of one specimen."""
+        many = len(answers(run)) >= FEWEST or bool(specimens(run))
         return many and not run.study.get("published")
 
     def render(self, run: Run) -> str:
@@ -43,8 +43,7 @@ class Overview(Section):
 
 def _together(v: Verdict, name: str) -> Markup:
     head = Markup("<h3>{}</h3>").format(name) if name else ""
-    lines = (*energy_of(v), *(v.remarks if v.quantity == "envelope" else ()))
-    more = Markup("").join(map(paragraph, lines))
+    more = Markup("").join(map(paragraph, (*energy_of(v), *v.remarks)))
     return Markup('<div class="verdict">{}<p class="claim">{}</p>{}</div>').format(head, v.sentence, more)
 
 

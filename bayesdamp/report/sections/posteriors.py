@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from markupsafe import Markup
@@ -18,6 +18,14 @@ from bayesdamp.report.sections._layout import SignalSection, by_model, drawn
 from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK
+
+COLUMNS: dict[str, Callable[[Row], str]] = {
+    "parameter": lambda r: words.symbol(r["parameter"]).text,
+    "unit": lambda r: words.unit(r["unit"]),
+    "sampler": lambda r: words.method(r["sampler"]),
+    "mean ± sd": lambda r: fmt.with_error(r["mean"], r["sd"]),
+    "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
+}
 
 
 class Posteriors(SignalSection):
@@ -86,22 +94,17 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
     if not rows:
         return []
     good = [r for r in rows if math.isfinite(r["mean"])]
+    order = [r["parameter"] for r in good]
     sentences = {(r["sampler"], r["outcome"]) for r in rows if r["outcome"] != OK}
     parts: list[Table | Markup] = []
     if good:
-        columns: dict[str, Callable[[Row], str]] = {
-            "parameter": lambda r: words.symbol(r["parameter"]).text,
-            "unit": lambda r: words.unit(r["unit"]),
-            "sampler": lambda r: words.method(r["sampler"]),
-            "mean ± sd": lambda r: fmt.with_error(r["mean"], r["sd"]),
-            "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
-        }
+        columns = dict(COLUMNS)
         if any(math.isfinite(truth(run, signal, r["parameter"])) for r in good):
-            columns["truth"] = lambda r: _finite(truth(run, signal, r["parameter"]), fmt.given)
+            columns["truth"] = lambda r: fmt.given(truth(run, signal, r["parameter"]))
         columns |= {
-            "R̂": lambda r: _finite(r["rhat"], "{:.3f}".format),
-            "ESS bulk": lambda r: _finite(r["ess_bulk"], "{:.0f}".format),
-            "ESS tail": lambda r: _finite(r["ess_tail"], "{:.0f}".format),
+            "R̂": lambda r: fmt.fixed(r["rhat"], 3),
+            "ESS bulk": lambda r: fmt.fixed(r["ess_bulk"], 0),
+            "ESS tail": lambda r: fmt.fixed(r["ess_tail"], 0),
             "divergences": lambda r: fmt.NONE if r["divergences"] is None else str(r["divergences"]),
         }
         caption = (
@@ -111,7 +114,11 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
         )
         if any(math.isnan(r["rhat"]) for r in good):
             caption += " Without R̂: independent draws of an approximation, their ESS by importance weights."
-        parts.append(Table.of(_by_parameter(good), columns, (0, 1, 2), caption, _kind))
+        parts.append(
+            Table.of(
+                sorted(good, key=lambda r: order.index(r["parameter"])), columns, (0, 1, 2), caption, _kind
+            )
+        )
     sentences |= _left_out(run, signal, repeat, model)
     parts += [
         Markup('<p class="quiet">{}: {}</p>').format(words.method(sampler), outcome)
@@ -133,15 +140,6 @@ def _left_out(run: Run, signal: str, repeat: int, model: str) -> set[tuple[str, 
     return found
 
 
-def _by_parameter(rows: Sequence[Row]) -> list[Row]:
-    order = list(dict.fromkeys(r["parameter"] for r in rows))
-    return sorted(rows, key=lambda r: order.index(r["parameter"]))
-
-
-def _finite(value: float, shown: Callable[[float], str]) -> str:
-    return shown(value) if math.isfinite(value) else fmt.NONE
-
-
 def _kind(r: Row) -> str:
     """Mark what is not to be trusted by its diagnostics."""
     poor = r["rhat"] > 1.01 or r["ess_bulk"] < 400 or r["ess_tail"] < 400 or bool(r["divergences"])
@@ -157,16 +155,13 @@ def _repeats(run: Run, signal: str, model: str) -> Table:
 
     columns: dict[str, Callable[[Row], str]] = {
         "repeat": lambda r: str(r["repeat"] + 1),
-        "parameter": lambda r: words.symbol(r["parameter"]).text,
-        "sampler": lambda r: words.method(r["sampler"]),
-        "mean ± sd": lambda r: fmt.with_error(r["mean"], r["sd"]),
-        "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
+        **COLUMNS,
         "truth": inside,
         "outcome": lambda r: r["outcome"],
     }
     wanted = coefficients(run, model)
     rows = [r for r in rows_of(run.posteriors, signal=signal, model=model) if r["parameter"] in wanted]
-    return Table.of(rows, columns, (1, 2, 5, 6))
+    return Table.of(rows, columns, (1, 2, 3, 6, 7))
 
 
 PLUGIN = Posteriors()

@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 from markupsafe import Markup
 
-from bayesdamp import formatting as fmt
 from bayesdamp.provenance import Provenance
 from bayesdamp.report import words
 from bayesdamp.report.figures.record import Fit, raw, record
@@ -83,7 +82,7 @@ def _fits(run: Run, signal: str, repeat: int, unit: str, samples: int) -> tuple[
         else:
             factor = run.unit(signal).scale
             rows = rows_of(run.fits, signal=signal, repeat=repeat, model=model)
-            text = fmt.rms(*run.rms(rows[0])) if rows else f"not in fits.csv (axis in {unit})"
+            text = run.rms(rows[0]) if rows else f"not in fits.csv (axis in {unit})"
             autocorrelation = np.asarray(cell.arrays.get("autocorrelation", []), float)
             residual = cell.arrays["residual"] * factor
             fits.append(Fit(model, cell.arrays["fit"] * factor, residual, autocorrelation, text))

@@ -10,7 +10,6 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.report import words
-from bayesdamp.report.figures import evidence as figures
 from bayesdamp.report.html import paragraph, stack
 from bayesdamp.report.results.reading import Ranking, mode_of, models_by_rank, over_odds, ranking
 from bayesdamp.report.results.run import Run
@@ -56,7 +55,8 @@ def _cells(run: Run, signal: str, models: list[str], kind: str) -> dict[str, Cel
     return {m: c for m, c in found.items() if c is not None and c.outcome == OK}
 
 
-def _widths(run: Run, signal: str, models: list[str]) -> Markup | None:
+def _widths(run: Run, signal: str, models: list[str]) -> Table | Markup | None:
+    """Return log Bayes factors under priors of other widths."""
     cells = _cells(run, signal, models, "widths")
     if len(cells) < 2:
         return None
@@ -64,20 +64,22 @@ def _widths(run: Run, signal: str, models: list[str]) -> Markup | None:
         return paragraph(_NO_WIDTH)
     best = next(iter(cells))
     reference = cells[best].arrays["log_evidence"]
-    shown = {
-        m: {**c.arrays, "log_bayes_factor": c.arrays["log_evidence"] - reference} for m, c in cells.items()
-    }
-    least = min(
-        (float(c.arrays["effective"][~c.arrays["anew"]].min(initial=math.inf)) for c in cells.values()),
-        default=math.inf,
-    )
+
+    def factor(model: str, i: int) -> str:
+        arrays = cells[model].arrays
+        doubt = "" if arrays["trusted"][i] else " ?"
+        return fmt.nats(float(arrays["log_evidence"][i] - reference[i])) + doubt
+
+    columns: dict[str, Callable[[str], str]] = {"model": words.model}
+    for i, width in enumerate(cells[best].arrays["factors"]):
+        columns[f"× {fmt.number(float(width), 2)}"] = lambda model, i=i: factor(model, i)
+    effective = [c.arrays["effective"][~c.arrays["anew"]].min(initial=math.inf) for c in cells.values()]
     caption = (
-        f"{signal}: log Bayes factor to {words.model(best)} as the scales of all given damping priors are multiplied. "
-        f"Dots: the importance draws reweighted ({fmt.number(least, 2)} effective ones or more); open: sampled anew "
-        "under that prior; crosses: diagnostics are poor."
+        f"Log Bayes factor (nats) to {words.model(best)} as the scales of all given damping priors are multiplied: the "
+        f"importance draws reweighted, of which {fmt.number(float(min(effective)), 2)} or more are effective, or "
+        "sampled again where these are too few. ?: the diagnostics are poor."
     )
-    factors = cells[best].arrays["factors"]
-    return run.drawings.add(f"widths-{signal}", caption, lambda: figures.widths(factors, shown))
+    return Table.of(cells, columns, caption=caption)
 
 
 def _odds(found: Ranking) -> Table | None:

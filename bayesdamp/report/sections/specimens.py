@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 from markupsafe import Markup
@@ -18,8 +19,8 @@ from bayesdamp.report.style import colour
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointCandidate, JointContent, PopulationContent, Weighing
 from bayesdamp.table import Line, Table
-from bayesdamp.types import OK, candidate_parts, summed
-from bayesdamp.verdict.thresholds import CAP, DECIDED
+from bayesdamp.types import OK
+from bayesdamp.verdict.thresholds import CAP
 
 WORTH = 0.01
 """Probability from which a form of damping is named that the study does not compare."""
@@ -65,55 +66,35 @@ class Specimens(Section):
 
 
 def joint_sentence(run: Run, cell: CellResult) -> str:
-    """Return what a joint fit says: which damping, how large, how much records differ, and whether it fits them."""
+    """Say how much records differ, and whether one damping fits all of them."""
     joint = JointContent.maybe(cell)
     if joint is None:
-        return f"no joint fit: {cell.outcome}."
-    row = joint.candidates[joint.best]
-    text = f"{len(joint.records)} records together, {ASSUMED[joint.deviation]}: damping is {_named(joint)}"
-    if row.summary:
-        text += f"; {fmt.listing(f'{words.symbol(n).text} = {_size(row, n)}' for n in row.summary)}"
-    text += f"; {_spread(joint)}"
-    if row.outcome != OK:
-        text += f"; {row.outcome}"
+        return f"No joint fit: {cell.outcome}."
+    agree = (
+        "differ in the size of their damping, so that each has its own"
+        if joint.differ
+        else "agree with one damping"
+        if joint.agree
+        else "are compatible with one damping"
+    )
+    factor = fmt.nats(joint.no_spread)
+    text = (
+        f"{len(joint.records)} records together, {ASSUMED[joint.deviation]}: the records {agree}. The log Bayes factor "
+        f"of one size in all records against sizes that differ is {factor} nats"
+    )
     # Where laws may hold approximately each record's own deviation takes what an exact law does not fit.
-    worse = _misfits(run, joint) if joint.deviation == "none" else []
-    return f"{text}; it does not fit {fmt.listing(worse)}." if worse else f"{text}."
-
-
-def _spread(joint: JointContent) -> str:
-    """Return how much the damping differs from record to record, and whether the records agree."""
-    median, low, high = (fmt.number(100 * joint.spread[q], 2) for q in ("median", "q2.5", "q97.5"))
-    by = f"from record to record by {median} % (standard deviation; 95 %: {low} to {high} %)"
-    if joint.differ:
-        return f"the records differ in the size of their damping, so that each has its own: it varies {by}"
-    if joint.agree:
-        return f"the records agree with one damping, which varies {by}"
-    return f"the records are compatible with one damping, which varies {by}"
-
-
-def _named(joint: JointContent) -> str:
-    """Return the damping with its probability, summed over restoring laws, and the law with its own."""
-    probabilities = {c: row.probability for c, row in joint.candidates.items()}
-    damping, law = candidate_parts(joint.best)
-    p = summed(probabilities)[damping]
-    sure = "" if p >= DECIDED else "most likely "
-    text = f"{sure}{words.model(damping)}, with probability {_capped(p)}"
-    laws = summed(probabilities, 1)
-    if len(laws) > 1:
-        text += f", the restoring law {words.law(law)}, with probability {_capped(laws[law])}"
+    worse = [
+        label
+        for label, (signal, repeat) in zip(joint.records, joint.members, strict=True)
+        for row in rows_of(run.fits, signal=signal, repeat=repeat, model=joint.best)[:1]
+        if joint.deviation == "none" and fitting_of(row["verdict"]) is Fitting.DOES_NOT_FIT
+    ]
+    outcome = joint.candidates[joint.best].outcome
+    said = [text, *([outcome.rstrip(".")] if outcome != OK else [])]
+    said += [f"{words.model(joint.best)} does not fit {fmt.listing(worse)}"] if worse else []
     others = [f"{words.model(n)} {_capped(q)}" for n, q in joint.others.items() if q >= WORTH]
-    return f"{text} (also weighed: {fmt.listing(others)})" if others else text
-
-
-def _misfits(run: Run, joint: JointContent) -> list[str]:
-    """Return the records that the best joint candidate does not fit by itself."""
-    found = []
-    for label, (signal, repeat) in zip(joint.records, joint.members):
-        rows = rows_of(run.fits, signal=signal, repeat=repeat, model=joint.best)
-        if rows and fitting_of(rows[0]["verdict"]) is Fitting.DOES_NOT_FIT:
-            found.append(label)
-    return found
+    said += [f"Also weighed: {fmt.listing(others)}"] if others else []
+    return f"{'. '.join(said)}."
 
 
 def _capped(probability: float) -> str:
@@ -153,9 +134,8 @@ def _interval(one: Mapping[str, float]) -> Interval:
 
 
 def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
-    said = joint_sentence(run, cell)
     joint = JointContent.maybe(cell)
-    parts: list[object] = [paragraph(said[:1].upper() + said[1:])]
+    parts: list[object] = [paragraph(joint_sentence(run, cell))]
     if joint is None:
         return parts
     best, row = joint.best, joint.candidates[joint.best]
@@ -174,15 +154,8 @@ def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
         f"{name}, {words.model(best)}: median and 95 % interval of each record by itself; grey: of the specimen, from "
         "the joint fit."
     )
-    labels = list(joint.alone)
-    factor = fmt.nats(joint.no_spread)
-    return [
-        *parts,
-        run.drawings.add(f"joint-{name}", caption, lambda: intervals(labels, panels, colour(best))),
-        paragraph(
-            f"The log Bayes factor of one size in all records against sizes that differ is {factor} nats."
-        ),
-    ]
+    draw = partial(intervals, list(joint.alone), panels, colour(best))
+    return [*parts, run.drawings.add(f"joint-{name}", caption, draw)]
 
 
 def _candidates(joint: JointContent) -> Table:

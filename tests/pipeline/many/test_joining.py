@@ -87,7 +87,6 @@ def test_whether_records_agree(
     assert (content.differ, content.agree) == (differ, agree)
     sentence = joint_sentence(SimpleNamespace(fits=[]), CellResult("joint/rig", "", content.meta()))  # type: ignore[arg-type]
     assert said in sentence
-    assert "damping is viscous" in sentence
 
 
 def test_a_candidate_that_a_record_lacks_has_evidence_and_no_coefficients(

@@ -103,7 +103,7 @@ def test_the_report_and_the_terminal_say_it(run):
     made = Run(run)
     a, b = (joint_sentence(made, cell) for cell in made.cells("joint"))
     (over,) = map(population_sentence, made.cells("population"))
-    assert a.startswith("2 records together, if every law held exactly: damping is viscous")
+    assert a.startswith("2 records together, if every law held exactly: the records")
     assert "the records differ in the size of their damping" in b
     assert "the records are compatible with one damping" in a
     assert over.startswith(

@@ -109,7 +109,9 @@ def test_two_dampings_are_two() -> None:
 
 
 def test_the_page_says_under_which_assumption() -> None:
-    law, exact = (joint_sentence(run, run.cells("joint")[0]) for run in (Run(ran(d)) for d in ("law", "none")))
+    law, exact = (
+        joint_sentence(run, run.cells("joint")[0]) for run in (Run(ran(d)) for d in ("law", "none"))
+    )
     assert "2 records together, laws holding approximately, each record with deviations of its own" in law
     assert "2 records together, if every law held exactly" in exact
     assert "does not fit" not in law
