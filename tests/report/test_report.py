@@ -84,7 +84,7 @@ def test_measured_signals_have_no_truth(page):
 def test_figures_are_saved_and_inside(page, whole_run):
     svg = {p.stem for p in (whole_run / "figures").glob("*.svg")}
     assert svg == {p.stem for p in (whole_run / "figures").glob("*.png")}
-    assert {"record-bench", "record-sim", "evidence-bench", "pairs-bench-viscous+coulomb"} <= svg
+    assert {"record-bench", "record-sim", "pairs-bench-viscous+coulomb"} <= svg
     assert page.count("<img ") == len(svg)
     assert not (whole_run / "figures" / ".tmp").exists()
 
@@ -239,9 +239,8 @@ def test_models_that_were_pruned_are_no_failed_check(maker_of) -> None:
         (folder / "evidence.csv").write_text("\n".join(rows) + "\n")
         words = Page(render(folder).read_text()).words
         assert ("The evidence of Coulomb (" in words) != believed
-        # What was pruned is a line of its own table, with its reason, and has no bar and no fit.
+        # What was pruned is a line of its own table, with its reason, and has no fit.
         assert ("1 model pruned by Laplace's evidence, and why" in words) == believed
-        assert ("not shown: 1 that was pruned" in words) == believed
         assert ("far behind" in words) == believed
         assert ("coulomb" in models_kept(Run(folder), "sim", 0)) != believed
 

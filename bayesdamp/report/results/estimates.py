@@ -49,7 +49,7 @@ def posterior_of(run: Run, signal: str, model: str, parameter: str) -> Row | Non
     for name in alike:
         if name != signal and truth(run, name, parameter) != truth(run, signal, parameter):
             continue
-        for row in rows_of(summary_rows(run, name, run.repeats(name)[0], model)[1], parameter=parameter):
+        for row in rows_of(summary_rows(run, name, run.repeats(name)[0], model), parameter=parameter):
             if math.isfinite(row["q2.5"]) and math.isfinite(row["q97.5"]):
                 return row
     return None

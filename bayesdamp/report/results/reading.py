@@ -138,19 +138,16 @@ def models_kept(run: Run, signal: str, repeat: int) -> list[str]:
     return [model for model in models_by_rank(run, signal, repeat) if model not in aside]
 
 
-def summary_rows(run: Run, signal: str, repeat: int, model: str) -> tuple[str, list[Row]]:
-    """The sampler to quote (the first that is `ok`, else the first) and its rows of posteriors.csv."""
+def summary_rows(run: Run, signal: str, repeat: int, model: str) -> list[Row]:
+    """Return the rows of posteriors.csv of the sampler to quote: NUTS or the first that is `ok`, else the first."""
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
-    samplers = list(dict.fromkeys(row["sampler"] for row in rows))
-    if not samplers:
-        return "", []
+    by_sampler = [rows_of(rows, sampler=s) for s in dict.fromkeys(row["sampler"] for row in rows)]
 
-    def fine(sampler: str) -> bool:
-        found = rows_of(rows, sampler=sampler)
-        return all(r["outcome"] == OK for r in found) and any(math.isfinite(r["mean"]) for r in found)
+    def doubted(own: list[Row]) -> bool:
+        return any(r["outcome"] != OK for r in own) or not any(math.isfinite(r["mean"]) for r in own)
 
-    samplers.sort(key=lambda s: (not fine(s), s != "nuts"))
-    return samplers[0], [r for r in rows_of(rows, sampler=samplers[0]) if math.isfinite(r["mean"])]
+    best = min(by_sampler, key=lambda own: (doubted(own), own[0]["sampler"] != "nuts"), default=[])
+    return [r for r in best if math.isfinite(r["mean"])]
 
 
 def truth(run: Run, signal: str, parameter: str) -> float:

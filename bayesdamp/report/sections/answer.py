@@ -61,11 +61,6 @@ EXPONENT = (
     "on a dashed line is that damping; one between two lines is a sum, or none of the three."
 )
 
-EMPTY: dict[str, object] = {
-    "sentence": "", "numbers": (), "energy": (), "remarks": (), "parts": (), "checks": (), "table": ""
-}  # fmt: skip
-"""What the block of an answer shows, empty."""
-
 
 class AnswerSection(Section):
     """The verdict of each record: a sentence, three numbers, one picture, the checks of it."""
@@ -87,32 +82,31 @@ class AnswerSection(Section):
 
 def _block(run: Run, signal: str) -> Markup:
     answer = answer_of(run, signal, run.repeats(signal)[0])
-    if answer is not None and answer.verdict.quantity == "envelope":
-        return _envelope(run, signal, answer)
-    checks = Checks(run, signal)
-    found = [*sampled(run, signal), *checks.all()]
+    v = answer.verdict if answer else None
+    own = Checks(run, signal)
     read = [
         Check(f"The record as it was read: {note}", fails=True) for note in run.provenance(signal).warnings
     ]
-    shown: dict[str, object] = dict(EMPTY)
-    shown["checks"] = [*read, *sorted(found, key=lambda c: not c.fails)]
-    shown["table"] = checks.table() or ""
-    if answer is None:
-        shown["sentence"] = _why_none(run, signal)
-    elif answer.verdict.grade is Grade.NO_FREE_DECAY:
-        v = answer.verdict
-        parts = [_motions(run, signal, v), modes_table(v.modes, v.motion)]
-        shown |= {"sentence": v.sentence, "remarks": v.remarks, "parts": parts}
-    else:
-        v = answer.verdict
-        shown |= {
-            "sentence": v.sentence,
-            "numbers": _numbers(v),
-            "energy": energy_of(v),
-            "remarks": v.remarks,
-        }
-        shown["parts"] = _views(run, signal, answer)
-    return fill("answer.html", **shown)
+    checks = [*read, *sorted([*sampled(run, signal), *own.all()], key=lambda c: not c.fails)]
+    numbers, energy, remarks, parts = (), (), v.remarks if v else (), []
+    if answer is not None and v is not None:
+        if v.quantity == "envelope":
+            numbers, parts = _numbers(v), _decay(run, signal, answer)
+            remarks = (*([f"The decay {v.window.why}."] if v.window else []), *v.remarks)
+        elif v.grade is Grade.NO_FREE_DECAY:
+            parts = [_motions(run, signal, v), modes_table(v.modes, v.motion)]
+        else:
+            numbers, energy, parts = _numbers(v), energy_of(v), _views(run, signal, answer)
+    return fill(
+        "answer.html",
+        sentence=v.sentence if v else _why_none(run, signal),
+        numbers=numbers,
+        energy=energy,
+        remarks=remarks,
+        checks=checks,
+        table=own.table() or "",
+        parts=parts,
+    )
 
 
 def _views(run: Run, signal: str, answer: Answer) -> list[object]:
@@ -120,16 +114,10 @@ def _views(run: Run, signal: str, answer: Answer) -> list[object]:
     v, own = answer.verdict, run.unit(signal).displacement
     unit, recorded = v.damping_ratio[0].unit if v.damping_ratio else "rad", own.of(run.quantity(signal))
     draw = partial(figures.answer, answer.arrays, unit, v.damping, recorded)
-    caption = (
-        MEASURED
-        if v.contradicted
-        else f"{CAPTION} This record's ratio is measured without a law."
-        if v.law_free
-        else CAPTION
-    )
-    picture = run.drawings.add(f"answer-{signal}", caption, draw, narrow=True)
+    caption = f"{CAPTION} This record's ratio is measured without a law." if v.law_free else CAPTION
+    caption = MEASURED if v.contradicted else caption
     return [
-        picture,
+        run.drawings.add(f"answer-{signal}", caption, draw, narrow=True),
         _exponent(run, signal, answer),
         ratios_table(v.damping_ratio, "Damping ratio against amplitude", parts=True),
         _coefficients(v) if v.coefficients else "",
@@ -137,18 +125,12 @@ def _views(run: Run, signal: str, answer: Answer) -> list[object]:
     ]
 
 
-def _envelope(run: Run, signal: str, answer: Answer) -> Markup:
-    """The answer on an envelope."""
-    v = answer.verdict
-    size = ("Q", v.quality_factor) if v.quality_factor else ("decay rate", v.rate)
-    frequency = [("frequency", f"{v.frequency.value:.9g} Hz")] if v.frequency else []
-    numbers = [*frequency, (size[0], " ".join([number(size[1]), size[1].unit]))] if size[1] else frequency
-    embed = len(run.signals) <= EMBEDDED
+def _decay(run: Run, signal: str, answer: Answer) -> list[object]:
+    """Return the picture and the table of an answer on an envelope, and how probable each damping is."""
+    v, embed = answer.verdict, len(run.signals) <= EMBEDDED
     picture = run.drawings.show(f"answer-{signal}", LEVELS, answer.arrays["picture"].tobytes(), embed)
-    remarks = [*([f"The decay {v.window.why}."] if v.window else []), *v.remarks]
     table = decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else ""
-    shown = {"sentence": v.sentence, "numbers": numbers, "remarks": remarks}
-    return fill("answer.html", **EMPTY | shown | {"parts": [picture, table, _weighed(v)]})
+    return [picture, table, _weighed(v)]
 
 
 def _weighed(v: Verdict) -> Markup | str:
@@ -207,6 +189,10 @@ def _exponent(run: Run, signal: str, answer: Answer) -> Markup | str:
 
 def _numbers(v: Verdict) -> list[tuple[str, str]]:
     """Return what stands in large figures: the frequency, and the damping ratio and Q in the middle of the record."""
+    if v.quantity == "envelope":
+        name, size = ("Q", v.quality_factor) if v.quality_factor else ("decay rate", v.rate)
+        found = [("frequency", f"{v.frequency.value:.9g} Hz")] if v.frequency else []
+        return [*found, (name, f"{number(size)} {size.unit}".rstrip())] if size else found
     found, f, at = [], v.frequency, v.frequency_at
     beyond = f is not None and at is not None and extrapolated(f, at)
     if at is not None and (f is None or beyond):

@@ -10,7 +10,6 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Status, reason_of, status_of
 from bayesdamp.report import words
-from bayesdamp.report.figures.evidence import bars
 from bayesdamp.report.html import folded, stack
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import label, ranking
@@ -45,19 +44,7 @@ class EvidenceSection(SignalSection):
     def part(self, run: Run, signal: str) -> Markup:
         """Return log Bayes factors by method, with probabilities and diagnostics."""
         repeats = run.repeats(signal)
-        found = ranking(run, signal, repeats[0])
-        parts: list[object] = []
-        weighed = [r for r in found.rows if status_of(r["outcome"]) is not Status.PRUNED] if found else []
-        if found and len(weighed) > 1:
-            said = f", repeat 1 of {len(repeats)}" if len(repeats) > 1 else ""
-            left = len(found.rows) - len(weighed)
-            those = f"; not shown: {left} that {'were' if left > 1 else 'was'} pruned" if left else ""
-            caption = (
-                f"{signal}{said}: log Bayes factor to the best model (axis logarithmic beyond one nat) and "
-                f"probability of each model, by {words.method(found.method)}{those}."
-            )
-            parts.append(run.drawings.add(f"evidence-{signal}", caption, lambda: bars(weighed)))
-        parts.append(_table(run, signal, repeats[:1]))
+        parts: list[object] = [_table(run, signal, repeats[:1])]
         aside = _aside(run, signal, repeats[0])
         if aside.lines:
             count = f"{len(aside.lines)} model{'s' * (len(aside.lines) > 1)}"
