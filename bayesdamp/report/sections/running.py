@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
+import numpy as np
 from markupsafe import Markup
 
 from bayesdamp.report import words
@@ -51,13 +52,12 @@ def _drawn(run: Run, signal: str, model: str, cell: CellResult) -> Markup:
     content = PosteriorContent.of(cell)
     listed = content.posterior.running
     names = [n for n in coefficients(run, model) if n in listed]
-    first, last = (
-        {
-            n: tuple(cell.arrays[f"running/{label}/{what}"][:, listed.index(n)] for what in ("mean", "sd"))
-            for n in names
-        }
-        for label in ("online", "restarted")
-    )
+
+    def passed(label: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        mean, sd = (cell.arrays[f"running/{label}/{what}"] for what in ("mean", "sd"))
+        return {n: (mean[:, i], sd[:, i]) for i, n in enumerate(listed) if n in names}
+
+    first, last = passed("online"), passed("restarted")
     true = {n: truth(run, signal, n) for n in names}
     caption = f"{signal}, {words.model(model)}: running estimate of the damping by {words.method(cell.place.method)}."
     draw = partial(running, model, names, cell.arrays["running/t"], last, first, content.units, true)
