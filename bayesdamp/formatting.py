@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 NONE = "–"
 """Where there is no number."""
@@ -85,6 +85,17 @@ def interval(low: float | None, high: float | None) -> str:
     if places > 8 or max(abs(low), abs(high)) >= 1e6:
         return f"[{number(low, 4)}, {number(high, 4)}]"
     return f"[{_signed(f'{low:.{places}f}')}, {_signed(f'{high:.{places}f}')}]"
+
+
+AGREE = 1e-6
+"""Relative difference below which values are one."""
+
+
+def spread(values: Sequence[float]) -> str:
+    """Return the values from the least to the largest; one value where they agree."""
+    low, high = min(values), max(values)
+    agree = high - low <= AGREE * abs(high)
+    return number(high, 6) if agree else f"{number(low, 5)} to {number(high, 5)}"
 
 
 def probability(value: float | None) -> str:

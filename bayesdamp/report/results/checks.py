@@ -43,8 +43,6 @@ ANSWERS = "smc"
 """The sampler whose draws and evidence the answer itself rests on."""
 SILENT = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
 """What became of a task that needs no word here: other sections give the reason."""
-AGREE = 1e-6
-"""Relative spread below which trajectory fits are one value."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +159,7 @@ class Checks:
             columns[f"{words.method(sampler)} (95 %)"] = lambda name, rows=rows: drawn(name, rows)
         if any(fits.values()):
             columns["trajectory fits"] = lambda name: (
-                f"{_range(fits[name])} ({len(fits[name])})" if fits[name] else fmt.NONE
+                f"{fmt.spread(fits[name])} ({len(fits[name])})" if fits[name] else fmt.NONE
             )
         if self.run.simulated(self.signal):
             columns["truth"] = lambda name: fmt.given(truth(self.run, self.signal, name))
@@ -214,7 +212,7 @@ class Checks:
             outside = [value for value in fits if not low <= value <= high]
             if outside:
                 text = (
-                    f"{len(outside)} of {len(fits)} trajectory fits give {symbol} = {_range(outside)}, outside the "
+                    f"{len(outside)} of {len(fits)} trajectory fits give {symbol} = {fmt.spread(outside)}, outside the "
                     "answer's 95 % interval."
                 )
                 yield Check(text, fails=True)
@@ -362,13 +360,6 @@ def _name(method: str) -> str:
     """A method's name at the beginning of a sentence; emcee keeps its own spelling."""
     name = words.method(method)
     return name if method == "emcee" else name[:1].upper() + name[1:]
-
-
-def _range(values: Sequence[float]) -> str:
-    """The values from the least to the largest; one value where they agree."""
-    low, high = min(values), max(values)
-    agree = high - low <= AGREE * abs(high)
-    return fmt.number(high, 6) if agree else f"{fmt.number(low, 5)} to {fmt.number(high, 5)}"
 
 
 def _same_sum(dampings: Iterable[str], damping: str) -> str | None:

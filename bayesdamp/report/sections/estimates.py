@@ -168,7 +168,7 @@ def _value(found: Sequence[Row]) -> str:
     if len(found) == 1:
         return fmt.with_error(found[0]["value"], found[0]["stderr"])
     values = [r["value"] for r in found]
-    return f"{fmt.number(min(values))} to {fmt.number(max(values))}" if values else fmt.NONE
+    return fmt.spread(values) if values else fmt.NONE
 
 
 def _error(found: Sequence[Row]) -> str:
