@@ -228,7 +228,7 @@ def _largest(given: Sequence[Interval | None]) -> Interval | None:
 
 def _energy(own: Sequence[Verdict], damping: Mapping[str, float]) -> tuple[Share, ...]:
     """Shares of the energy over several records, whose dampings have these probabilities."""
-    terms = {s.term for v in own for s in v.energy}
+    terms = dict.fromkeys(s.term for v in own for s in v.energy)
     found = []
     for term in terms:
         shares = [s for v in own for s in v.energy if s.term == term]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from bayesdamp.report.style import QUIET
 
@@ -22,6 +23,13 @@ def broken(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarra
     begins = sampled[:-1][gaps > HOLE * np.median(gaps)] if gaps.size else sampled[:0]
     places = np.searchsorted(t, begins, side="right")
     return np.insert(t, places, begins), np.insert(np.asarray(y, float), places, np.nan)
+
+
+def plain(ax: Axes) -> None:
+    """Write a logarithmic axis of amplitudes in plain numbers, not in powers of ten."""
+    for which in (ax.xaxis.set_major_formatter, ax.xaxis.set_minor_formatter):
+        which(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.xaxis.set_minor_locator(LogLocator(subs=(2, 4, 6)))
 
 
 def off_axis(ax: Axes, text: str, left: bool, y: float) -> None:

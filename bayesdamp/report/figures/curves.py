@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
-from bayesdamp.report.figures._panels import NARROW
+from bayesdamp.report.figures._panels import NARROW, plain
 from bayesdamp.report.figures.density import outline
 from bayesdamp.report.style import INK, QUIET, WIDTH, colour, legend_above, looks
 
@@ -30,6 +30,7 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
         ax.plot(at, 100 * ratio, color=ink, lw=1.4 if few else 0.8, label=name)
     tops = [np.nanmax(curve[1]) for curve in curves.values()]
     ax.set(xscale="log", xlabel=f"amplitude / {unit}", ylabel="damping ratio / %")
+    plain(ax)
     ax.set_ylim(0, 130 * float(np.nanquantile(tops, 0.9)) or 1.0)
     if few:
         legend_above(figure)

@@ -17,6 +17,7 @@ from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.odds import odds
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal
 from bayesdamp.types import InputError
+from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.envelope.answer import Answer
 from bayesdamp.verdict.parts import Estimate, Interval
 from bayesdamp.verdict.pooled import pooled
@@ -114,8 +115,9 @@ def specimen(name: str, answers: Sequence[Answer]) -> Verdict | None:
     ).tolist()
     between = value * float((found.sd**2 - alone**2) ** 0.5)
     common = Estimate(value, value * alone, between, low, high, unit)
+    damping = probabilities(joint)[0] if joint else {"": float("nan")}
     verdict = replace(
-        together(name, own, probabilities(joint)[0] if joint else {"": float("nan")}, {}),
+        together(name, own, {n: min(p, thresholds.CAP) for n, p in damping.items()}, {}),
         spread=spread_of(joint) if joint else Interval(found.spread, found.spread_low, found.spread_high),
         rate=None if quality else common,
         quality_factor=common if quality else None,
