@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 NONE = "–"
 """Where there is no number."""
@@ -23,11 +23,6 @@ def number(value: float | None, digits: int = 4) -> str:
     if -4 <= power < 6:
         return _signed(f"{value:.{max(0, digits - 1 - power)}f}")
     return _scientific(value, power, digits - 1)
-
-
-def rms(value: float, unit: str) -> str:
-    """A residual with its unit."""
-    return f"{number(value, 3)} {unit}"
 
 
 def short(error: float) -> str:
@@ -92,13 +87,15 @@ def interval(low: float | None, high: float | None) -> str:
     return f"[{_signed(f'{low:.{places}f}')}, {_signed(f'{high:.{places}f}')}]"
 
 
-def spread(low: float, high: float) -> str:
-    """low to high, to two significant digits of the difference, within three to five of the larger."""
-    if low == high:
-        return number(low)
-    digits = _power(max(abs(low), abs(high)), 3) - _power(high - low, 2) + 2
-    places = min(5, max(3, digits))
-    return f"{number(low, places)} to {number(high, places)}"
+AGREE = 1e-6
+"""Relative difference below which values are one."""
+
+
+def spread(values: Sequence[float]) -> str:
+    """Return the values from the least to the largest; one value where they agree."""
+    low, high = min(values), max(values)
+    agree = high - low <= AGREE * abs(high)
+    return number(high, 6) if agree else f"{number(low, 5)} to {number(high, 5)}"
 
 
 def probability(value: float | None) -> str:

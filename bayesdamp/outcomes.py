@@ -11,7 +11,15 @@ from enum import Enum
 _BETWEEN = ": "
 
 
-class Status(Enum):
+class _Beginning(Enum):
+    """A value is how a sentence begins."""
+
+    def because(self, reason: str) -> str:
+        """Return the sentence that says this and why."""
+        return f"{self.value}{_BETWEEN}{reason}"
+
+
+class Status(_Beginning):
     """What became of a task; the value is how its outcome begins.
 
     FAILED: by a fault of the program; NOT_COMPUTED: it depends on one that failed; both are tried again. PRUNED: a
@@ -27,20 +35,12 @@ class Status(Enum):
     NOT_APPLICABLE = "not applicable"
     REFUSED = ""
 
-    def because(self, reason: str) -> str:
-        """The outcome that says this and why."""
-        return f"{self.value}{_BETWEEN}{reason}"
 
-
-class Fitting(Enum):
+class Fitting(_Beginning):
     """Whether a model fits a record; the value is how its sentence begins."""
 
     FITS = "fits"
     DOES_NOT_FIT = "does not fit"
-
-    def because(self, reason: str) -> str:
-        """The sentence that says this and why."""
-        return f"{self.value}{_BETWEEN}{reason}"
 
 
 def status_of(outcome: str) -> Status:

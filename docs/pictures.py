@@ -9,19 +9,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import find_peaks, hilbert, savgol_filter
 
 import bayesdamp as bd
-from bayesdamp.report.drawing import in_style
 from bayesdamp.report.figures.errors import sweep
 from bayesdamp.report.figures.estimators import against
-from bayesdamp.report.results.comparing import CATEGORIES
-from bayesdamp.report.results.estimates import coefficient_estimates
+from bayesdamp.report.results.comparing import CATEGORIES, true_models
+from bayesdamp.report.results.estimates import estimates_of
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import series
-from bayesdamp.report.style import FAINT, INK, QUIET, colour, dash
+from bayesdamp.report.style import FAINT, INK, QUIET, RC, colour, dash
 
 STIFFNESS, SEED = 20.0, 7
 DAMPINGS = {"viscous": 0.12, "coulomb": 0.11, "quadratic": 0.55}
@@ -141,7 +141,8 @@ def in_noise(root: Path) -> Figure:
 
 def beside_posterior(root: Path) -> Figure:
     """The eleven against the posterior, from the report of studies/paper.toml."""
-    return against(coefficient_estimates(Run(root / "reports" / "paper")), 3)
+    run = Run(root / "reports" / "paper")
+    return against([one for made in true_models(run).items() for one in estimates_of(run, *made)], 3)
 
 
 def write(root: Path) -> None:
@@ -157,7 +158,8 @@ def write(root: Path) -> None:
         "beside_posterior": lambda: beside_posterior(root),
     }
     for name, draw in drawn.items():
-        in_style(draw).savefig(folder / f"{name}.svg", metadata={"Date": None})
+        with rc_context(RC):
+            draw().savefig(folder / f"{name}.svg", metadata={"Date": None})
 
 
 def _finish(ax: Axes, title: str, xlabel: str, ylabel: str) -> None:

@@ -174,6 +174,15 @@ def _ratio(term: DampingTerm, amplitude: float, frequency: float, beside: Mappin
     return term.work(amplitude, frequency, further) / (2 * np.pi * (frequency * amplitude) ** 2)
 
 
+def solved(a: np.ndarray, b: np.ndarray, rcond: float | None = None) -> np.ndarray:
+    """Return the least squares solution of a x = b, (c,), with the columns of a (n, c) scaled to one length.
+
+    rcond: the share of the largest singular value below which a direction is left out.
+    """
+    scale = np.maximum(np.linalg.norm(a, axis=0), 1e-300)
+    return np.linalg.lstsq(a / scale, b, rcond=rcond)[0] / scale
+
+
 def checked_features(signal: Signal) -> Features:
     """The record's features. Raises Refusal where it has no oscillation or too few samples in one."""
     seen = features(signal)

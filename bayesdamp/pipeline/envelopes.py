@@ -157,7 +157,9 @@ def answer_envelope(
     arrays[PICTURE] = np.frombuffer(drawn, np.uint8)
     likelihoods = result.likelihoods if repeated else {}
     numbers = {name: split(one, arrays, f"{LIKELIHOOD}{name}") for name, one in likelihoods.items()}
-    about = EnvelopeContent(record.unit, numbers, assumed(chosen, left_out))
+    w = result.verdict.window
+    used = record.t.size if w is None else int(np.count_nonzero((record.t >= w.start) & (record.t <= w.stop)))
+    about = EnvelopeContent(record.unit, used, numbers, assumed(chosen, left_out))
     return Answer(AnswerContent(result.verdict.to_dict(), envelope=about), arrays)
 
 

@@ -30,12 +30,6 @@ COLOURS = 64
 """A figure has few colours and their shades: a PNG with a palette is a quarter of one without."""
 
 
-def in_style(draw: Callable[[], Figure]) -> Figure:
-    """A figure drawn under the reports' style."""
-    with mpl.rc_context(RC):
-        return draw()
-
-
 class Drawings:
     """Where a report's figures go: into the page, and into a folder where there is one."""
 
@@ -43,18 +37,17 @@ class Drawings:
         self.folder = folder
         self.names: list[str] = []
 
-    def add(
-        self, name: str, caption: str, draw: Callable[[], Figure], narrow: Callable[[], Figure] | None = None
-    ) -> Markup:
+    def add(self, name: str, caption: str, draw: Callable[..., Figure], narrow: bool = False) -> Markup:
         """Draw under the common style, save `name`.svg and `name`.png, and give the HTML that shows it.
 
-        narrow: the same for a phone, in the page only; without it a phone scrolls a wide figure sideways.
+        narrow: whether `draw` takes narrow=True, for a phone, in the page only; else a phone scrolls a wide figure
+        sideways.
         """
         name = re.sub(r"[^A-Za-z0-9_.=+-]+", "-", name)
         with mpl.rc_context(RC):
             figure = draw()
             svg, png, webp = _saved(figure)
-            small = _saved(narrow()) if narrow else None
+            small = _saved(draw(narrow=True)) if narrow else None
         if self.folder is not None:
             write_bytes(self.folder / f"{name}.svg", svg)
             write_bytes(self.folder / f"{name}.png", png)

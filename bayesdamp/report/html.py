@@ -8,8 +8,6 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from bayesdamp import formatting as fmt
-from bayesdamp.report import words
 from bayesdamp.table import symbols
 
 
@@ -20,11 +18,6 @@ def _environment() -> Environment:
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     found.filters["symbols"] = symbols
-    found.filters["model"] = words.model
-    found.filters["law"] = words.law
-    found.filters["method"] = words.method
-    found.filters["duration"] = fmt.duration
-    found.filters["listing"] = fmt.listing
     return found
 
 

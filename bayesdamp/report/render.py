@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from pathlib import Path
 
 from markupsafe import Markup
@@ -23,12 +22,8 @@ DRAWN = ".drawn"
 """In `figures/`, the names of those that the report has, a line each."""
 
 
-@dataclass(frozen=True)
-class Rendered:
-    """One section: its HTML, and the names of the figures that it wrote."""
-
-    body: str
-    figures: tuple[str, ...]
+Rendered = tuple[str, tuple[str, ...]]
+"""A section's HTML, and the names of the figures that it wrote."""
 
 
 def render(folder: Path, pool: Executor | None = None) -> Path:
@@ -54,11 +49,11 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
 
 def page_of(run: Run, pool: Executor | None = None) -> tuple[str, set[str]]:
     """Return the page of a run, and the names of its figures."""
-    wanted = [section for section in in_order() if section.applies(run)]
+    wanted = in_order(run)
     bodies = list(_rendered(run, [section.name for section in wanted], pool))
     sections = [
-        {"name": section.name, "title": section.title, "body": Markup(done.body)}
-        for section, done in zip(wanted, bodies, strict=True)
+        {"name": section.name, "title": section.title, "body": Markup(body)}
+        for section, (body, _) in zip(wanted, bodies, strict=True)
     ]
     css, script = (
         Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("style.css", "page.js")
@@ -71,7 +66,7 @@ def page_of(run: Run, pool: Executor | None = None) -> tuple[str, set[str]]:
         script=script,
         sections=sections,
     )
-    return page, {name for done in bodies for name in done.figures}
+    return page, {name for _, figures in bodies for name in figures}
 
 
 def _rendered(run: Run, names: list[str], pool: Executor | None) -> Iterator[Rendered]:
@@ -87,7 +82,7 @@ def _section_of(folder: Path, name: str) -> Rendered:
 def _section(run: Run, name: str) -> Rendered:
     before = len(run.drawings.names)
     body = SECTIONS.get(name).render(run)
-    return Rendered(str(body), tuple(run.drawings.names[before:]))
+    return str(body), tuple(run.drawings.names[before:])
 
 
 def _sweep_figures(folder: Path, names: set[str]) -> None:

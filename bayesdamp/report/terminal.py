@@ -12,10 +12,9 @@ from rich.console import Console
 from rich.text import Text
 
 from bayesdamp.report.results.answers import answers, specimens
-from bayesdamp.report.results.checks import Checks, sampled_words
+from bayesdamp.report.results.checks import sampled_words
 from bayesdamp.report.results.overview import overview_table
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import OK
 from bayesdamp.units import unit_named
 from bayesdamp.verdict.agreement import agreement
@@ -49,17 +48,15 @@ class Told:
     def __call__(self, verdict: Verdict) -> None:
         """Tell of a record's verdict: the first in full, and of a later one whether it confirms that."""
         before = self.first.setdefault(verdict.record, verdict)
-        unsampled = verdict.grade is Grade.NO_FREE_DECAY or verdict.quantity == "envelope"
-        if unsampled and before is not verdict:
-            return
         if before is verdict:
             if self._begun:
                 self.console.print()
             self._begun = True
             answered(self._shown(verdict), self.console)
             return
-        if before.law_free and verdict.law_free:
-            return  # what is measured without a law is not sampled
+        free = before.law_free and verdict.law_free  # what is measured without a law is not sampled
+        if free or verdict.grade is Grade.NO_FREE_DECAY or verdict.quantity == "envelope":
+            return
         found = agreement(before, verdict)
         self.console.print(Text(sampled_words(found)), soft_wrap=True)
         if not found.confirms:
@@ -103,13 +100,7 @@ def conclude(folder: Path, console: Console) -> None:
         if signal not in said:
             console.print()
             console.print(Text(f"{signal}: {_why(run, signal)}"), soft_wrap=True)
-        _beware(run, signal, console)
-        whose = f"{signal}: " if len(run.signals) > 1 else ""
-        for check in Checks(run, signal).all():
-            console.print(Text(f"{whose}{check.text}"), soft_wrap=True)
-    for text in sentences(run):
-        console.print()
-        console.print(Text(text), soft_wrap=True)
+    beware(folder, console)
     console.print(str(folder / "report.html"), soft_wrap=True, highlight=False)
 
 
@@ -117,13 +108,9 @@ def beware(folder: Path, console: Console) -> None:
     """Print what one has to know of the records of a run."""
     run = Run(folder)
     for signal in run.signals:
-        _beware(run, signal, console)
-
-
-def _beware(run: Run, signal: str, console: Console) -> None:
-    whose = f"{signal}: " if len(run.signals) > 1 else ""
-    for warning in run.provenance(signal).warnings:
-        console.print(Text(f"Beware: {whose}{warning}"), soft_wrap=True)
+        whose = f"{signal}: " if len(run.signals) > 1 else ""
+        for warning in run.provenance(signal).warnings:
+            console.print(Text(f"Beware: {whose}{warning}"), soft_wrap=True)
 
 
 def _why(run: Run, signal: str) -> str:

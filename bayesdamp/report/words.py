@@ -57,21 +57,17 @@ def law(name: str) -> str:
     return _PROPER.get(name, name.replace("_", " "))
 
 
+_METHODS = {
+    "nuts": "NUTS", "kalman": "Kalman filter", "laplace": "Laplace", "pinn": "PINN", "rnn": "RNN", "sindy": "SINDy",
+    "weak_sindy": "weak SINDy", "importance": "importance sampling", "bridge": "bridge sampling",
+    "combined": "adopted evidence", "smc": "sequential Monte Carlo", "nested": "nested sampling",
+    "neural_ode": "neural ODE", "koopman": "Koopman", "student_t": "Student t",
+}  # fmt: skip
+
+
 def method(name: str) -> str:
-    """A method in words."""
-    special = {
-        "nuts": "NUTS",
-        "kalman": "Kalman filter",
-        "laplace": "Laplace",
-        "pinn": "PINN",
-        "rnn": "RNN",
-        "sindy": "SINDy",
-        "weak_sindy": "weak SINDy",
-    }
-    special |= {"importance": "importance sampling", "bridge": "bridge sampling"}
-    special |= {"combined": "adopted evidence", "smc": "sequential Monte Carlo", "nested": "nested sampling"}
-    special |= {"neural_ode": "neural ODE", "koopman": "Koopman", "student_t": "Student t"}
-    return special.get(name, name.replace("_", " "))
+    """Return a method in words."""
+    return _METHODS.get(name, name.replace("_", " "))
 
 
 def stage(name: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import isfinite, log
 
 from bayesdamp.inference.deviation.findings import Findings
@@ -56,7 +57,8 @@ def decide(
     ratios = tuple(
         DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high) for r in found.ratios
     )
-    at = _frequency_at(found, unit)
+    q = found.frequency_at
+    at = None if q is None else FrequencyAt(ratios[-1].amplitude, unit, q.value, q.low, q.high)
     contradicted = law_free is not None and _contradict(ratios, law_free.ratios, thresholds.CONTRADICTS)
     off = (
         law_free is not None
@@ -106,11 +108,11 @@ def decide(
         over_law=_over_law(found, unit),
     )
     if contradicted:  # what its law says of energy, power and coefficients would contradict the answer
-        verdict = _with(verdict, energy=(), other_forms=(), exponent=None, unnamed=None, coefficients=())
+        verdict = replace(verdict, energy=(), other_forms=(), exponent=None, unnamed=None, coefficients=())
     if off and at is not None and instead is None:
         notes = [*notes, frequency_off(verdict, at)]
     said = remarks(verdict, found, same, notes, untold)
-    return _with(verdict, remarks=said, sentence=sentence(verdict))
+    return replace(verdict, remarks=said, sentence=sentence(verdict))
 
 
 def untold_twins(found: Findings, damping: str) -> tuple[tuple[str, str, float], ...]:
@@ -173,20 +175,9 @@ def _narrowest(at: FrequencyAt | None, law_free: LawFreeAt | None, measured: boo
     return other if same and other.high - other.low < at.high - at.low else at
 
 
-def _with(verdict: Verdict, **changes: object) -> Verdict:
-    from dataclasses import replace
-
-    return replace(verdict, **changes)  # type: ignore[arg-type]
-
-
 def interval_of(q: Quantity, unit: str = "") -> Interval:
     """Return a number's value and interval as a verdict has them."""
     return Interval(q.value, q.low, q.high, unit)
-
-
-def _frequency_at(found: Findings, unit: str) -> FrequencyAt | None:
-    q = found.frequency_at
-    return None if q is None else FrequencyAt(found.ratios[-1].amplitude, unit, q.value, q.low, q.high)
 
 
 def _over_law(found: Findings, unit: str) -> OverLaw | None:

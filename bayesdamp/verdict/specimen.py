@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -68,55 +69,71 @@ def specimen(
 def verdict_on(
     name: str, records: Sequence[Answered], weighed: WeighedSpecimen, sensor: float = SENSOR, seed: int = 0
 ) -> Verdict:
-    """The verdict on a specimen that was weighed. Arguments as of `specimen`."""
-    damping, restoring, others = _probabilities(weighed)
-    first, probability = next(iter(damping.items()))
+    """Return the verdict on a specimen that was weighed. Arguments as of `specimen`."""
+    damping, restoring, others = probabilities(weighed)
     own = [r.verdict for r in records]
-    grade = worst_grade(own)
-    decided = probability >= thresholds.DECIDED and grade is not Grade.DEVIATES
     ratios, following = _ratios(records, weighed, sensor if _approximate(records) else 0.0, seed)
-    verdict = Verdict(
-        record=name,
-        grade=grade,
-        decided=decided,
-        damping=first,
-        probability=min(probability, thresholds.CAP),
-        rivals=tuple(
-            replace(r, probability=min(r.probability, thresholds.CAP)) for r in rivals_of(damping, others)
-        ),
+    verdict = replace(
+        together(name, own, damping, others),
         restoring=next(iter(restoring)),
         restoring_probability=min(next(iter(restoring.values())), thresholds.CAP),
         frequency=_pooled_interval([v.frequency for v in own]),
         damping_ratio=ratios,
         next_record=following,
-        spread=_spread(weighed) if len(records) > 1 else None,
-        energy=energy_of_records(own, damping),
-        deviation=largest([v.deviation for v in own]),
-        unnamed=largest([v.unnamed for v in own]),
+        spread=spread_of(weighed) if len(records) > 1 else None,
+    )
+    r = following[len(following) // 2]
+    ratio = with_interval(r.value, r.low, r.high, " %", 100)
+    more = f"At the middle amplitude one more record would have a damping ratio of {ratio}."
+    return replace(verdict, remarks=(*of_spread(verdict), more, *verdict.remarks), sentence=sentence(verdict))
+
+
+def together(
+    name: str, own: Sequence[Verdict], damping: Mapping[str, float], others: Mapping[str, float]
+) -> Verdict:
+    """Return what is said of several records alike, whether they are motions or envelopes.
+
+    Parameters
+    ----------
+    name
+        Of the specimen.
+    own
+        The verdicts on its records.
+    damping
+        Probability of each sum for all records, the likeliest first.
+    others
+        Probability of each form of damping that is not compared.
+    """
+    first, probability = next(iter(damping.items()))
+    every = {**damping, **others}
+    grade = max((v.grade for v in own), key=list(Grade).index)
+    rivals = rivals_of(damping, others)
+    return Verdict(
+        record=name,
+        grade=grade,
+        decided=probability >= thresholds.DECIDED and grade is not Grade.DEVIATES,
+        damping=first,
+        probability=min(probability, thresholds.CAP),
+        rivals=tuple(replace(r, probability=min(r.probability, thresholds.CAP)) for r in rivals),
+        energy=_energy(own, damping),
+        deviation=_largest([v.deviation for v in own]),
+        unnamed=_largest([v.unnamed for v in own]),
         unexplained_pct=max(v.unexplained_pct for v in own),
         noise_pct=float(np.median([v.noise_pct for v in own])),
-        remarks=remarks_on_records(own, max(damping | others, key=lambda n: (damping | others)[n])),
-        records=len(records),
+        remarks=_alone(own, max(every, key=every.__getitem__)),
+        records=len(own),
         quantity=own[0].quantity,
     )
-    said = _of_runs(verdict)
-    verdict = replace(verdict, remarks=(*said, *verdict.remarks))
-    return replace(verdict, sentence=sentence(verdict))
-
-
-def worst_grade(own: Sequence[Verdict]) -> Grade:
-    """Of several records."""
-    return max((v.grade for v in own), key=list(Grade).index)
 
 
 def _approximate(records: Sequence[Answered]) -> bool:
     return all("over" in r.curve for r in records)
 
 
-def _probabilities(
+def probabilities(
     weighed: WeighedSpecimen,
 ) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
-    """Of each sum, of each law and of each other form of damping, the same for all records."""
+    """Return the probability of each sum, of each law and of each other form of damping, the same for all records."""
     places = {one.damping for r in weighed.records for one in r.others}
     by_damping: dict[str, float] = {}
     by_law: dict[str, float] = {}
@@ -130,8 +147,8 @@ def _probabilities(
     return sums, ordered[1], others
 
 
-def _spread(weighed: WeighedSpecimen) -> Interval:
-    """Relative spread between records (standard deviation)."""
+def spread_of(weighed: WeighedSpecimen) -> Interval:
+    """Return the relative spread between records (standard deviation)."""
     found = weighed.spread()
     return Interval(found["median"], found["q2.5"], found["q97.5"])
 
@@ -184,23 +201,13 @@ def _over_at(curve: Curve, amplitude: float) -> tuple[float, float]:
 
 
 def of_spread(v: Verdict) -> tuple[str, ...]:
-    """How much records differ."""
+    """Say how much records differ."""
     if v.spread is None:
         return ()
     value, low, high = (rounded(100 * x) for x in (v.spread.value, v.spread.low, v.spread.high))
     return (
         f"The damping differs between records by {value} % (standard deviation; 95 %: {low} to {high} %).",
     )
-
-
-def _of_runs(v: Verdict) -> tuple[str, ...]:
-    """How much records differ, and what one more would give."""
-    said = of_spread(v)
-    if not v.next_record:
-        return said
-    r = v.next_record[len(v.next_record) // 2]
-    ratio = with_interval(r.value, r.low, r.high, " %", 100)
-    return *said, f"At the middle amplitude one more record would have a damping ratio of {ratio}."
 
 
 def _pooled_interval(given: Sequence[Interval | None]) -> Interval | None:
@@ -213,15 +220,15 @@ def _pooled_interval(given: Sequence[Interval | None]) -> Interval | None:
     return Interval(p.mean, p.low, p.high, known[0].unit)
 
 
-def largest(given: Sequence[Interval | None]) -> Interval | None:
+def _largest(given: Sequence[Interval | None]) -> Interval | None:
     """The interval with the largest value."""
     known = [i for i in given if i is not None]
     return max(known, key=lambda i: i.value) if known else None
 
 
-def energy_of_records(own: Sequence[Verdict], damping: Mapping[str, float]) -> tuple[Share, ...]:
+def _energy(own: Sequence[Verdict], damping: Mapping[str, float]) -> tuple[Share, ...]:
     """Shares of the energy over several records, whose dampings have these probabilities."""
-    terms = {s.term for v in own for s in v.energy}
+    terms = dict.fromkeys(s.term for v in own for s in v.energy)
     found = []
     for term in terms:
         shares = [s for v in own for s in v.energy if s.term == term]
@@ -231,14 +238,10 @@ def energy_of_records(own: Sequence[Verdict], damping: Mapping[str, float]) -> t
     return tuple(sorted(found, key=lambda s: -s.share))
 
 
-def remarks_on_records(own: Sequence[Verdict], likeliest: str) -> tuple[str, ...]:
-    """What records are by themselves where that is not what is likeliest for all."""
-    said = []
-    alone: dict[str, list[str]] = {}
-    for v in own:
-        first = max(v.probabilities, key=v.probabilities.__getitem__)
-        alone.setdefault(first, []).append(v.record)
-    if set(alone) != {likeliest}:
-        parts = [f"{named(d)} {len(names)}" for d, names in sorted(alone.items(), key=lambda i: -len(i[1]))]
-        said.append(f"Records by themselves are likeliest: {', '.join(parts)}.")
-    return tuple(said)
+def _alone(own: Sequence[Verdict], likeliest: str) -> tuple[str, ...]:
+    """Say what records are by themselves where that is not what is likeliest for all."""
+    alone = Counter(max(v.probabilities, key=v.probabilities.__getitem__) for v in own)
+    if set(alone) == {likeliest}:
+        return ()
+    parts = [f"{named(damping)} {count}" for damping, count in alone.most_common()]
+    return (f"Records by themselves are likeliest: {', '.join(parts)}.",)

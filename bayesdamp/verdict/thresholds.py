@@ -57,5 +57,11 @@ FEW_READINGS = 20
 """Readings of an envelope below which its noise is said to be hardly known, and no power law is told from a sum."""
 SHALLOW = 10.0
 """dB of fall of an envelope below which dampings are said to be hardly told apart."""
+MOVED = 0.5
+"""Standard deviations of a damping ratio, or of a coefficient, below which it has not moved."""
+WIDTHS_AGREE = 1.25
+"""Factor by which an interval may be wider or narrower: ends by a few hundred draws move by a tenth of the width."""
+WIDTH_HOLDS = 0.8
+"""Probability that the leading damping should keep whatever the width of the given priors (conventional)."""
 AVERAGED = 0.1
 """Posterior standard deviations by which averaging may move a parameter without a reservation."""

@@ -37,6 +37,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+_PLAIN_COLUMNS = (
+    "record", "quantity", "decided", "damping", "probability", "restoring", "restoring_probability", "unexplained_pct",
+    "noise_pct", "midline_drift_pct", "probability_exact", "power_law", "sentence",
+)  # fmt: skip
+"""Fields that are columns of verdicts.csv as they are."""
+
+
 @dataclass(frozen=True, repr=False)
 class Verdict(Told):
     """What is said of one record, or of several of one specimen; it prints as its sentence. The file `verdict.json`
@@ -124,28 +131,16 @@ class Verdict(Told):
 
     def row(self) -> dict[str, object]:
         """A line of verdicts.csv: a column each for three amplitudes, and for the probability of each term."""
-        found: dict[str, object] = {
-            **{s.term: s.probability for s in self.energy},
-            "record": self.record,
-            "quantity": self.quantity,
+        found: dict[str, object] = {name: getattr(self, name) for name in _PLAIN_COLUMNS}
+        found |= {s.term: s.probability for s in self.energy}
+        found |= {
             "grade": str(self.grade),
-            "decided": self.decided,
-            "damping": self.damping,
-            "probability": self.probability,
             "rivals": " ".join(f"{r.damping}:{r.probability:.4g}" for r in self.rivals),
-            "restoring": self.restoring,
-            "restoring_probability": self.restoring_probability,
-            "unexplained_pct": self.unexplained_pct,
-            "noise_pct": self.noise_pct,
-            "midline_drift_pct": self.midline_drift_pct,
-            "probability_exact": self.probability_exact,
-            "power_law": self.power_law,
             "energy": " ".join(f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in self.energy),
             "other_forms": " ".join(
                 f"{b.form.replace(' ', '_')}:{b.share_below:.4g}" for b in self.other_forms
             ),
             "remarks": " ".join(self.remarks),
-            "sentence": self.sentence,
         }
         values = ("frequency", "frequency_at", "exponent", "deviation", "unnamed", "spread")
         for name in (*values, "rate", "quality_factor"):

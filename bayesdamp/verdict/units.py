@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from bayesdamp.units import Unit
+from bayesdamp.verdict.parts import AtAmplitude, FrequencyAt, Mode, OverLaw
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence
 
@@ -23,19 +24,19 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
     own, amplitudes = unit.displacement, (*v.damping_ratio, *v.modes)
     if not amplitudes or own.base == own.name or any(r.unit != own.base for r in amplitudes):
         return v
-    ratios = tuple(replace(r, amplitude=r.amplitude * own.scale, unit=own.name) for r in v.damping_ratio)
-    following = tuple(replace(r, amplitude=r.amplitude * own.scale, unit=own.name) for r in v.next_record)
-    modes = tuple(
-        replace(m, first=m.first * own.scale, last=m.last * own.scale, unit=own.name) for m in v.modes
-    )
-    at = v.frequency_at
-    at = None if at is None else replace(at, amplitude=at.amplitude * own.scale, unit=own.name)
-    over = v.over_law
-    over = None if over is None else replace(over, amplitude=over.amplitude * own.scale, unit=own.name)
-    shown = replace(
-        v, damping_ratio=ratios, next_record=following, modes=modes, frequency_at=at, over_law=over
-    )
-    return replace(shown, sentence=sentence(shown))
+
+    def shown(value: object) -> object:
+        if isinstance(value, tuple):
+            return tuple(map(shown, value))
+        if isinstance(value, Mode):
+            return replace(value, first=value.first * own.scale, last=value.last * own.scale, unit=own.name)
+        if isinstance(value, AtAmplitude | FrequencyAt | OverLaw):
+            return replace(value, amplitude=value.amplitude * own.scale, unit=own.name)
+        return value
+
+    names = ("damping_ratio", "next_record", "modes", "frequency_at", "over_law")
+    changed = replace(v, **{name: shown(getattr(v, name)) for name in names})
+    return replace(changed, sentence=sentence(changed))
 
 
 def picture_in_unit(arrays: Mapping[str, np.ndarray], unit: Unit) -> dict[str, np.ndarray]:

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 from bayesdamp.formatting import by_ten, digits, probability, with_interval
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, words_of
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.parts import DampingRatio, FrequencyAt, Grade, Interval, Mode, Motion, OverLaw, Share
+from bayesdamp.verdict.parts import (
+    Averages,
+    DampingRatio,
+    FrequencyAt,
+    Grade,
+    Interval,
+    Mode,
+    Motion,
+    Share,
+)
 from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:
@@ -278,14 +287,9 @@ def _share(v: Verdict, s: Share) -> str:
     if s.term == v.damping and s.share >= ALL:
         said = f"all of it {name}" if v.probability >= 0.5 else f"{name} alone"
         return f"{said} with probability {probability(v.probability)}"
-    return f"{name} {_percent(s)}"
-
-
-def _percent(s: Share) -> str:
-    """`63 % (50 to 75)`; of a term that hardly takes anything how much at most."""
     if round(100 * s.share) == 0:
-        return f"at most {100 * s.high:.0f} %"
-    return f"{100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
+        return f"{name} at most {100 * s.high:.0f} %"
+    return f"{name} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
 
 
 def _hold(v: Verdict) -> str:
@@ -297,13 +301,11 @@ def _hold(v: Verdict) -> str:
     if d.value < UNSEEN:
         return f"; no deviation from the law is detected (95 %: below {100 * d.high:.2g} %)"
     within = f"; the law holds within {100 * d.value:.2g} % (95 %: below {100 * d.high:.2g} %)"
-    return within if v.over_law is None else f"{within} but at {_over_law(v.over_law)}"
-
-
-def _over_law(o: OverLaw) -> str:
-    """Where the damping is not the law's, and how many times it is that."""
-    times = with_interval(o.value, o.low, o.high, "")
-    return f"{o.amplitude:.2g} {o.unit}, where the damping is {times} times the law's"
+    o = v.over_law
+    if o is None:
+        return within
+    times = with_interval(o.value, o.low, o.high)
+    return f"{within} but at {o.amplitude:.2g} {o.unit}, where the damping is {times} times the law's"
 
 
 def loses_like(e: Interval, damping: str = "") -> str:
@@ -357,65 +359,61 @@ def remarks(
 
     twins: a term of the answer, one that takes as much from every amplitude, and how much of the energy that may have.
     """
-    said: list[tuple[float, str]] = []
-    for term, twin, share in twins if not v.contradicted else ():
-        said.append(
+    said = [(0.0, note) for note in notes]
+    if not v.contradicted:
+        said += [
             (
                 0.9,
                 f"The record cannot distinguish {words_of(term)} damping from {words_of(twin)}: both lose the same at "
                 f"every amplitude and differ only within a cycle. Up to {100 * share:.0f} % of the loss may be the "
                 "other.",
             )
-        )
+            for term, twin, share in twins
+        ]
+        said += [
+            (0.6, f"The record does not determine the {_plain(name)}; its interval is just the prior.")
+            for name in found.untold
+        ]
+        said += [
+            (
+                0.6,
+                f"Only a combination of {called(one)} and {called(other)} is determined, not each separately.",
+            )
+            for one, other in found.tied
+        ]
     if not same and v.grade is not Grade.DEVIATES:
         other = named(next(iter(found.exact)))
-        said.append(
-            (
-                1.0,
-                f"If damping and spring followed their laws exactly, {other} would be the most probable damping.",
-            )
+        text = (
+            f"If damping and spring followed their laws exactly, {other} would be the most probable damping."
         )
+        said.append((1.0, text))
     if found.unexplained >= thresholds.REMARK:
-        left = _first(_left(found.unexplained))
-        said.append((found.unexplained, f"{left} is not explained by the law."))
-    if abs(found.midline) >= thresholds.MIDLINE:
-        by = f"{100 * abs(found.midline):.2g} %"
-        said.append(
-            (abs(found.midline), f"The midline drifts by {by} of the first amplitude over the record.")
-        )
+        text = f"{_first(_left(found.unexplained))} is not explained by the law."
+        said.append((found.unexplained, text))
+    if (drift := abs(found.midline)) >= thresholds.MIDLINE:
+        text = f"The midline drifts by {100 * drift:.2g} % of the first amplitude over the record."
+        said.append((drift, text))
     fallen = found.amplitudes[1] / found.amplitudes[0]
     if fallen > thresholds.HARDLY_FALLS:
         by = f"falls by only {100 * (1 - fallen):.0f} %" if fallen < 1 else "does not fall"
         said.append((0.5, f"The amplitude {by}, so damping models are hard to distinguish."))
     if v.exponent is not None:
-        e = v.exponent
-        said.append(
-            (
-                0.0,
-                f"Fitted as a power law, the damping force {loses_like(e, v.damping)}.",
-            )
-        )
-    for name in found.untold if not v.contradicted else ():
-        said.append(
-            (0.6, f"The record does not determine the {_plain(name)}; its interval is just the prior.")
-        )
-    for one, other in found.tied if not v.contradicted else ():
-        pair = f"{called(one)} and {called(other)}"
-        said.append((0.6, f"Only a combination of {pair} is determined, not each separately."))
+        text = f"Fitted as a power law, the damping force {loses_like(v.exponent, v.damping)}."
+        said.append((0.0, text))
     if v.averages is not None:
-        a = v.averages
-        moved = f"that moves no parameter by more than {a.error_sd:.1g} of its standard deviation from the full motion"
-        text = f"Amplitude and phase were averaged over {a.cycles:,.0f} cycles; {moved}."
-        if not isfinite(a.error_sd):
-            text = (
-                f"Amplitude and phase were averaged over {a.cycles:,.0f} cycles; the equation of motion could not be "
-                "solved to check this approximation."
-            )
-        elif a.error_sd > thresholds.AVERAGED:
-            text = (
-                f"Amplitude and phase were averaged over {a.cycles:,.0f} cycles, too many for the equation of "
-                f"motion; that moves parameters by up to {a.error_sd:.2g} of their standard deviations."
-            )
-        said.append((0.0 if a.error_sd <= thresholds.AVERAGED else 0.5, text))
-    said += [(0.0, note) for note in notes]
+        said.append(_averaged(v.averages))
     return tuple(text for _, text in sorted(said, key=lambda item: -item[0]))
+
+
+def _averaged(a: Averages) -> tuple[float, str]:
+    """Say what averaging over cycles moves, with the weight of the remark."""
+    fine = a.error_sd <= thresholds.AVERAGED
+    how = (
+        f"; that moves no parameter by more than {a.error_sd:.1g} of its standard deviation from the full motion"
+        if fine
+        else f", too many for the equation of motion; that moves parameters by up to {a.error_sd:.2g} of their "
+        "standard deviations"
+        if isfinite(a.error_sd)
+        else "; the equation of motion could not be solved to check this approximation"
+    )
+    return 0.0 if fine else 0.5, f"Amplitude and phase were averaged over {a.cycles:,.0f} cycles{how}."

@@ -19,7 +19,7 @@ from bayesdamp.records.envelope.window import Window, bounded
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.envelope.specimen import specimen
-from tests.envelope.ringdowns import Ringdown, simulate
+from tests.envelope.ringdowns import NEPER, Ringdown, simulate
 from tests.envelope.weighed import log_evidence_as_given, place_as_given
 from tests.validation.envelopes import drawn
 
@@ -114,6 +114,20 @@ def test_a_law_that_bends_is_not_called_exact():
     assert result.grade != "exact"
     assert result.deviation.high > 0.05
     assert "the law holds within" in result.sentence
+
+
+def test_the_curve_of_a_picture_follows_a_law_that_bends():
+    """The true decay is within its band. Negative control: the straight line of the law misses it by thrice as much."""
+    record, truth = made({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
+    curve = analyse(record).curve
+    assert curve is not None
+    kept = np.isfinite(truth.x)
+    true = -40.0 + NEPER * np.interp(curve.t, truth.t[kept], truth.x[kept])
+    early = curve.fit > -40.0 - 30.0
+    assert np.mean(np.abs(true - curve.fit)[early] < 2 * curve.fit_sd[early] + 0.05) > 0.9
+    line = np.polynomial.Polynomial.fit(curve.t[early], true[early], 1)(curve.t[early])
+    missed, by_line = (np.median(np.abs(true[early] - x)) for x in (curve.fit[early], line))
+    assert by_line > 3 * missed
 
 
 @pytest.mark.parametrize("how", ["hilbert", "peaks"])

@@ -20,6 +20,7 @@ from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.types import InputError
 from bayesdamp.verdict.envelope.specimen import joint_damping, shared_likelihoods, specimen
+from bayesdamp.verdict.specimen import probabilities
 from tests.envelope.ringdowns import Ringdown, simulate
 
 SIZES = grid_of(KNOTS, phases=False).log_prior
@@ -90,14 +91,16 @@ def test_more_records_of_one_damping_say_more():
     found = [analyse(record(seed, scatter=0.8)) for seed in (11, 12, 13, 14)]
     joint = joint_damping(found)
     assert joint is not None
-    assert next(iter(joint.probabilities)) == truth
-    assert joint.probabilities[truth] > max(one.verdict.probabilities[truth] for one in found)
-    assert joint.spread[1] < 0.05 < joint.spread[2]
+    probability = probabilities(joint)[0]
+    assert next(iter(probability)) == truth
+    assert probability[truth] > max(one.verdict.probabilities[truth] for one in found)
+    spread = joint.spread()
+    assert spread["q2.5"] < 0.05 < spread["q97.5"]
     assert joint_damping(found[:1]) is None
     further = "viscous+coulomb+quadratic"
     apart = sum(np.log(one[further] / one[truth]) for one in (two.verdict.probabilities for two in found))
     apart -= 3 * np.log(odds(further.split("+")) / odds(truth.split("+")))
-    assert apart < np.log(0.01 * joint.probabilities[further] / joint.probabilities[truth])
+    assert apart < np.log(0.01 * probability[further] / probability[truth])
 
 
 def test_a_stored_answer_gives_the_same_specimen():

@@ -106,7 +106,7 @@ def test_both_sections_are_in_the_report(folder):
     page = render(folder).read_text(encoding="utf-8")
     assert "The estimators compared" in page
     assert "Errors against noise" in page
-    assert {"ranking.svg", "categories.svg", "against.svg", "sweep-viscous-noise.svg"} <= {
+    assert {"estimates-viscous-base-viscous.svg", "sweep-viscous-noise.svg"} <= {
         p.name for p in (folder / "figures").iterdir()
     }
     assert "77.6" not in page  # nothing is printed beside a method that the study's table does not name
@@ -120,13 +120,13 @@ def test_a_study_with_published_figures_leads_with_its_two_tables(folder):
     write_table(folder / "posteriors.csv", TABLES["posteriors.csv"], [posterior])
     page = render(folder).read_text(encoding="utf-8")
     first = page[page.index("<section") : page.index("</section>")]
-    assert 'id="published"' in first
+    assert 'id="comparison"' in first
     assert '<th class="g" colspan="3">' in first
     text = re.sub(r"<[^>]+>", " ", first)
     row = next(line for line in text.split("\n") if line.split()[:1] == ["genetic"])
-    assert row.split() == ["genetic", "4.0", "0.010", "~0", "4.0", "0.010", "~0"]
+    assert row.split() == ["genetic", "optimisation", *["4.0", "0.010", "~0"] * 2, "4.0", "0.010", "0"]
     assert "−2.00 to +4.00" in text
-    assert "ζ 0.049 to 0.052 1/s (viscous-twice), truth 0.05" in text
+    assert "ζ 0.049 to 0.052 1/s (viscous-twice)" in text
     assert "2–5 min" in text
     # The interval of another damping, or of another truth, is not shown: Coulomb has none here.
     assert text.count(" to +") == 1
@@ -138,5 +138,5 @@ def test_a_study_without_published_figures_does_not(folder):
     info = {**run.info, "study": {**run.study, "published": []}}
     write_json(folder / "run.json", info)
     page = render(folder).read_text(encoding="utf-8")
-    assert 'id="published"' not in page
+    assert 'id="comparison"' not in page[page.index("<section") : page.index("</section>")]
     assert "Time for 8 signals together" in page

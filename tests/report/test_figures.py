@@ -18,7 +18,6 @@ from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.answer import answer
 from bayesdamp.report.figures.curves import backbone, exponent
 from bayesdamp.report.figures.density import contours, outline
-from bayesdamp.report.figures.evidence import bars
 from bayesdamp.report.figures.posterior import marginals
 from bayesdamp.report.figures.record import motions, thinned
 from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
@@ -229,14 +228,6 @@ def test_a_legend_has_as_many_columns_as_there_is_room_for(count):
     assert widths[0] < WIDTH
     assert count < 3 or widths[1] > WIDTH
     assert legend_columns(["a", "b", "c"], WIDTH, 5) == 3
-
-
-def test_a_candidate_without_evidence_is_not_called_the_best():
-    values = {"a": 0.0, "b": -2.0, "c": np.nan}
-    found = [{"model": name, "log_bayes_factor": x, "probability": 0.5} for name, x in values.items()]
-    said = [text.get_text() for text in bars(found).axes[0].texts]
-    assert (said[0], said[2]) == ("best", "not weighed")
-    assert said[1].startswith("−2")
 
 
 @pytest.mark.parametrize("narrow", [False, True])

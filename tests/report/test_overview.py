@@ -12,11 +12,12 @@ import pytest
 from rich.console import Console
 
 from bayesdamp.report import render
+from bayesdamp.report.figures.curves import overview
 from bayesdamp.report.results.answers import answers
-from bayesdamp.report.results.estimates import coefficient_estimates
+from bayesdamp.report.results.estimates import estimates_of
 from bayesdamp.report.results.overview import common_amplitude, ratio_of, short_names
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections.against import inside
+from bayesdamp.report.sections.estimates import inside
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.store.folders import claim
@@ -64,25 +65,34 @@ def folder(tmp_path: Path, sketchy: None) -> Path:
     return tmp_path
 
 
-def test_every_record_has_a_picture_and_a_line_that_lead_to_its_answer(folder: Path) -> None:
+def test_every_record_has_a_curve_and_a_line_that_leads_to_its_answer(folder: Path) -> None:
     page = render(folder).read_text(encoding="utf-8")
     section = page[page.index('id="overview"') : page.index('id="answer"')]
     assert "Viscous damping (probability 0.98)" in section, "what they say together comes first"
-    assert section.index("Viscous damping (probability 0.98)") < section.index("<svg")
+    assert section.index("Viscous damping (probability 0.98)") < section.index("<figure")
     for name in SIZES:
-        assert section.count(f'href="#answer-{name}"') == 2
+        assert section.count(f'href="#answer-{name}"') == 1
         assert f'id="answer-{name}"' in page
-    assert section.count("<svg") == 3
     assert "7.02 deg" in section, "in the unit that the record came in"
-    points = [re.findall(r"polyline points=\"([^\"]+)", part)[0] for part in section.split("<b>")[1:]]
-    heights = [float(p.split(",")[-1]) for p in points]
-    assert heights[1] < heights[2] < heights[0], "a larger damping ratio stands higher, on one scale"
+
+
+@pytest.mark.parametrize("count", [3, 12])
+def test_curves_of_all_records_are_on_one_scale(count: int) -> None:
+    """Few have a colour and a name; many are grey."""
+    at = np.geomspace(0.1, 1.0, 5)
+    sizes = [0.01 * (i + 1) for i in range(count)]
+    curves = {f"r{i}": (at, *(np.full(5, f * size) for f in (1.0, 0.9, 1.1))) for i, size in enumerate(sizes)}
+    (ax,) = overview(curves, "rad").axes
+    assert [line.get_ydata()[0] for line in ax.lines] == pytest.approx([100 * size for size in sizes])
+    assert len({line.get_color() for line in ax.lines}) == (3 if count == 3 else 1)
+    assert ax.get_ylim()[1] > 100 * sizes[-2]
 
 
 def test_two_records_need_no_overview(folder: Path) -> None:
     info = Run(folder).info
     (folder / "cells" / "answer" / "rig_run_3").rename(folder / "elsewhere")
     write_json(folder / "run.json", {**info, "signals": {n: info["signals"][n] for n in list(SIZES)[:2]}})
+    (folder / "verdict.json").unlink()  # no specimen
     assert 'id="overview"' not in render(folder).read_text(encoding="utf-8")
 
 
@@ -115,8 +125,8 @@ def test_names_are_shown_without_what_all_begin_with() -> None:
 
 
 def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Path) -> None:
-    found = {one.signal: one for one in coefficient_estimates(Run(whole_run)) if one.parameter == "zeta"}
-    one = found["sim"]
+    run = Run(whole_run)
+    one = estimates_of(run, "sim", "viscous")[0]
     assert one.source == "sim"
     assert one.truth == 0.05
     assert len(one.own) == len(one.refined) == 11
@@ -125,7 +135,7 @@ def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Pa
     assert low < 0.0501 < high
     count = sum(low <= value <= high for value in one.refined.values())
     assert f"{count} of the 11 trajectory fits" in inside([one])
-    assert np.isnan(found["bench"].truth)
+    assert np.isnan(estimates_of(run, "bench", "viscous")[0].truth)
 
 
 def test_records_are_compared_at_an_amplitude_that_all_pass(folder: Path) -> None:

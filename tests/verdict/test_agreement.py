@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bayesdamp.verdict.agreement import SMALL, agreement, intervals
+from bayesdamp.verdict.agreement import agreement, intervals
 from bayesdamp.verdict.parts import DampingRatio, Grade
+from bayesdamp.verdict.thresholds import MOVED
 from bayesdamp.verdict.types import Verdict
 
 
@@ -23,7 +24,7 @@ def verdict(value: float = 0.02, damping: str = "viscous", decided: bool = True)
 
 
 def test_the_same_damping_and_ratio_confirm() -> None:
-    found = agreement(verdict(), verdict(0.02 + 0.9 * SMALL * 1e-4))
+    found = agreement(verdict(), verdict(0.02 + 0.9 * MOVED * 1e-4))
     assert found.same
     assert found.confirms
 

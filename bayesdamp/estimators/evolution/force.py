@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.estimators.evolution.expressions import Expression
-from bayesdamp.estimators.shared import ORDER, known_restoring, motion, noise_level, oscillator
+from bayesdamp.estimators.shared import ORDER, known_restoring, motion, noise_level, oscillator, solved
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Problem, Signal
 
@@ -58,9 +58,7 @@ class Force:
         at = fastest * np.linspace(-1, 1, hats + 1 - hats % 2)  # an odd number: one at rest
         eye = np.eye(at.size)
         free = [self.motion.project(np.interp(self.omega, at, row)) for row in eye if row[at.size // 2] == 0]
-        a = np.column_stack([self._columns, *free])
-        scale = np.maximum(np.linalg.norm(a, axis=0), 1e-300)
-        return (np.linalg.lstsq(a / scale, self.target, rcond=1e-10)[0] / scale)[:count]
+        return solved(np.column_stack([self._columns, *free]), self.target, 1e-10)[:count]
 
     def thinned(self, samples: int) -> tuple[np.ndarray, np.ndarray]:
         """Velocities and forces at evenly spread samples, each (m,), and as many mirrored: a force that
@@ -86,11 +84,8 @@ class Force:
         """Restoring parameters that are not known, beside the expression."""
         if self._count == 0:
             return {}
-        scale = np.maximum(np.linalg.norm(self._columns, axis=0), 1e-300)
         left = self.target - self.motion.project(expression(self.omega))
-        return self._decode(
-            (np.linalg.lstsq(self._columns / scale, left, rcond=None)[0] / scale)[: self._count]
-        )
+        return self._decode(solved(self._columns, left)[: self._count])
 
 
 def _unit(a: np.ndarray) -> np.ndarray:

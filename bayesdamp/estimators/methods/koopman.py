@@ -21,6 +21,7 @@ from bayesdamp.estimators.shared import (
     motion,
     oscillator,
     runs,
+    solved,
 )
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
@@ -103,8 +104,7 @@ class Koopman(Estimator[KoopmanOptions]):
         index = {one.damping: i for i, one in enumerate(library) if one.damping}
         shapes = g[:, [index[name] for name in problem.damping]]
         columns = np.column_stack([shapes, observed.columns])
-        scale = np.linalg.norm(columns, axis=0)
-        x = np.linalg.lstsq(columns / scale, -(g @ row) - observed.offset, rcond=1e-12)[0] / scale
+        x = solved(columns, -(g @ row) - observed.offset, 1e-12)
         values = {name: float(c) for name, c in zip(oscillator(problem).coefficients, x)}
         if observed.columns.shape[1]:
             form = oscillator(problem).law.linear_form(moving.everywhere[0], known_restoring(problem))

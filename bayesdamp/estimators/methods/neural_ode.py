@@ -23,7 +23,7 @@ from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.networks.shooting import Shooting
 from bayesdamp.estimators.networks.training import gauss_newton, generator, single_thread
 from bayesdamp.estimators.shared import checked_features, free_names
-from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
+from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 GRID = 41
 
@@ -90,7 +90,7 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
             trace={"loss": trained.losses, **dict(zip(shooting.coefficients, coefficients.T))},
             details=details,
             evaluations=trained.evaluations,
-            outcome=OK if trained.converged else f"training had not converged after {options.rounds} rounds",
+            outcome=trained.outcome,
         )
 
 

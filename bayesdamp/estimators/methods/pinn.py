@@ -21,7 +21,6 @@ from bayesdamp.estimators.networks.jets import jets, slopes
 from bayesdamp.estimators.networks.record import Phase, thinned
 from bayesdamp.estimators.networks.training import (
     REAL,
-    Trained,
     gauss_newton,
     generator,
     layers,
@@ -37,7 +36,7 @@ from bayesdamp.estimators.shared import (
     start_parameters,
 )
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
+from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 MOST_SAMPLES = 1500
 UNINFORMED = 0.05
@@ -97,12 +96,8 @@ class Pinn(Estimator[PinnOptions]):
                 **loss.parts(trained.x),
             },
             evaluations=trained.evaluations,
-            outcome=_outcome(trained, options),
+            outcome=trained.outcome,
         )
-
-
-def _outcome(trained: Trained, options: PinnOptions) -> str:
-    return OK if trained.converged else f"training had not converged after {options.rounds} rounds"
 
 
 class _Loss:

@@ -13,7 +13,13 @@ from scipy.special import gammaln
 from sklearn import config_context
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.regression.library import Candidate, candidates, judged, restoring_values
+from bayesdamp.estimators.regression.library import (
+    Candidate,
+    candidates,
+    damping_values,
+    judged,
+    restoring_values,
+)
 from bayesdamp.estimators.regression.oscillation_spline import OscillationSpline
 from bayesdamp.estimators.regression.prediction import Record, left_over
 from bayesdamp.estimators.shared import (
@@ -146,11 +152,7 @@ class Sindy(Estimator[SindyOptions]):
         of_law = np.array([one.restoring for one in library]) & unknown
 
         spread = standard_errors(seen, library, columns, target, read, force)
-        index = {one.damping: i for i, one in enumerate(library) if one.damping}
-        values, stderr = {}, {}
-        for term in oscillator(problem).terms:
-            values[term.parameter] = float(read.x[index[term.name]])
-            stderr[term.parameter] = float(spread[index[term.name]])
+        values, stderr = damping_values(problem, library, read.x, spread)
         if unknown:
             of_theta = np.array([one.restoring for one in library])
             found = evaluated(library, seen.theta, seen.omega)[:, of_theta] @ read.x[of_theta]

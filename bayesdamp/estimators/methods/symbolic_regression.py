@@ -18,6 +18,7 @@ from bayesdamp.estimators.shared import (
     free_names,
     further_priors,
     oscillator,
+    solved,
 )
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
@@ -173,7 +174,7 @@ def _read(
     def left(further: dict[str, float]) -> float:
         beside.update(further)
         columns = shapes(epsilon)
-        return float(np.sum((f - columns @ _solve(columns, f)) ** 2))
+        return float(np.sum((f - columns @ solved(columns, f)) ** 2))
 
     further = least_over_further(further_priors(problem, seen), left)
     beside.update(further)
@@ -183,7 +184,7 @@ def _read(
     near = [width for width in own if abs(width - epsilon) <= SWITCH * fastest]
     for width in [*near[:1], epsilon]:
         columns = shapes(width)
-        c = _solve(columns, f)
+        c = solved(columns, f)
         if np.sqrt(np.mean((f - columns @ c) ** 2)) <= SAME * np.sqrt(np.mean(f**2)):
             return (
                 {**_named(terms, c), **further},
@@ -194,13 +195,8 @@ def _read(
     if len(terms) == 1:
         c = np.atleast_1d(force.motion.project(f) @ force.motion.omega / (smooth[:, 0] @ force.motion.omega))
         return {**_named(terms, c), **further}, own[0] if own else None, "the law that does the same work"
-    c = _solve(smooth, force.motion.project(f))
+    c = solved(smooth, force.motion.project(f))
     return {**_named(terms, c), **further}, own[0] if own else None, "the law nearest to the expression"
-
-
-def _solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    scale = np.maximum(np.linalg.norm(a, axis=0), 1e-300)
-    return np.linalg.lstsq(a / scale, b, rcond=None)[0] / scale
 
 
 def _named(terms: tuple, c: np.ndarray) -> dict[str, float]:

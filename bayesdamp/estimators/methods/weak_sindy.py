@@ -9,7 +9,13 @@ from pydantic import Field
 from scipy import sparse
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.regression.library import Candidate, candidates, judged, restoring_values
+from bayesdamp.estimators.regression.library import (
+    Candidate,
+    candidates,
+    damping_values,
+    judged,
+    restoring_values,
+)
 from bayesdamp.estimators.regression.weak import Stretch, kernel_half_width, uniform, velocity_map, weights
 from bayesdamp.estimators.regression.weak_regression import Rows, Sparse, solved, sparse_path, whitened
 from bayesdamp.estimators.shared import (
@@ -117,9 +123,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
             white = whitened(rows, found.x, sigma, support)
             trace.append(float(found.x[own][0]))
 
-        index = {one.damping: i for i, one in enumerate(library) if one.damping}
-        values = {term.parameter: float(found.x[index[term.name]]) for term in oscillator(problem).terms}
-        stderr = {term.parameter: float(found.stderr[index[term.name]]) for term in oscillator(problem).terms}
+        values, stderr = damping_values(problem, library, found.x, found.stderr)
         if not all_known:
             theta = np.concatenate([one.theta for one in stretches])
             omega = np.concatenate([one.omega for one in stretches])

@@ -11,6 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from bayesdamp.types import OK
+
 REAL = torch.float64
 """Every tensor says its precision: torch's own default is left as it is."""
 
@@ -59,13 +61,13 @@ def unpacked(weights: Tensor, sizes: tuple[int, ...]) -> list[tuple[Tensor, Tens
 
 @dataclass(frozen=True)
 class Trained:
-    """x (k,), the loss and whatever was watched after each round, evaluations, and whether it converged."""
+    """x (k,), the loss and whatever was watched after each round, evaluations, and OK or that it had not converged."""
 
     x: Tensor
     losses: np.ndarray
     watched: np.ndarray
     evaluations: int
-    converged: bool
+    outcome: str
 
 
 FIRST, LOWEST, LESS, MORE = 1e-3, 1e-14, 0.2, 5.0
@@ -130,4 +132,5 @@ def gauss_newton(
         if number == rounds:
             losses.append(lower)
             watched.append(watch(x))
-    return Trained(x, np.array(losses), np.array(watched), evaluations, converged)
+    outcome = OK if converged else f"training had not converged after {rounds} rounds"
+    return Trained(x, np.array(losses), np.array(watched), evaluations, outcome)

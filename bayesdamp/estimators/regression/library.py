@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.estimators.shared import known_restoring, oscillator
+from bayesdamp.estimators.shared import known_restoring, oscillator, solved
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.types import OK, Problem
 
@@ -70,9 +70,17 @@ def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> 
     form = oscillator(problem).law.linear_form(theta, known_restoring(problem))
     if form.columns.shape[1] == 0:
         return {}
-    scale = np.linalg.norm(form.columns, axis=0)
-    c = np.linalg.lstsq(form.columns / scale, force, rcond=1e-12)[0] / scale
-    return form.decode(c)
+    return form.decode(solved(form.columns, force, 1e-12))
+
+
+def damping_values(
+    problem: Problem, library: list[Candidate], x: np.ndarray, stderr: np.ndarray
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the problem's damping coefficients and their standard errors by name, from those of the library, (p,)."""
+    index = {one.damping: i for i, one in enumerate(library) if one.damping}
+    terms = oscillator(problem).terms
+    values, errors = ({t.parameter: float(each[index[t.name]]) for t in terms} for each in (x, stderr))
+    return values, errors
 
 
 def judged(library: list[Candidate], selected: np.ndarray, model: np.ndarray) -> str:

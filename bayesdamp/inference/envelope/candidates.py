@@ -49,6 +49,8 @@ SCALES, SCALES_MANY = (
 """Factors by which the noise may be other than inferred: few readings do not know it well, MANY do."""
 MANY = 40
 POWER_MOST = 3.0
+SEEN = 1e-3
+"""Weight, of the largest, from which a combination of hyperparameters counts for the curve in a picture."""
 IMPROBABLE = 0.1
 """Probability of a law that holds exactly below which what counts among all may lack a part of it."""
 
@@ -131,6 +133,23 @@ class Candidate:
         """Draw rates in 1/s, (n, d), and the deviation at the knots, (n, KNOTS)."""
         u, _ = (self.exact if exact else self.weighed).draws(self.about.positive, count, rng)
         return self.unit * u[:, : len(self.terms)], u[:, -KNOTS:]
+
+    def curve(self, blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:
+        """Return the mean and the sd of ln(A/A_ref) at the readings with the law's deviation, (n,) both.
+
+        To first order about the fit, as the evidence has it, before rates are cut off at zero.
+        """
+        d, at = self.rates.size, np.append(self.rates, self.x0)
+        motion = solver_of(blocks, self.law).solve(at, tangents=ALL)
+        units = [*[self.unit] * d, START_SD, 0.0, *[1.0] * KNOTS]  # the floor's error moves no amplitude
+        columns = np.insert(motion.tangents, d + 1, 0.0, axis=1) * units
+        taken = np.flatnonzero(self.weighed.weights > SEEN * self.weighed.weights.max())
+        means, factors = self.weighed.posteriors(taken)
+        weights = self.weighed.weights[taken] / self.weighed.weights[taken].sum()
+        curves = motion.y - motion.tangents[:, :d] @ self.rates + means @ columns.T
+        mean = weights @ curves
+        variance = weights @ ((curves - mean) ** 2 + np.sum((columns @ factors) ** 2, axis=2))
+        return mean, np.sqrt(variance)
 
     @property
     def likelihood(self) -> DampingLikelihood:

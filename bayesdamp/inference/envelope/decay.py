@@ -15,12 +15,13 @@ from bayesdamp.records.envelope.window import Window
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """For pictures: times in s on the record's clock, levels in dB of the recorded power of the readings' means, of the
-    fit of the best sum, and the sd of a reading's scatter in dB, shape (n,)."""
+    """For pictures: times in s on the record's clock, levels in dB of the recorded power of the readings' means and of
+    the best sum with its law's deviation, the sd of the latter, and the sd of a reading's scatter in dB, shape (n,)."""
 
     t: np.ndarray
     level: np.ndarray
     fit: np.ndarray
+    fit_sd: np.ndarray
     scatter: np.ndarray
 
 
@@ -59,13 +60,13 @@ class Decay:
         value, unit = self.record.amplitude((x + self.reference) * NEPER)
         return float(value), unit
 
-    def curve(self, fit: np.ndarray) -> Curve:
-        """Return the readings with a fit of ln(A/A_ref), (n,)."""
+    def curve(self, fit: np.ndarray, sd: np.ndarray) -> Curve:
+        """Return the readings with ln(A/A_ref) of a sum and its sd, (n,) both."""
         b, t = self.blocks, self.record.t[self.first : self.window.stop]
         # The blocks' own clock starts at the first one's middle.
         start = float(t.min()) + 0.5 * (b.t[1] - b.t[0]) * (b.each > 1)
         level, fitted = ((one + self.reference) * NEPER for one in (b.x, fit))
-        return Curve(b.t + start, level, fitted, np.sqrt(np.diag(self.noises[0][1])) * NEPER)
+        return Curve(b.t + start, level, fitted, sd * NEPER, np.sqrt(np.diag(self.noises[0][1])) * NEPER)
 
     def misfit(self, fit: np.ndarray) -> tuple[float, float]:
         """Return the root mean squares, relative to the amplitude and weighted by its square, of what a fit leaves

@@ -1,12 +1,12 @@
-"""What several figures draw alike: panels in as many rows as they need, what lies beyond an axis."""
+"""What several figures draw alike: lines with holes, what lies beyond an axis."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator
 
-from bayesdamp.report.style import QUIET, WIDTH
+from bayesdamp.report.style import QUIET
 
 ABREAST = 4
 """Panels in a row; more would be too narrow for their labels."""
@@ -25,20 +25,11 @@ def broken(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarra
     return np.insert(t, places, begins), np.insert(np.asarray(y, float), places, np.nan)
 
 
-def panels(
-    count: int, height: float, extra: float = 0.0, abreast: int = ABREAST
-) -> tuple[Figure, list[Axes], list[Axes]]:
-    """A figure with so many panels, each `height` inches high; the panels, and the first of each row.
-
-    extra: inches for what is above them all; abreast: panels in a row, 1 for a phone.
-    """
-    rows = -(-count // abreast)
-    figure = Figure(figsize=(WIDTH if abreast > 1 else NARROW, rows * height + extra))
-    grid = np.atleast_2d(figure.subplots(rows, min(count, abreast), sharey=True, squeeze=False))
-    every = list(grid.flat)
-    for spare in every[count:]:
-        spare.set_visible(False)
-    return figure, every[:count], list(grid[:, 0])
+def plain(ax: Axes) -> None:
+    """Write a logarithmic axis of amplitudes in plain numbers, not in powers of ten."""
+    for which in (ax.xaxis.set_major_formatter, ax.xaxis.set_minor_formatter):
+        which(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.xaxis.set_minor_locator(LogLocator(subs=(2, 4, 6)))
 
 
 def off_axis(ax: Axes, text: str, left: bool, y: float) -> None:

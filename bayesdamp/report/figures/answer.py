@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator
 
 from bayesdamp.report import words
-from bayesdamp.report.figures._panels import NARROW, broken
+from bayesdamp.report.figures._panels import NARROW, broken, plain
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash
 
 HEIGHT, PANEL = 6.2, 2.5
@@ -92,7 +91,7 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
         )  # fmt: skip
     ax.set_xscale("log")
     ax.set_ylim(0, 1.35 * top or 1.0)  # in %: nothing may be lost
-    _plain(ax)
+    plain(ax)
     ax.set_xlim(a.min(), a.max())
     title = "Equivalent damping ratio, " + ("and each law fitted alone" if laws else "measured without a law")
     _finish(ax, title, f"amplitude / {unit}", "%")
@@ -112,7 +111,7 @@ def _energies(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
         ax.plot(a, values, color=INK, label="without a law")
         lost = bool(np.any(values > 0))
     ax.set(xscale="log", yscale="log" if lost else "linear")
-    _plain(ax)
+    plain(ax)
     ax.set_xlim(a.min(), a.max())
     _finish(
         ax,
@@ -121,13 +120,6 @@ def _energies(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
         f"{unit}²/s²",
     )
     ax.legend(loc="best")
-
-
-def _plain(ax: Axes) -> None:
-    """Amplitudes as plain numbers, not as powers of ten."""
-    for which in (ax.xaxis.set_major_formatter, ax.xaxis.set_minor_formatter):
-        which(FuncFormatter(lambda x, _: f"{x:g}"))
-    ax.xaxis.set_minor_locator(LogLocator(subs=(2, 4, 6)))
 
 
 def _finish(ax: Axes, title: str, xlabel: str, ylabel: str) -> None:

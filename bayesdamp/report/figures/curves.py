@@ -2,45 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import cycle
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
-from bayesdamp.report.figures._panels import NARROW
+from bayesdamp.report.figures._panels import NARROW, plain
 from bayesdamp.report.figures.density import outline
 from bayesdamp.report.style import INK, QUIET, WIDTH, colour, legend_above, looks
 
+INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 
-def ratio(
-    amplitudes: np.ndarray,
-    band: np.ndarray,
-    unit: str,
-    shade: str,
-    medians: Mapping[str, np.ndarray] | None = None,
-    reference: float | None = None,
-) -> Figure:
-    """Draw an equivalent damping ratio against amplitude.
 
-    band: its quantiles 2.5, 50 and 97.5 % at the amplitudes (in `unit`), shape (3, m); medians: of each model of which
-    it is the average, by name, shape (m,); reference: amplitude of the tables.
-    """
-    figure = Figure(figsize=(WIDTH * (0.7 if medians else 0.5), 2.7 if medians else 2.2))
-    ax = figure.add_subplot()
-    low, median, high = 100 * band
-    ax.fill_between(amplitudes, low, high, color=shade, alpha=0.2, lw=0)
-    ax.plot(amplitudes, median, color=shade, lw=1.6, label="average")
-    for model, (ink, dashes) in looks(medians or {}).items():
-        ax.plot(
-            amplitudes, 100 * (medians or {})[model], color=ink, ls=dashes, lw=1.0, label=words.model(model)
-        )
-    if reference is not None:
-        ax.axvline(reference, color=INK, lw=0.7, ls=(0, (1, 2)))
-    ax.set(xlabel=f"amplitude / {unit}", ylabel="equivalent\ndamping ratio / %")
-    ax.set_ylim(0, 1.4 * float(np.nanmax(high)) or 1.0)
-    if medians:
+def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
+    """Draw damping ratios of several records against amplitude (in `unit`): name to amplitude, ratio, low and high,
+    each (m,)."""
+    figure = Figure(figsize=(WIDTH, 3.4))
+    ax = figure.subplots()
+    few = len(curves) <= len(INKS)
+    for (name, (at, ratio, low, high)), ink in zip(
+        curves.items(), cycle(INKS if few else (QUIET,)), strict=False
+    ):
+        ax.fill_between(at, 100 * low, 100 * high, color=ink, alpha=0.15 if few else 0.05, lw=0)
+        ax.plot(at, 100 * ratio, color=ink, lw=1.4 if few else 0.8, label=name)
+    tops = [np.nanmax(curve[1]) for curve in curves.values()]
+    ax.set(xscale="log", xlabel=f"amplitude / {unit}", ylabel="damping ratio / %")
+    plain(ax)
+    ax.set_ylim(0, 130 * float(np.nanquantile(tops, 0.9)) or 1.0)
+    if few:
         legend_above(figure)
     return figure
 
@@ -104,22 +96,27 @@ def exponent(
     return figure
 
 
-def draw_exponent(ax: Axes, draws: np.ndarray, interval: tuple[float, float, float], title: str = "") -> None:
-    """Draw it on these axes."""
+def draw_exponent(
+    ax: Axes,
+    draws: np.ndarray | None,
+    interval: tuple[float, float, float],
+    title: str = "",
+    marked: Sequence[tuple[float, str, str]] = MARKED,
+) -> None:
+    """Draw it on these axes; without draws the interval alone. marked: exponents of laws, their names and terms."""
     value, low, high = interval
-    grid, height = outline(draws)
-    inside = (grid >= 0.0) & (grid <= 3.0)
-    grid, height = grid[inside], height[inside]
-    for place, name, term in MARKED:
+    for place, name, term in marked:
         ax.axvline(place, color=colour(term), lw=1.2, ls=(0, (4, 2)))
-        ax.text(
-            place, 1.14, name, color=colour(term), fontsize=8, ha="left" if place == 0 else "center",
-            va="bottom",
-        )  # fmt: skip
-    ax.fill_between(grid, 0.0, height, color=QUIET, alpha=0.35, lw=0)
-    ax.plot(grid, height, color=INK, lw=1.0)
-    ax.plot([low, high], [-0.13, -0.13], color=INK, lw=2.4)
-    ax.plot([value], [-0.13], "o", color=INK, ms=5)
+        side = "left" if place == 0.0 else "center" if place < 3.0 else "right"
+        ax.text(place, 1.14, name, color=colour(term), fontsize=8, ha=side, va="bottom")
+    if draws is not None:
+        grid, height = outline(draws)
+        inside = (grid >= 0.0) & (grid <= 3.0)
+        ax.fill_between(grid[inside], 0.0, height[inside], color=QUIET, alpha=0.35, lw=0)
+        ax.plot(grid[inside], height[inside], color=INK, lw=1.0)
+    at = 0.4 if draws is None else -0.13
+    ax.plot([low, high], [at, at], color=INK, lw=2.4)
+    ax.plot([value], [at], "o", color=INK, ms=5)
     ax.set(xlim=ENDS, ylim=(-0.3, 1.12), yticks=[])
     ax.spines["left"].set_visible(False)
     ax.set(xticks=[0, 0.5, 1, 1.5, 2, 2.5, 3], xlabel="exponent of the velocity")

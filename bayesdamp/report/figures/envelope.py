@@ -10,10 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from bayesdamp.report.figures.curves import ENDS, MARKED
+from bayesdamp.report.figures.curves import MARKED, draw_exponent
 from bayesdamp.report.figures.record import KEPT, thinned
-from bayesdamp.report.style import INK, QUIET, colour
-from bayesdamp.verdict.parts import Interval
+from bayesdamp.report.style import INK, QUIET
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named
 
@@ -22,22 +21,6 @@ CUBIC = (3.0, "cubic", "cubic")
 FIT, BAND = KEPT, "#D55E00"
 PLACES = ((0.075, 0.12, 0.53, 0.78), (0.68, 0.42, 0.305, 0.48), (0.68, 0.12, 0.305, 0.12))
 """Of the three panels in the figure: left, bottom, width and height."""
-
-
-def _exponent(ax: Axes, found: Interval, cubic: bool) -> None:
-    """The interval of the power of the velocity on an axis where the three laws are marked, the cubic one where it was
-    weighed."""
-    aligned = ("left", "center", "center", "right")
-    for side, (place, name, term) in zip(aligned, (*MARKED, CUBIC) if cubic else MARKED, strict=False):
-        ax.axvline(place, color=colour(term), lw=1.2, ls="--")
-        ax.text(place, 1.25, name, color=colour(term), fontsize=7.5, ha=side, va="bottom")
-    ax.plot([found.low, found.high], [0.0, 0.0], color=INK, lw=3.0, solid_capstyle="butt")
-    ax.plot([found.value], [0.0], "o", color=INK, ms=5)
-    ax.set_xlim(*ENDS)
-    ax.set_ylim(-1.0, 1.0)
-    ax.set_yticks([])
-    ax.set_xlabel("exponent of the velocity", fontsize=8.5, color=INK)
-    ax.tick_params(labelsize=8)
 
 
 def draw_envelope(
@@ -67,11 +50,16 @@ def draw_envelope(
     if verdict.exponent is None:
         below.set_axis_off()
     else:
-        _exponent(below, verdict.exponent, any(share.term == "cubic" for share in verdict.energy))
+        e, cubic = verdict.exponent, any(share.term == "cubic" for share in verdict.energy)
+        draw_exponent(below, None, (e.value, e.low, e.high), marked=(*MARKED, CUBIC) if cubic else MARKED)
+        below.tick_params(labelsize=8)
     if "curve/t" not in arrays or verdict.window is None:
         rest.set_axis_off()
         return
-    t, level, fit, scatter = (arrays[f"curve/{name}"] for name in ("t", "level", "fit", "scatter"))
+    t, level, fit, sd, scatter = (
+        arrays[f"curve/{name}"] for name in ("t", "level", "fit", "fit_sd", "scatter")
+    )
+    whole.fill_between(t, fit - 2 * sd, fit + 2 * sd, color=FIT, alpha=0.3, lw=0)
     whole.plot(t, fit, color=FIT, lw=1.4)
     for at in (verdict.window.start, verdict.window.stop):
         whole.axvline(at, color=BAND, lw=0.8)

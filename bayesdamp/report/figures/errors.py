@@ -1,4 +1,4 @@
-"""Draw the errors of estimators: ranked, by signal, and along a factor."""
+"""Draw the errors of estimators along a factor."""
 
 from __future__ import annotations
 
@@ -8,95 +8,9 @@ from matplotlib.figure import Figure
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures._panels import panels
-from bayesdamp.report.results.comparing import CATEGORIES, STAGES, Comparison, category
+from bayesdamp.report.results.comparing import STAGES
 from bayesdamp.report.results.sweeping import FACTORS, Series
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, legend_above
-
-FLOOR = 1e-8
-"""Errors below this share of a per cent are drawn at it: rounding."""
-THRESHOLD = 0.1
-"""The paper's line between good and other methods, per cent."""
-_INITIAL, _REFINED = "#E69F00", "#0072B2"
-
-
-def ranking(found: Comparison) -> Figure:
-    """Mean error of each method at both stages, beside the published mean; best initial stage at the top."""
-    methods = sorted(found.methods, key=lambda m: np.nan_to_num(found.mean(m, "initial"), nan=np.inf))
-    figure = Figure(figsize=(WIDTH, 0.34 * len(methods) + 1.0))
-    ax = figure.add_subplot()
-    for row, method in enumerate(methods):
-        ax.axhline(row, color=FAINT, lw=0.5, zorder=0.5)
-        ends = [found.mean(method, s) for s in ("initial", "refined")]
-        if np.all(np.isfinite(ends)):
-            ax.plot(np.maximum(ends, FLOOR), [row, row], color=FAINT, lw=2.5, zorder=0.7)
-        _point(ax, ends[0], row, "o", "white", _INITIAL)
-        _point(ax, ends[1], row, "o", _REFINED, _REFINED)
-        _point(ax, found.mean_published(method), row, "|", INK, INK, size=11)
-    for marker, face, edge, label in (
-        ("o", "white", _INITIAL, words.stage("initial")),
-        ("o", _REFINED, _REFINED, words.stage("refined")),
-        ("|", INK, INK, "published"),
-    ):
-        if label != "published" or found.published:
-            ax.plot([], [], ls="", marker=marker, mfc=face, mec=edge, label=label)
-    _threshold(ax)
-    ax.set_yticks(range(len(methods)), [words.method(m) for m in methods])
-    ax.set_ylim(len(methods) - 0.4, -0.6)
-    ax.tick_params(axis="y", length=0)
-    ax.spines["left"].set_visible(False)
-    ax.set_xlabel("mean error / %")
-    figure.legend(loc="outside upper left", ncols=4)
-    return figure
-
-
-def categories(found: Comparison) -> Figure:
-    """Every method's error on each signal, by category; a line at each category's median."""
-    names = [c for c in (*CATEGORIES, "others") if any(category(m) == c for m in found.methods)]
-    figure, axes, firsts = panels(len(found.signals), 2.3, 0.3)
-    for ax, signal in zip(axes, found.signals):
-        for place, name in enumerate(names):
-            for shift, stage, edge in ((-0.18, "initial", _INITIAL), (0.18, "refined", _REFINED)):
-                methods = [m for m in found.methods if category(m) == name]
-                errors = [found.errors.get((m, signal, stage), np.nan) for m in methods]
-                values = np.maximum([e for e in errors if np.isfinite(e)], FLOOR)
-                spots = (
-                    place + shift + np.linspace(-0.08, 0.08, len(values))
-                    if len(values) > 1
-                    else [place + shift]
-                )
-                face = "white" if stage == "initial" else edge
-                ax.plot(spots[: len(values)], values, "o", ms=4, mfc=face, mec=edge)
-                if len(values):
-                    ax.plot(
-                        [place + shift - 0.13, place + shift + 0.13],
-                        [np.median(values)] * 2,
-                        color=INK,
-                        lw=1.2,
-                    )
-        ax.set_yscale("log")
-        ax.axhline(THRESHOLD, color=QUIET, lw=0.8, ls=(0, (3, 2)))
-        ax.set_title(signal)
-        ax.set_xticks(range(len(names)), names)
-        ax.set_xlim(-0.5, len(names) - 0.5)
-    for ax in firsts:
-        ax.set_ylabel("error / %")
-    for stage, face, edge in (("initial", "white", _INITIAL), ("refined", _REFINED, _REFINED)):
-        axes[0].plot([], [], ls="", marker="o", ms=4.5, mfc=face, mec=edge, label=words.stage(stage))
-    axes[0].plot([], [], color=INK, lw=1.2, label="median")
-    legend_above(figure)
-    return figure
-
-
-def _point(ax: Axes, error: float, row: int, marker: str, face: str, edge: str, size: float = 5.5) -> None:
-    if np.isfinite(error):
-        ax.plot(max(error, FLOOR), row, marker, ms=size, mfc=face, mec=edge, mew=1.3)
-
-
-def _threshold(ax: Axes) -> None:
-    ax.set_xscale("log")
-    ax.axvline(THRESHOLD, color=QUIET, lw=0.8, ls=(0, (3, 2)))
-
+from bayesdamp.report.style import INK, WIDTH
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8C564B", "#7F3C8D", "#222222")
 _MARKS = "osD^vP*Xph<>"

@@ -12,9 +12,9 @@ from matplotlib.patches import Patch
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures._panels import off_axis, panels
+from bayesdamp.report.figures._panels import ABREAST, NARROW, off_axis
 from bayesdamp.report.results.estimates import CoefficientEstimates
-from bayesdamp.report.style import FAINT, INK, QUIET, colour
+from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour
 
 REACH = 3.0
 """Half the axis, in half widths of the posterior's interval: it fills the middle third."""
@@ -24,16 +24,23 @@ ROW, ROW_PUBLISHED = 0.31, 0.40
 """Inches a method takes, with two and with three marks."""
 
 
-def against(found: Sequence[CoefficientEstimates], abreast: int) -> Figure:
-    """A panel a coefficient, `abreast` in a row, a line a method. What is off the axis is an arrow with its value."""
+def against(found: Sequence[CoefficientEstimates], abreast: int = ABREAST, narrow: bool = False) -> Figure:
+    """Draw a panel a coefficient, `abreast` in a row, with a line a method; what is off the axis is an arrow.
+
+    narrow: panels below each other, for a phone.
+    """
+    abreast = 1 if narrow else min(abreast, len(found))
     methods = list(dict.fromkeys(m for one in found for m in one.methods))
     published = any(one.published for one in found)
     height = (ROW_PUBLISHED if published else ROW) * len(methods) + 0.85
-    figure, axes, firsts = panels(len(found), height, 0.45, abreast)
+    rows = -(-len(found) // abreast)
+    figure = Figure(figsize=(WIDTH if abreast > 1 else NARROW, rows * height + 0.45))
+    axes = list(figure.subplots(rows, abreast, sharey=True, squeeze=False).flat)
+    for spare in axes[len(found) :]:
+        spare.set_visible(False)
     for ax, one in zip(axes, found):
         _panel(ax, one, methods)
-    for ax in firsts:
-        ax.set_yticks(range(len(methods)), [words.method(m) for m in methods])
+    axes[0].set_yticks(range(len(methods)), [words.method(m) for m in methods])
     handles = _handles(found, published)
     figure.legend(handles=handles, loc="outside upper left", ncols=len(handles) if abreast > 1 else 2)
     return figure

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -14,6 +16,8 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.density import contours, outline
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour
 
+TRUE: dict[str, Any] = {"color": INK, "lw": 0.9, "ls": (0, (2, 2))}
+"""How a true value is drawn."""
 _POSITIVE = frozenset({"noise_sd", "noise_time", "epsilon", "stiffness"})
 """Parameters beside the damping coefficients whose densities end at zero."""
 
@@ -41,12 +45,11 @@ def marginals(
             ax.plot(grid, height, **line)
             if fill:
                 ax.fill_between(grid, height, color=fill, alpha=0.22, lw=0)
-        if np.isfinite(truth.get(name, np.nan)):
-            ax.axvline(truth[name], color=INK, lw=0.9, ls=(0, (2, 2)))
+        _mark(ax.axvline, truth.get(name))
         ax.set(xlabel=words.axis(name, units.get(name, "")), yticks=[], ylim=(0, 1.08))
         ax.spines["left"].set_visible(False)
         ax.locator_params(axis="x", nbins=4)
-    _legend(figure, model, list(draws), truth)
+    _legend(figure, _samplers(model, list(draws)), truth)
     return figure
 
 
@@ -77,7 +80,8 @@ def pairs(
                 ax.contour(
                     x, y, smooth, levels, colors=line["color"], linewidths=line["lw"], linestyles=line["ls"]
                 )
-            _mark_truth(ax, across, None if row == column else below, truth)
+            _mark(ax.axvline, truth.get(across))
+            _mark(ax.axhline, None if row == column else truth.get(below))
             ax.locator_params(nbins=4)
             if row == column:
                 ax.set(ylim=(0, 1.08), yticks=[])
@@ -90,15 +94,14 @@ def pairs(
                 ax.set_xlabel(words.axis(across, units.get(across, "")))
             else:
                 ax.tick_params(labelbottom=row == column == 0 and count == 1)
-    _legend(figure, model, list(draws), truth)
+    _legend(figure, _samplers(model, list(draws)), truth)
     return figure
 
 
-def _mark_truth(ax, across: str, below: str | None, truth: Mapping[str, float]) -> None:
-    if np.isfinite(truth.get(across, np.nan)):
-        ax.axvline(truth[across], color=INK, lw=0.9, ls=(0, (2, 2)))
-    if below and np.isfinite(truth.get(below, np.nan)):
-        ax.axhline(truth[below], color=INK, lw=0.9, ls=(0, (2, 2)))
+def _mark(line: Callable[..., object], value: float | None) -> None:
+    """Draw a line at a true value where that is known."""
+    if value is not None and np.isfinite(value):
+        line(value, **TRUE)
 
 
 def _strokes(model: str, sampler: str, samplers: Sequence[str]) -> tuple[dict, str | None]:
@@ -109,11 +112,14 @@ def _strokes(model: str, sampler: str, samplers: Sequence[str]) -> tuple[dict, s
     return {"color": INK, "lw": 1.0, "ls": ("--", ":", "-.")[(place - 1) % 3]}, None
 
 
-def _legend(figure: Figure, model: str, samplers: Sequence[str], truth: Mapping[str, float]) -> None:
-    handles = [Line2D([], [], **_strokes(model, s, samplers)[0], label=words.method(s)) for s in samplers]
+def _legend(figure: Figure, handles: Sequence[Artist], truth: Mapping[str, float]) -> None:
     if any(np.isfinite(v) for v in truth.values()):
-        handles.append(Line2D([], [], color=INK, lw=0.9, ls=(0, (2, 2)), label="truth"))
+        handles = [*handles, Line2D([], [], **TRUE, label="truth")]
     figure.legend(handles=handles, loc="outside upper left", ncols=len(handles))
+
+
+def _samplers(model: str, samplers: Sequence[str]) -> list[Artist]:
+    return [Line2D([], [], **_strokes(model, s, samplers)[0], label=words.method(s)) for s in samplers]
 
 
 SETTLING = 0.15
@@ -137,8 +143,7 @@ def running(
         ax.fill_between(t, low, high, color=colour(model), alpha=0.22, lw=0)
         ax.plot(t, mean, color=colour(model), lw=1.3)
         ax.plot(t, first[name][0], color=QUIET, lw=0.9, ls=(0, (3, 2)))
-        if np.isfinite(truth.get(name, np.nan)):
-            ax.axhline(truth[name], color=INK, lw=0.9, ls=(0, (2, 2)))
+        _mark(ax.axhline, truth.get(name))
         late = t >= t[0] + SETTLING * (t[-1] - t[0])
         bottom, top = float(low[late].min()), float(high[late].max())
         ax.set(
@@ -146,13 +151,11 @@ def running(
             ylabel=words.axis(name, units.get(name, "")),
         )
     figure.axes[-1].set_xlabel("time / s")
-    handles = [
+    handles: list[Artist] = [
         Patch(color=colour(model), alpha=0.35, label="estimate from the record so far, ± 2 sd"),
         Line2D([], [], color=QUIET, lw=0.9, ls=(0, (3, 2)), label="first pass"),
     ]
-    if any(np.isfinite(v) for v in truth.values()):
-        handles.append(Line2D([], [], color=INK, lw=0.9, ls=(0, (2, 2)), label="truth"))
-    figure.legend(handles=handles, loc="outside upper left", ncols=len(handles))
+    _legend(figure, handles, truth)
     return figure
 
 

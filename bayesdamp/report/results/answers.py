@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.report.results.run import Run
-from bayesdamp.store.contents.answers import AnswerContent, WeighedCandidate
+from bayesdamp.store.contents.answers import AnswerContent, EnvelopeContent, WeighedCandidate
 from bayesdamp.types import OK
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
@@ -23,6 +23,7 @@ class Answer:
     verdict: Verdict
     candidates: tuple[WeighedCandidate, ...]
     arrays: Mapping[str, np.ndarray]
+    envelope: EnvelopeContent | None = None
 
 
 def content_of(run: Run, signal: str) -> AnswerContent | None:
@@ -41,18 +42,14 @@ def answer_of(run: Run, signal: str, repeat: int) -> Answer | None:
     unit = run.unit(signal)
     content = AnswerContent.of(cell)
     verdict = in_unit(Verdict.from_dict(content.verdict), unit)
-    return Answer(signal, repeat, verdict, content.candidates, picture_in_unit(cell.arrays, unit))
+    arrays = picture_in_unit(cell.arrays, unit)
+    return Answer(signal, repeat, verdict, content.candidates, arrays, content.envelope)
 
 
 def answers(run: Run) -> list[Answer]:
     """The answer on every record's first repeat, in the study's order."""
     found = (answer_of(run, signal, run.repeats(signal)[0]) for signal in run.signals)
     return [one for one in found if one is not None]
-
-
-def verdicts(run: Run) -> list[Verdict]:
-    """Their verdicts."""
-    return [one.verdict for one in answers(run)]
 
 
 def specimens(run: Run) -> list[Verdict]:
@@ -64,4 +61,5 @@ def specimens(run: Run) -> list[Verdict]:
 
 def only_answered(run: Run) -> bool:
     """Whether a run went no further than to answers: exact laws were neither fitted nor sampled."""
-    return bool(verdicts(run)) and not any(run.cells("mode", signal) for signal in run.signals)
+    answered = any(answer_of(run, signal, run.repeats(signal)[0]) for signal in run.signals)
+    return answered and not any(run.cells("mode", signal) for signal in run.signals)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Fitting, Status, fitting_of, status_of
 from bayesdamp.report import words
-from bayesdamp.report.results.answers import Answer, answer_of
+from bayesdamp.report.results.answers import answer_of
 from bayesdamp.report.results.comparing import true_models
 from bayesdamp.report.results.reading import (
     Ranking,
@@ -27,10 +27,11 @@ from bayesdamp.report.results.reading import (
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.contents.posteriors import PosteriorContent
-from bayesdamp.table import Line, Table
+from bayesdamp.table import Table
 from bayesdamp.types import OK, candidate_parts
-from bayesdamp.verdict.agreement import SMALL, Z95, Agreement, agreement, intervals
+from bayesdamp.verdict.agreement import Z95, Agreement, agreement, intervals
 from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.thresholds import MOVED, WIDTH_HOLDS
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
 
@@ -38,14 +39,10 @@ WINDOW_SPREAD = 3.0
 """Standard deviations by which a coefficient seldom moves by chance between parts of a record."""
 PREDICTIVE = 0.01
 """Predictive p below which, and above one less it, records drawn from a model look different."""
-HOLDS = 0.8
-"""Probability that the leading damping should keep whatever the width of the given priors (conventional)."""
 ANSWERS = "smc"
 """The sampler whose draws and evidence the answer itself rests on."""
 SILENT = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
 """What became of a task that needs no word here: other sections give the reason."""
-AGREE = 1e-6
-"""Relative spread below which trajectory fits are one value."""
 
 
 @dataclass(frozen=True)
@@ -86,31 +83,30 @@ def sampled(run: Run, signal: str) -> list[Check]:
     return [Check(sampled_words(found) if found.confirms else text)]
 
 
-def candidate_of(run: Run, signal: str, answer: Answer | None) -> str | None:
-    """Return the study's candidate that an answer names; without an answer the most probable one."""
-    ranked = models_by_rank(run, signal, run.repeats(signal)[0])
-    if answer is None:
-        return ranked[0] if ranked else None
-    own = set(answer.verdict.damping.split("+"))
-    for model in ranked:
-        damping, law = candidate_parts(model)
-        if set(damping.split("+")) == own and law in ("", answer.verdict.restoring):
-            return model
-    return None
-
-
 class Checks:
     """What a study's tables say of a record's answer."""
 
     def __init__(self, run: Run, signal: str) -> None:
         self.run, self.signal, self.repeat = run, signal, run.repeats(signal)[0]
-        self.answer = answer_of(run, signal, self.repeat)
-        self.verdict = self.answer.verdict if self.answer else None
-        self.model = candidate_of(run, signal, self.answer)
+        answer = answer_of(run, signal, self.repeat)
+        self.verdict = answer.verdict if answer else None
+        self.model = self._candidate()
+        self.names = coefficients(run, self.model) if self.model else []
+        self.own = {c.name: c for c in self.verdict.coefficients} if self.verdict else {}
         self.exact_only = (
             self.verdict is not None and self.verdict.deviation is not None and not run.under_law
         )
         """Whether laws may deviate in the answer but not in what checks it."""
+
+    def _candidate(self) -> str | None:
+        """Return the study's candidate that the answer names; without an answer the most probable one."""
+        ranked = models_by_rank(self.run, self.signal, self.repeat)
+        v = self.verdict
+        if v is None:
+            return ranked[0] if ranked else None
+        laws = ("", v.restoring)
+        own = [m for m in ranked if candidate_parts(m)[1] in laws]
+        return next((m for m in own if _same_sum([candidate_parts(m)[0]], v.damping)), None)
 
     def all(self) -> list[Check]:
         """Return every check, those that fail first; an envelope's answer has none."""
@@ -125,7 +121,7 @@ class Checks:
             )
             return [Check(text)] if of_laws else []
         found = [*self._convergence(), *self._ratios(), *self._coefficients(), *self._evidence(evidence)]
-        found += [*self._residuals(), *self._estimators(), *self._truth()]
+        found += [*self._residuals(), *self._truth()]
         if self.exact_only and of_laws:
             found.append(
                 Check(
@@ -137,38 +133,37 @@ class Checks:
 
     def table(self) -> Table | None:
         """Return each damping coefficient by the answer, the chains and the trajectory fits, with the truth."""
-        if self.model is None or (self.verdict is not None and self.verdict.law_free):
+        samplers, fits = self._samplers(), {name: self._fits(name) for name in self.names}
+        law_free = self.verdict is not None and self.verdict.law_free
+        if self.model is None or law_free or not (samplers or any(fits.values())):
             return None
-        own = {c.name: c for c in self.verdict.coefficients} if self.verdict else {}
-        samplers = self._samplers()
-        lines, units = [], {r["parameter"]: r["unit"] for r in (*self.run.posteriors, *self.run.estimates)}
-        simulated = self.run.simulated(self.signal)
-        fits = {name: self._fits(name) for name in coefficients(self.run, self.model)}
-        for name, values in fits.items():
-            by_chain = [rows_of(rows, parameter=name) for rows in samplers.values()]
-            cells = []
-            if own:
-                c = own.get(name)
-                cells.append(fmt.with_interval(c.value, c.low, c.high) if c else fmt.NONE)
-            cells += [
-                fmt.with_interval(r[0]["median"], r[0]["q2.5"], r[0]["q97.5"]) if r else fmt.NONE
-                for r in by_chain
-            ]
-            if any(fits.values()):
-                cells.append(_range(values) if values else fmt.NONE)
-            if simulated:
-                true = truth(self.run, self.signal, name)
-                cells.append(fmt.given(true) if math.isfinite(true) else fmt.NONE)
-            lines.append(Line([words.symbol(name).text, words.unit(units.get(name, "")), *cells]))
-        headers = ["coefficient", "unit"]
-        headers += ["answer (95 %)"] if own else []
-        headers += [f"{words.method(s)} (95 %)" for s in samplers]
-        headers += ["trajectory fits"] if any(fits.values()) else []
-        headers += ["truth"] if simulated else []
-        if not lines or not (samplers or any(fits.values())):
-            return None
-        caption = f"Coefficients of {words.model(self.model)} damping"
-        return Table(headers, lines, frozenset({0, 1}), caption)
+        units = {r["parameter"]: r["unit"] for r in (*self.run.posteriors, *self.run.estimates)}
+
+        def answered(name: str) -> str:
+            c = self.own.get(name)
+            return fmt.with_interval(c.value, c.low, c.high) if c else fmt.NONE
+
+        def drawn(name: str, rows: Sequence[Row]) -> str:
+            found = rows_of(rows, parameter=name)[:1]
+            return (
+                fmt.with_interval(*(found[0][q] for q in ("median", "q2.5", "q97.5"))) if found else fmt.NONE
+            )
+
+        columns: dict[str, Callable[[str], str]] = {
+            "coefficient": lambda name: words.symbol(name).text,
+            "unit": lambda name: words.unit(units.get(name, "")),
+        }
+        if self.own:
+            columns["answer (95 %)"] = answered
+        for sampler, rows in samplers.items():
+            columns[f"{words.method(sampler)} (95 %)"] = lambda name, rows=rows: drawn(name, rows)
+        if any(fits.values()):
+            columns["trajectory fits"] = lambda name: (
+                f"{fmt.spread(fits[name])} ({len(fits[name])})" if fits[name] else fmt.NONE
+            )
+        if self.run.simulated(self.signal):
+            columns["truth"] = lambda name: fmt.given(truth(self.run, self.signal, name))
+        return Table.of(self.names, columns, (0, 1), f"Coefficients of {words.model(self.model)} damping")
 
     def _samplers(self) -> dict[str, list[Row]]:
         """Each sampler's rows of the candidate, where it has numbers."""
@@ -196,20 +191,34 @@ class Checks:
                 yield Check(f"{_name(s)} is close to the posterior by its importance weights ({size}).")
 
     def _coefficients(self) -> Iterator[Check]:
-        """Compare each coefficient of the chains with the answer's, where both make the same assumptions."""
-        if self.verdict is None or self.exact_only:
-            return
-        for c in self.verdict.coefficients:
-            sd = max(c.high - c.low, 1e-300) / (2 * Z95)
-            for sampler, rows in self._samplers().items():
-                for r in rows_of(rows, parameter=c.name, outcome=OK):
-                    moved = abs(r["median"] - c.value) / sd
-                    if c.name in coefficients(self.run, self.model or "") and moved >= SMALL:
+        """Say which chains and trajectory fits contradict the answer's coefficients, and where the truth does."""
+        chains = self._samplers()
+        limits = {name: (c.low, c.high) for name, c in self.own.items()}
+        if self.verdict is None:
+            rows = next(iter(chains.values()), [])
+            limits = {r["parameter"]: (r["q2.5"], r["q97.5"]) for r in rows}
+        for name in filter(limits.__contains__, self.names):
+            symbol, (low, high) = words.symbol(name).text, limits[name]
+            for sampler, rows in chains.items() if name in self.own and not self.exact_only else ():
+                for r in rows_of(rows, parameter=name, outcome=OK):
+                    moved = abs(r["median"] - self.own[name].value) * 2 * Z95 / max(high - low, 1e-300)
+                    if moved >= MOVED:
                         text = (
-                            f"{_name(sampler)} contradicts the answer: its {words.symbol(c.name).text} is "
-                            f"{moved:.1f} of the answer's standard deviations away."
+                            f"{_name(sampler)} contradicts the answer: its {symbol} is {moved:.1f} of the answer's "
+                            "standard deviations away."
                         )
                         yield Check(text, fails=True)
+            fits = self._fits(name) if name in self.own and not self.exact_only else []
+            outside = [value for value in fits if not low <= value <= high]
+            if outside:
+                text = (
+                    f"{len(outside)} of {len(fits)} trajectory fits give {symbol} = {fmt.spread(outside)}, outside the "
+                    "answer's 95 % interval."
+                )
+                yield Check(text, fails=True)
+            true = truth(self.run, self.signal, name)
+            if math.isfinite(true) and not low <= true <= high:
+                yield Check(f"Truth: {symbol} = {fmt.given(true)}, outside the 95 % interval.", fails=True)
 
     def _ratios(self) -> Iterator[Check]:
         """Compare the damping ratios of the chains with the answer's."""
@@ -241,7 +250,7 @@ class Checks:
             yield Check(f"{name} confirms the damping ratio: {middle}.")
         else:
             most = given(next(k for k, r in enumerate(v.damping_ratio) if r.amplitude == off.amplitude))
-            if off.moved < SMALL:
+            if off.moved < MOVED:
                 size = f"an interval {off.wider:.1f} times as wide"
                 text = f"{name} agrees with the damping ratio but gives {size}: {most}."
                 yield Check(text, fails=off.wider > 1)
@@ -288,11 +297,12 @@ class Checks:
                 else:
                     against = "the answer" if self.verdict else words.method(chosen.method)
                     yield Check(f"{text}, which contradicts {against}.", fails=True)
-        lowest = min(over_widths(run, signal, repeat, chosen), key=lambda w: w.probability, default=None)
-        if lowest is not None and lowest.probability < min(HOLDS, chosen.dampings[leading]):
+        widths = over_widths(run, signal, repeat, chosen)
+        factor = min(widths, key=lambda f: widths[f], default=1.0)
+        if widths and widths[factor] < min(WIDTH_HOLDS, chosen.dampings[leading]):
             text = (
-                f"The width of the priors matters: with priors {fmt.number(lowest.factor, 2)} times as wide, the "
-                f"probability of {words.model(leading)} is {fmt.probability(lowest.probability)}."
+                f"The width of the priors matters: with priors {fmt.number(factor, 2)} times as wide, the "
+                f"probability of {words.model(leading)} is {fmt.probability(widths[factor])}."
             )
             yield Check(text, fails=True)
         every = [r for r in (ranking(run, signal, each) for each in run.repeats(signal)) if r]
@@ -331,61 +341,25 @@ class Checks:
         rows = rows_of(rows, stage="refined", parameter=parameter, outcome=OK)
         return [r["value"] for r in rows if math.isfinite(r["value"])]
 
-    def _estimators(self) -> Iterator[Check]:
-        """Say whether the trajectory fits agree with each other, and lie in the answer's intervals."""
-        own = {c.name: c for c in self.verdict.coefficients} if self.verdict else {}
-        for name in coefficients(self.run, self.model) if self.model else ():
-            values = self._fits(name)
-            if not values:
-                continue
-            count = f"{len(values)} trajectory fits give" if len(values) > 1 else "1 trajectory fit gives"
-            outside = [x for x in values if name in own and not own[name].low <= x <= own[name].high]
-            text = f"{count} {words.symbol(name).text} = {_range(values)}"
-            if outside and not self.exact_only:
-                text += f"; {len(outside)} of them outside the answer's 95 % interval"
-            yield Check(f"{text}.", fails=bool(outside) and not self.exact_only)
-
     def _truth(self) -> Iterator[Check]:
-        """Compare with what a record was simulated with."""
+        """Compare the answer's damping with what a record was simulated with."""
         made, v = true_models(self.run).get(self.signal), self.verdict
-        if made is not None and v is not None and v.damping:
-            text = f"Truth: the record was simulated with {words.model(made)} damping"
-            if _same_sum([made], v.damping) is None:
-                share = next((r.probability for r in v.rivals if _same_sum([made], r.damping)), 0.0)
-                yield Check(f"{text}, to which the answer gives {fmt.probability(share)}.", fails=True)
-            elif v.decided:
-                yield Check(f"{text}, as the answer says.")
-            else:
-                yield Check(f"{text}, the most probable in the answer ({fmt.probability(v.probability)}).")
-        if v is not None:
-            limits = {c.name: (c.low, c.high) for c in v.coefficients}
+        if made is None or v is None or not v.damping:
+            return
+        text = f"Truth: the record was simulated with {words.model(made)} damping"
+        if _same_sum([made], v.damping) is None:
+            share = next((r.probability for r in v.rivals if _same_sum([made], r.damping)), 0.0)
+            yield Check(f"{text}, to which the answer gives {fmt.probability(share)}.", fails=True)
+        elif v.decided:
+            yield Check(f"{text}, as the answer says.")
         else:
-            rows = next(iter(self._samplers().values()), [])
-            limits = {r["parameter"]: (r["q2.5"], r["q97.5"]) for r in rows}
-        for name in coefficients(self.run, self.model) if self.model else ():
-            true = truth(self.run, self.signal, name)
-            if not math.isfinite(true):
-                continue
-            text = f"Truth: {words.symbol(name).text} = {fmt.given(true)}"
-            if name in limits:
-                inside = limits[name][0] <= true <= limits[name][1]
-                where = "inside" if inside else "outside"
-                yield Check(f"{text}, {where} the 95 % interval.", fails=not inside)
-            elif v is None:
-                yield Check(f"{text}.")
+            yield Check(f"{text}, the most probable in the answer ({fmt.probability(v.probability)}).")
 
 
 def _name(method: str) -> str:
     """A method's name at the beginning of a sentence; emcee keeps its own spelling."""
     name = words.method(method)
     return name if method == "emcee" else name[:1].upper() + name[1:]
-
-
-def _range(values: Sequence[float]) -> str:
-    """The values from the least to the largest; one value where they agree."""
-    low, high = min(values), max(values)
-    agree = high - low <= AGREE * abs(high)
-    return fmt.number(high, 6) if agree else f"{fmt.number(low, 5)} to {fmt.number(high, 5)}"
 
 
 def _same_sum(dampings: Iterable[str], damping: str) -> str | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from bayesdamp.report.results.reading import damping_parameters
@@ -44,16 +44,17 @@ class Comparison:
     times: dict[str, str]
 
     def mean(self, method: str, stage: str) -> float:
-        """Mean error over the signals where the method has one; nan where it has none."""
-        found = [self.errors.get((method, s, stage), math.nan) for s in self.signals]
-        finite = [e for e in found if math.isfinite(e)]
-        return sum(finite) / len(finite) if finite else math.nan
+        """Return the mean error over the signals where the method has one; nan where it has none."""
+        return _mean(self.errors.get((method, s, stage), math.nan) for s in self.signals)
 
     def mean_published(self, method: str) -> float:
-        """The same of the published figures."""
-        found = [value(self.published.get((method, s), "")) for s in self.signals]
-        finite = [e for e in found if math.isfinite(e)]
-        return sum(finite) / len(finite) if finite else math.nan
+        """Return the same of the published figures."""
+        return _mean(value(self.published.get((method, s), "")) for s in self.signals)
+
+
+def _mean(errors: Iterable[float]) -> float:
+    finite = [e for e in errors if math.isfinite(e)]
+    return sum(finite) / len(finite) if finite else math.nan
 
 
 def value(printed: str) -> float:

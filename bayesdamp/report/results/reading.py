@@ -12,7 +12,7 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.store.contents.candidates import ModeContent
-from bayesdamp.types import OK, candidate_parts
+from bayesdamp.types import OK, candidate_parts, summed
 
 _FIRST = ("combined", "nested", "bridge", "importance", "laplace")
 _SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
@@ -25,11 +25,6 @@ class Ranking:
     method: str
     rows: list[Row]
     shares: dict[str, dict[str, float]]
-
-    @property
-    def best(self) -> Row:
-        """The row of the most probable candidate."""
-        return self.rows[0]
 
     @property
     def dampings(self) -> dict[str, float]:
@@ -68,67 +63,39 @@ def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
         by_method[chosen],
         key=lambda row: (-row["probability"], -np.nan_to_num(row["log_evidence"], nan=-1e300)),
     )
-    return Ranking(chosen, ordered, {name: _by_damping(rows) for name, rows in by_method.items()})
+    return Ranking(
+        chosen,
+        ordered,
+        {name: summed({r["model"]: r["probability"] for r in rows}) for name, rows in by_method.items()},
+    )
 
 
-def _by_damping(rows: list[Row]) -> dict[str, float]:
-    """Sum probabilities over restoring laws, the most probable damping first."""
-    found: dict[str, float] = {}
-    for row in rows:
-        damping = damping_of(row)
-        found[damping] = found.get(damping, 0.0) + row["probability"]
-    return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+def over_widths(run: Run, signal: str, repeat: int, found: Ranking) -> dict[float, float]:
+    """Return the probability of the most probable damping under damping priors so many times as wide, by that factor.
 
-
-@dataclass(frozen=True)
-class AtWidth:
-    """The ranking under damping priors so many times as wide, summed over the restoring laws: the probability there of
-    the damping that is the most probable under the study's own, and which come first and second there."""
-
-    factor: float
-    probability: float
-    first: str
-    second: str
-
-
-def over_widths(run: Run, signal: str, repeat: int, found: Ranking) -> list[AtWidth]:
-    """A ranking over the widths for which the evidence of all its candidates is known; empty where it is not.
-
-    Candidates that were pruned keep their share.
+    Summed over the restoring laws, at the widths for which the evidence of all candidates is known; empty where it is
+    not. Candidates that were pruned keep their share.
     """
     moved: dict[str, np.ndarray] = {}
     factors = np.empty(0)
     for row in found.rows:
         cell = run.cell("sensitivity", signal, repeat, row["model"], "widths")
         if cell is not None and cell.outcome == OK and cell.arrays:
-            factors = cell.arrays["factors"]
-            change = (
-                cell.arrays["log_evidence"] - cell.arrays["log_evidence"][np.argmin(np.abs(np.log(factors)))]
-            )
+            factors, logs = cell.arrays["factors"], cell.arrays["log_evidence"]
+            change = logs - logs[np.argmin(np.abs(np.log(factors)))]
             moved[row["model"]] = np.where(cell.arrays["trusted"], change, np.nan)
         elif status_of(row["outcome"]) is not Status.PRUNED:
-            return []
-    if len(found.rows) < 2 or not moved:
-        return []
+            return {}
+    if not moved or len(found.dampings) < 2:
+        return {}
+    unmoved = np.zeros(factors.size)
     log_p = np.array(
-        [
-            np.log(max(r["probability"], 1e-300)) + moved.get(r["model"], np.zeros(factors.size))
-            for r in found.rows
-        ]
+        [np.log(max(r["probability"], 1e-300)) + moved.get(r["model"], unmoved) for r in found.rows]
     )
     p = np.exp(log_p - log_p.max(axis=0))
-    p /= p.sum(axis=0)
-    dampings = list(found.dampings)
-    if len(dampings) < 2:
-        return []
-    own = np.array([[damping_of(row) == damping for row in found.rows] for damping in dampings], float)
-    summed = own @ p
-    order = np.argsort(-summed, axis=0)
-    return [
-        AtWidth(float(factor), float(summed[0, i]), *(words.model(dampings[k]) for k in order[:2, i]))
-        for i, factor in enumerate(factors)
-        if np.all(np.isfinite(summed[:, i]))
-    ]
+    leading = next(iter(found.dampings))
+    share = p[[damping_of(row) == leading for row in found.rows]].sum(axis=0) / p.sum(axis=0)
+    return {float(factor): float(s) for factor, s in zip(factors, share, strict=True) if np.isfinite(s)}
 
 
 def over_odds(found: Ranking) -> dict[float, dict[str, float]]:
@@ -171,19 +138,16 @@ def models_kept(run: Run, signal: str, repeat: int) -> list[str]:
     return [model for model in models_by_rank(run, signal, repeat) if model not in aside]
 
 
-def summary_rows(run: Run, signal: str, repeat: int, model: str) -> tuple[str, list[Row]]:
-    """The sampler to quote (the first that is `ok`, else the first) and its rows of posteriors.csv."""
+def summary_rows(run: Run, signal: str, repeat: int, model: str) -> list[Row]:
+    """Return the rows of posteriors.csv of the sampler to quote: NUTS or the first that is `ok`, else the first."""
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
-    samplers = list(dict.fromkeys(row["sampler"] for row in rows))
-    if not samplers:
-        return "", []
+    by_sampler = [rows_of(rows, sampler=s) for s in dict.fromkeys(row["sampler"] for row in rows)]
 
-    def fine(sampler: str) -> bool:
-        found = rows_of(rows, sampler=sampler)
-        return all(r["outcome"] == OK for r in found) and any(math.isfinite(r["mean"]) for r in found)
+    def doubted(own: list[Row]) -> bool:
+        return any(r["outcome"] != OK for r in own) or not any(math.isfinite(r["mean"]) for r in own)
 
-    samplers.sort(key=lambda s: (not fine(s), s != "nuts"))
-    return samplers[0], [r for r in rows_of(rows, sampler=samplers[0]) if math.isfinite(r["mean"])]
+    best = min(by_sampler, key=lambda own: (doubted(own), own[0]["sampler"] != "nuts"), default=[])
+    return [r for r in best if math.isfinite(r["mean"])]
 
 
 def truth(run: Run, signal: str, parameter: str) -> float:

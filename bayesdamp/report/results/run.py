@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Self
 
+from bayesdamp.formatting import number
 from bayesdamp.provenance import Provenance
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.store import TABLES, TEXT_OF, CellResult, Store, read_table
@@ -91,10 +92,10 @@ class Run:
         """What was recorded of a signal: "angle", "velocity", "acceleration" or "envelope"."""
         return str(self.about(signal).get("quantity") or "angle")
 
-    def rms(self, row: Row) -> tuple[float, str]:
-        """The residual of a line of fits.csv, and its unit: that which the record came in."""
-        unit, quantity = self.unit(row["signal"]), self.quantity(row["signal"])
-        return row["rms"] * unit.scale, unit.of(quantity)
+    def rms(self, row: Row) -> str:
+        """Return the residual of a line of fits.csv in the unit that the record came in."""
+        unit = self.unit(row["signal"])
+        return f"{number(row['rms'] * unit.scale, 3)} {unit.of(self.quantity(row['signal']))}"
 
     def provenance(self, signal: str) -> Provenance:
         """How a signal's record was read."""

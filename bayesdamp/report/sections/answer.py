@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from markupsafe import Markup
 
@@ -18,8 +19,7 @@ from bayesdamp.report.results.checks import Check, Checks, sampled
 from bayesdamp.report.results.overview import ANCHOR
 from bayesdamp.report.results.reading import models_by_rank, ranking
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import by_signal
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import Section, by_signal
 from bayesdamp.store.contents.answers import WeighedCandidate
 from bayesdamp.table import Table
 from bayesdamp.types import OK
@@ -41,8 +41,8 @@ MEASURED = (
 
 
 LEVELS = (
-    "Left: the level as recorded, the ends of the decay, and the fit. Right: what the fit leaves, and the exponent of "
-    "the velocity that the loss grows with."
+    "Left: the level as recorded, the ends of the decay, and the best damping sum with its law's deviation, ± 2 sd. "
+    "Right: what that leaves, and the exponent of the velocity that the loss grows with."
 )
 EMBEDDED = 24
 """Envelopes up to which the page holds their pictures; beyond, it shows those in `figures/`."""
@@ -61,11 +61,6 @@ EXPONENT = (
     "on a dashed line is that damping; one between two lines is a sum, or none of the three."
 )
 
-EMPTY: dict[str, object] = {
-    "sentence": "", "numbers": (), "energy": (), "remarks": (), "parts": (), "checks": (), "table": ""
-}  # fmt: skip
-"""What the block of an answer shows, empty."""
-
 
 class AnswerSection(Section):
     """The verdict of each record: a sentence, three numbers, one picture, the checks of it."""
@@ -82,51 +77,47 @@ class AnswerSection(Section):
         """Show one block a record."""
         if not run.signals:
             return paragraph("The folder holds no signal yet: run the study.")
-        return by_signal(run, _block, anchor=ANCHOR)
+        return by_signal(run, _block, run.signals, ANCHOR)
 
 
 def _block(run: Run, signal: str) -> Markup:
     answer = answer_of(run, signal, run.repeats(signal)[0])
-    if answer is not None and answer.verdict.quantity == "envelope":
-        return _envelope(run, signal, answer)
-    checks = Checks(run, signal)
-    found = [*sampled(run, signal), *checks.all()]
+    v = answer.verdict if answer else None
+    own = Checks(run, signal)
     read = [
         Check(f"The record as it was read: {note}", fails=True) for note in run.provenance(signal).warnings
     ]
-    shown: dict[str, object] = dict(EMPTY)
-    shown["checks"] = [*read, *sorted(found, key=lambda c: not c.fails)]
-    shown["table"] = checks.table() or ""
-    if answer is None:
-        shown["sentence"] = _why_none(run, signal)
-    elif answer.verdict.grade is Grade.NO_FREE_DECAY:
-        v = answer.verdict
-        parts = [_motions(run, signal, v), modes_table(v.modes, v.motion)]
-        shown |= {"sentence": v.sentence, "remarks": v.remarks, "parts": parts}
-    else:
-        v = answer.verdict
-        shown |= {
-            "sentence": v.sentence,
-            "numbers": _numbers(v),
-            "energy": energy_of(v),
-            "remarks": v.remarks,
-        }
-        shown["parts"] = _views(run, signal, answer)
-    return fill("answer.html", **shown)
+    checks = [*read, *sorted([*sampled(run, signal), *own.all()], key=lambda c: not c.fails)]
+    numbers, energy, remarks, parts = (), (), v.remarks if v else (), []
+    if answer is not None and v is not None:
+        if v.quantity == "envelope":
+            numbers, parts = _numbers(v), _decay(run, signal, answer)
+            remarks = (*([f"The decay {v.window.why}."] if v.window else []), *v.remarks)
+        elif v.grade is Grade.NO_FREE_DECAY:
+            parts = [_motions(run, signal, v), modes_table(v.modes, v.motion)]
+        else:
+            numbers, energy, parts = _numbers(v), energy_of(v), _views(run, signal, answer)
+    return fill(
+        "answer.html",
+        sentence=v.sentence if v else _why_none(run, signal),
+        numbers=numbers,
+        energy=energy,
+        remarks=remarks,
+        checks=checks,
+        table=own.table() or "",
+        parts=parts,
+    )
 
 
 def _views(run: Run, signal: str, answer: Answer) -> list[object]:
     """Return the pictures and tables of an answer."""
     v, own = answer.verdict, run.unit(signal).displacement
     unit, recorded = v.damping_ratio[0].unit if v.damping_ratio else "rad", own.of(run.quantity(signal))
-    picture = run.drawings.add(
-        f"answer-{signal}",
-        _caption(v),
-        lambda: figures.answer(answer.arrays, unit, v.damping, recorded),
-        narrow=lambda: figures.answer(answer.arrays, unit, v.damping, recorded, narrow=True),
-    )
+    draw = partial(figures.answer, answer.arrays, unit, v.damping, recorded)
+    caption = f"{CAPTION} This record's ratio is measured without a law." if v.law_free else CAPTION
+    caption = MEASURED if v.contradicted else caption
     return [
-        picture,
+        run.drawings.add(f"answer-{signal}", caption, draw, narrow=True),
         _exponent(run, signal, answer),
         ratios_table(v.damping_ratio, "Damping ratio against amplitude", parts=True),
         _coefficients(v) if v.coefficients else "",
@@ -134,18 +125,12 @@ def _views(run: Run, signal: str, answer: Answer) -> list[object]:
     ]
 
 
-def _envelope(run: Run, signal: str, answer: Answer) -> Markup:
-    """The answer on an envelope."""
-    v = answer.verdict
-    size = ("Q", v.quality_factor) if v.quality_factor else ("decay rate", v.rate)
-    frequency = [("frequency", f"{v.frequency.value:.9g} Hz")] if v.frequency else []
-    numbers = [*frequency, (size[0], " ".join([number(size[1]), size[1].unit]))] if size[1] else frequency
-    embed = len(run.signals) <= EMBEDDED
+def _decay(run: Run, signal: str, answer: Answer) -> list[object]:
+    """Return the picture and the table of an answer on an envelope, and how probable each damping is."""
+    v, embed = answer.verdict, len(run.signals) <= EMBEDDED
     picture = run.drawings.show(f"answer-{signal}", LEVELS, answer.arrays["picture"].tobytes(), embed)
-    remarks = [*([f"The decay {v.window.why}."] if v.window else []), *v.remarks]
     table = decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else ""
-    shown = {"sentence": v.sentence, "numbers": numbers, "remarks": remarks}
-    return fill("answer.html", **EMPTY | shown | {"parts": [picture, table, _weighed(v)]})
+    return [picture, table, _weighed(v)]
 
 
 def _weighed(v: Verdict) -> Markup | str:
@@ -178,13 +163,6 @@ def _why_none(run: Run, signal: str) -> str:
     return f"Which damping it is was not decided{missing}."
 
 
-def _caption(v: Verdict) -> str:
-    """What the picture shows: the law's curves, or those that are measured without one."""
-    if v.contradicted:
-        return MEASURED
-    return f"{CAPTION} This record's ratio is measured without a law." if v.law_free else CAPTION
-
-
 def _motions(run: Run, signal: str, v: Verdict) -> Markup | str:
     """The picture of what is no free decay; nothing where the record is not stored, or no oscillation is told."""
     cell = run.cell("signal", signal, run.repeats(signal)[0])
@@ -194,12 +172,9 @@ def _motions(run: Run, signal: str, v: Verdict) -> Markup | str:
     unit = run.unit(signal).displacement
     t, y = cell.arrays["t"], cell.arrays["y"] * unit.scale
     axis = f"{unit.called(quantity)} / {unit.of(quantity)}"
-    return run.drawings.add(
-        f"motions-{signal}",
-        EXCITED if v.motion is Motion.EXCITED else MOTIONS,
-        lambda: motions(t, y, v.modes, quantity, axis),
-        narrow=lambda: motions(t, y, v.modes, quantity, axis, narrow=True),
-    )
+    draw = partial(motions, t, y, v.modes, quantity, axis)
+    caption = EXCITED if v.motion is Motion.EXCITED else MOTIONS
+    return run.drawings.add(f"motions-{signal}", caption, draw, narrow=True)
 
 
 def _exponent(run: Run, signal: str, answer: Answer) -> Markup | str:
@@ -207,18 +182,17 @@ def _exponent(run: Run, signal: str, answer: Answer) -> Markup | str:
     e, draws = answer.verdict.exponent, answer.arrays.get("exponent")
     if e is None or draws is None:
         return ""
-    said, interval = loses_like(e, answer.verdict.damping), (e.value, e.low, e.high)
-    title = f"The damping force {said}"
-    return run.drawings.add(
-        f"exponent-{signal}",
-        EXPONENT,
-        lambda: exponent(draws, interval, title),
-        narrow=lambda: exponent(draws, interval, title, narrow=True),
-    )
+    title = f"The damping force {loses_like(e, answer.verdict.damping)}"
+    draw = partial(exponent, draws, (e.value, e.low, e.high), title)
+    return run.drawings.add(f"exponent-{signal}", EXPONENT, draw, narrow=True)
 
 
 def _numbers(v: Verdict) -> list[tuple[str, str]]:
     """Return what stands in large figures: the frequency, and the damping ratio and Q in the middle of the record."""
+    if v.quantity == "envelope":
+        name, size = ("Q", v.quality_factor) if v.quality_factor else ("decay rate", v.rate)
+        found = [("frequency", f"{v.frequency.value:.9g} Hz")] if v.frequency else []
+        return [*found, (name, f"{number(size)} {size.unit}".rstrip())] if size else found
     found, f, at = [], v.frequency, v.frequency_at
     beyond = f is not None and at is not None and extrapolated(f, at)
     if at is not None and (f is None or beyond):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from markupsafe import Markup, escape
@@ -11,10 +11,10 @@ from markupsafe import Markup, escape
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.html import fill, folded
-from bayesdamp.report.results.answers import answers, only_answered
+from bayesdamp.report.results.answers import answer_of, answers, only_answered
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._section import Section
-from bayesdamp.table import Line, Table
+from bayesdamp.report.sections._layout import Section
+from bayesdamp.table import Table
 from bayesdamp.types import candidate_parts
 
 
@@ -46,26 +46,20 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
             f"{'One damping model was' if count == 1 else f'{count} damping models were'} in play: "
             f"{fmt.listing(words.model(d) for d in dampings)}."
         )
-    found.extend(_equation(run))
-    found.extend(_systems(run, study))
-    sampled = any(run.cells("sampled", signal) for signal in run.signals)
-    how = [
-        f"Weighed in closed form about each best fit{', the likeliest by sampled motions too' if sampled else ''}."
-    ]
-    weighed = only_answered(run) and any(a.candidates for a in answers(run))
-    found.extend(how if weighed else [])
-    found.extend(
-        sentence
-        for sentence in (
+    found += [*_equation(run), *_systems(run, study)]
+    if not only_answered(run):
+        found += [
             _used("Estimators", (study.get("estimators") or {}).get("use")),
             _used("Posteriors", (study.get("posterior") or {}).get("samplers"), _noise(run, study)),
             _used("Evidence", (study.get("evidence") or {}).get("methods")),
-        )
-        if sentence and not only_answered(run)
-    )
+        ]
+    elif any(a.candidates for a in answers(run)):
+        sampled = any(run.cells("sampled", signal) for signal in run.signals)
+        too = ", the likeliest by sampled motions too" if sampled else ""
+        found.append(f"Weighed in closed form about each best fit{too}.")
     if run.info.get("seed") is not None:
         found.append(f"Every random number follows from the seed {run.info['seed']}.")
-    return found
+    return [sentence for sentence in found if sentence]
 
 
 def _equation(run: Run) -> list[str]:
@@ -101,7 +95,7 @@ def _systems(run: Run, study: Mapping[str, Any]) -> list[str]:
 
 def _known(system: Mapping[str, Any]) -> str:
     numbers = system.get("known") or {}
-    known = [f"{words.symbol(k).text} = {fmt.given(v)}" for k, v in numbers.items() if _is_number(v)]
+    known = [f"{words.symbol(k).text} = {fmt.given(v)}" for k, v in numbers.items()]
     free = [words.symbol(k).text for k in system.get("free") or {}]
     said = [f"Known: {fmt.listing(known)}."] if known else []
     said += [f"To be found: {fmt.listing(free)}."] if free else []
@@ -119,10 +113,6 @@ def _rest(run: Run, signal: str) -> str:
     return f" From this follow the rest position {at} {own.name} and the natural frequency {rate} rad/s."
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
 def _noise(run: Run, study: Mapping[str, Any]) -> str:
     if run.under_law:
         return ", with white noise of the size that no deviation takes"
@@ -130,33 +120,39 @@ def _noise(run: Run, study: Mapping[str, Any]) -> str:
     return f", with {words.method(noise)} noise" if isinstance(noise, str) else ""
 
 
-def _used(what: str, names: object, suffix: str = "") -> str:
+def _used(what: str, names: str | Sequence[str] | None, suffix: str = "") -> str:
     if names is None:
         return ""
-    if isinstance(names, str):
-        return f"{what}: {names}{suffix}."
-    chosen = [str(name) for name in names] if isinstance(names, (list, tuple)) else []
-    return (
-        f"{what}: {fmt.listing(map(words.method, chosen))}{suffix}." if chosen else f"{what}: switched off."
-    )
+    if not names:
+        return f"{what}: switched off."
+    return f"{what}: {names if isinstance(names, str) else fmt.listing(map(words.method, names))}{suffix}."
 
 
 def _signals(run: Run) -> Table | str:
-    lines = []
-    for signal in run.signals:
-        about = run.about(signal)
-        cell = run.cell("signal", signal, run.repeats(signal)[0])
+    def recorded(signal: str) -> str:
+        unit, quantity = run.unit(signal), run.quantity(signal)
+        return f"{unit.called(quantity)} in {unit.of(quantity)}"
+
+    def samples(signal: str) -> tuple[int, float] | None:
+        """Return the number of samples and the duration."""
+        repeat = run.repeats(signal)[0]
+        answer, cell = answer_of(run, signal, repeat), run.cell("signal", signal, repeat)
+        if answer is not None and answer.envelope is not None:
+            w, t = answer.verdict.window, answer.arrays["t"]
+            return answer.envelope.samples, w.stop - w.start if w else float(t[-1] - t[0])
         t = cell.arrays.get("t") if cell else None
-        samples = f"{len(t):,}".replace(",", "\u202f") if t is not None else fmt.NONE
-        span = fmt.number(float(t[-1] - t[0]), 4) if t is not None and len(t) else fmt.NONE
-        kind = "simulated" if run.simulated(signal) else "measured"
-        unit, quantity = run.unit(signal), str(about.get("quantity") or "angle")
-        recorded = f"{unit.called(quantity)} in {unit.of(quantity)}"
-        lines.append(Line([signal, kind, recorded, str(len(run.repeats(signal))), samples, span]))
-    if not lines:
-        return ""
-    headers = ["signal", "origin", "recorded", "repeats", "samples used", "duration / s"]
-    return Table(headers, lines, frozenset({0, 1, 2}))
+        return None if t is None or not len(t) else (len(t), float(t[-1] - t[0]))
+
+    used = {signal: samples(signal) for signal in run.signals}
+    columns: dict[str, Callable[[str], str]] = {
+        "signal": str,
+        "origin": lambda s: "simulated" if run.simulated(s) else "measured",
+        "recorded": recorded,
+        "repeats": lambda s: str(len(run.repeats(s))),
+        "samples used": lambda s: f"{found[0]:,}".replace(",", "\u202f") if (found := used[s]) else fmt.NONE,
+        "duration / s": lambda s: fmt.number(found[1], 4) if (found := used[s]) else fmt.NONE,
+    }
+    return Table.of(run.signals, columns, (0, 1, 2)) if used else ""
 
 
 PLUGIN = Asked()

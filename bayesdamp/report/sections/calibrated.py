@@ -14,8 +14,8 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.calibration import ranks
 from bayesdamp.report.html import folded, paragraph, stack
 from bayesdamp.report.results.run import Run, rows_of
-from bayesdamp.report.sections._section import Section
-from bayesdamp.table import Line, Table
+from bayesdamp.report.sections._layout import Section
+from bayesdamp.table import Table
 from bayesdamp.types import OK
 
 FEWEST = 15
@@ -77,36 +77,25 @@ def _claim(result: Mapping[str, Any]) -> str:
 
 
 def _records(result: Mapping[str, Any]) -> Table:
-    lines = []
-    for model, found in result["counts"].items():
-        refused = "; ".join(f"{n}: {s}" for s, n in sorted(found["refused"].items(), key=lambda x: -x[1]))
-        doubts = "; ".join(f"{words.method(s)}: {_doubted(said)}" for s, said in found["samplers"].items())
-        seconds = sum(found["seconds"].values()) / max(found["tried"], 1)
-        counts = [str(found[k]) for k in ("tried", "counted")]
-        lines.append(
-            Line(
-                [
-                    words.model(model),
-                    *counts,
-                    doubts,
-                    fmt.duration(seconds),
-                    refused or fmt.NONE,
-                ]
-            )
+    def doubted(found: Mapping[str, Any]) -> str:
+        bad = {s: sum(n for o, n in said.items() if o != OK) for s, said in found["samplers"].items()}
+        return "; ".join(f"{words.method(sampler)}: {count}" for sampler, count in bad.items())
+
+    def refused(found: Mapping[str, Any]) -> str:
+        return (
+            "; ".join(f"{n}: {s}" for s, n in sorted(found["refused"].items(), key=lambda x: -x[1]))
+            or fmt.NONE
         )
-    headers = [
-        "model",
-        "records tried",
-        "that count",
-        "of these doubted by the sampler",
-        "time each",
-        "not counted",
-    ]
-    return Table(headers, lines, (0, 5))
 
-
-def _doubted(said: Mapping[str, int]) -> int:
-    return sum(count for outcome, count in said.items() if outcome != OK)
+    columns: dict[str, Callable[[tuple[str, Mapping[str, Any]]], str]] = {
+        "model": lambda item: words.model(item[0]),
+        "records tried": lambda item: str(item[1]["tried"]),
+        "that count": lambda item: str(item[1]["counted"]),
+        "of these doubted by the sampler": lambda item: doubted(item[1]),
+        "time each": lambda item: fmt.duration(sum(item[1]["seconds"].values()) / max(item[1]["tried"], 1)),
+        "not counted": lambda item: refused(item[1]),
+    }
+    return Table.of(result["counts"].items(), columns, (0, 5))
 
 
 def _model(run: Run, result: Mapping[str, Any], rows: Sequence[dict[str, str]], model: str) -> Markup:
@@ -132,18 +121,15 @@ def _counts(run: Run, result: Mapping[str, Any], model: str) -> dict[str, dict[s
 
 
 def _coverage(rows: Sequence[dict[str, str]], names: Sequence[str]) -> Table:
-    """Share of intervals that hold the truth: a line for each parameter, a column for each method and level."""
-    columns = list(dict.fromkeys((r["method"], r["level"]) for r in rows))
-    lines = []
-    for name in names:
-        cells = [words.symbol(name).text]
-        for method, level in columns:
-            here = rows_of(rows, parameter=name, method=method, level=level)
-            cells.append(_share(here[0]) if here else fmt.NONE)
-        lines.append(Line(cells))
-    headers = ["parameter", *(f"{words.method(m)} {100 * float(v):g} %" for m, v in columns)]
+    """Return the share of intervals that hold the truth: a line a parameter, a column for each method and level."""
+    found = {(r["parameter"], r["method"], r["level"]): _share(r) for r in rows}
+    columns: dict[str, Callable[[str], str]] = {"parameter": lambda name: words.symbol(name).text}
+    for method, level in dict.fromkeys((r["method"], r["level"]) for r in rows):
+        columns[f"{words.method(method)} {100 * float(level):g} %"] = lambda name, own=(method, level): (
+            found.get((name, *own), fmt.NONE)
+        )
     caption = "Share of intervals that hold the truth, in per cent; * where the whole table calls it wrong"
-    return Table(headers, lines, caption=caption)
+    return Table.of(names, columns, caption=caption)
 
 
 def _share(row: Mapping[str, str]) -> str:

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-import numpy as np
 from markupsafe import Markup
 from scipy.special import expit
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.posterior import Panel, intervals
-from bayesdamp.report.html import fill, folded, paragraph, stack
+from bayesdamp.report.html import folded, paragraph, stack
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import coefficients, mode_of, models_by_rank
 from bayesdamp.report.results.run import Row, Run, rows_of
-from bayesdamp.report.sections._layout import by_signal, drawn
-from bayesdamp.report.sections._section import Section
-from bayesdamp.report.style import colour
+from bayesdamp.report.sections._layout import SignalSection, drawn
 from bayesdamp.store.contents.candidates import BesideIt, ModeContent, Part
 from bayesdamp.table import Table
 
@@ -27,55 +23,50 @@ _EXACT = (
 )
 
 
-class FitQuality(Section):
+class FitQuality(SignalSection):
     """fits.csv, and the fits to parts of the record."""
 
     order = 70
     name = "fit_quality"
     title = "How good the fits are"
+    lead = (
+        "The residual's autocorrelation at lag one tells whether neighbouring samples are as independent as white "
+        "noise would have them. Stability over sub-records is how far a coefficient moves when only half of the "
+        "record is used, in the standard deviations that such a move has by chance: up to about three is chance; "
+        "above that, it and not the posterior's width limits what may be claimed. The predictive p is the share of "
+        "records drawn from the model that fit worse than this one."
+    )
+    nothing = "No model was fitted in this study."
 
-    def applies(self, run: Run) -> bool:
-        """Where modes were fitted, or should have been."""
-        return bool(run.signals) and not only_answered(run)
+    def shows(self, run: Run, signal: str) -> bool:
+        """Return whether modes were fitted."""
+        fitted = any(r["signal"] == signal for r in run.fits) or bool(run.cells("mode", signal))
+        return fitted and not only_answered(run)
 
-    def render(self, run: Run) -> str:
-        """Checks of each fit, and fits to parts of the record."""
-        if not run.fits and not any(run.cells("mode", s) for s in run.signals):
-            return paragraph("No model was fitted in this study.")
-        body: object = by_signal(run, _one)
-        if run.under_law:
-            body = stack(paragraph(_EXACT), body)
-        return fill("fit_quality.html", body=body)
-
-
-def _one(run: Run, signal: str) -> Markup:
-    repeats = run.repeats(signal)
-    repeat = repeats[0]
-    ranked = models_by_rank(run, signal, repeat)
-    parts: list[object] = []
-    if rows_of(run.fits, signal=signal, repeat=repeat):
-        parts.append(_table(run, signal, [repeat]))
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return checks of each fit, and fits to parts of the record."""
+        repeats = run.repeats(signal)
+        ranked = models_by_rank(run, signal, repeats[0])
+        parts: list[object] = [paragraph(_EXACT)] if run.under_law else []
+        parts.append(_table(run, signal, repeats[:1]))
         if len(repeats) > 1:
             parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
-    shown = 0
-    for place, model in enumerate(ranked):
-        if not drawn(run, place):
-            continue
-        content = _windows(run, signal, repeat, model)
-        if content is None:
-            continue
-        parts.append(content if shown == 0 else folded(f"Windows of {words.model(model)}", content))
-        shown += 1
-    mode = mode_of(run, signal, repeat, ranked[0]) if ranked else None
-    if mode is not None and mode.rivals:
-        parts.append(folded(f"Other forms of damping beside {words.model(ranked[0])}", _other_forms(mode)))
-    return stack(*(parts or [paragraph("No model was fitted to this signal.")]))
+        for place, model in enumerate(ranked):
+            windows = _windows(run, signal, repeats[0], model) if drawn(run, place) else None
+            if windows is not None:
+                parts.append(folded(f"Windows of {words.model(model)}", windows) if place else windows)
+        mode = mode_of(run, signal, repeats[0], ranked[0]) if ranked else None
+        if mode is not None and mode.rivals:
+            parts.append(
+                folded(f"Other forms of damping beside {words.model(ranked[0])}", _other_forms(mode))
+            )
+        return stack(*parts)
 
 
-def _table(run: Run, signal: str, repeats: list[int]) -> Table:
+def _table(run: Run, signal: str, repeats: Sequence[int]) -> Table:
     columns: dict[str, Callable[[Row], str]] = {
         "model": lambda r: words.model(r["model"]),
-        "rms residual": lambda r: fmt.rms(*run.rms(r)),
+        "rms residual": run.rms,
         "autocorrelation": lambda r: fmt.fixed(r["residual_autocorrelation"], 2),
         "stability over sub-records": lambda r: fmt.number(r["window_spread"], 2),
         "predictive p": lambda r: fmt.number(r["predictive_p"], 2),
@@ -101,34 +92,24 @@ def _other_forms(mode: ModeContent) -> Table:
     return Table.of(sorted(mode.rivals, key=lambda form: -form.log_bayes), columns)
 
 
-def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
+def _windows(run: Run, signal: str, repeat: int, model: str) -> Table | None:
+    """Return the damping coefficients from parts of the record; None where there are not two."""
     mode = mode_of(run, signal, repeat, model)
     found = [w for w in mode.windows if w.values] if mode else []
     names = [n for n in coefficients(run, model) if all(n in w.values for w in found)]
     if len(found) < 2 or not names:
         return None
-    units = {r["parameter"]: r["unit"] for r in (*run.posteriors, *run.estimates) if r["model"] == model}
-    caption = (
-        f"{signal}, {words.model(model)}: damping coefficients from parts of the record. Where they "
-        "scatter by more than their bars, the model is not the whole truth and the posterior is too narrow."
-    )
-    panels = []
-    for name in names:
-        each = [(w.values[name], float(np.nan_to_num(w.sd.get(name, 0.0)))) for w in found]
-        rows = [(value - sd, value, value + sd) for value, sd in each]
-        panels.append(Panel(words.axis(name, units.get(name, "")), rows, rows[0]))
-    drawing = run.drawings.add(
-        f"windows-{signal}-{model}",
-        caption,
-        lambda: intervals([w.label for w in found], panels, colour(model)),
-    )
     columns: dict[str, Callable[[Part], str]] = {
         "window": lambda w: w.label,
         "from / s": lambda w: fmt.number(w.start, 4),
         "to / s": lambda w: fmt.number(w.stop, 4),
         **{words.symbol(n).text: lambda w, n=n: fmt.with_error(w.values.get(n), w.sd.get(n)) for n in names},
     }
-    return stack(drawing, folded("These numbers", Table.of(found, columns)))
+    caption = (
+        f"Damping coefficients of {words.model(model)} from parts of the record. Where they scatter by more than their "
+        "standard deviations, the model is not the whole truth and the posterior is too narrow."
+    )
+    return Table.of(found, columns, caption=caption)
 
 
 PLUGIN = FitQuality()

@@ -3,59 +3,54 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.curves import ratio
 from bayesdamp.report.figures.posterior import marginals, pairs
-from bayesdamp.report.html import folded, paragraph
-from bayesdamp.report.results.answers import only_answered
+from bayesdamp.report.html import folded
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
-from bayesdamp.report.sections._layout import by_model, by_signal, drawn
-from bayesdamp.report.sections._section import Section
-from bayesdamp.report.style import colour
+from bayesdamp.report.sections._layout import SignalSection, by_model, drawn
 from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK
 
-RATIO = "curve/equivalent_ratio"
+COLUMNS: dict[str, Callable[[Row], str]] = {
+    "parameter": lambda r: words.symbol(r["parameter"]).text,
+    "unit": lambda r: words.unit(r["unit"]),
+    "sampler": lambda r: words.method(r["sampler"]),
+    "mean ± sd": lambda r: fmt.with_error(r["mean"], r["sd"]),
+    "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
+}
 
 
-class Posteriors(Section):
+class Posteriors(SignalSection):
     """Every model's posterior, the best model open; a table says whether the samplers may be trusted."""
 
     order = 50
     name = "posteriors"
     title = "The posteriors"
+    nothing = "No posterior was sampled in this study."
 
-    def applies(self, run: Run) -> bool:
-        """Where candidates were sampled, or should have been."""
-        return bool(run.posteriors) or (bool(run.signals) and not only_answered(run))
+    def shows(self, run: Run, signal: str) -> bool:
+        """Return whether candidates were sampled on a signal."""
+        return any(r["signal"] == signal for r in run.posteriors) or bool(run.cells("posterior", signal))
 
-    def render(self, run: Run) -> str:
-        """Marginals, pairs and what follows from them, candidate by candidate."""
-        if not run.posteriors and not any(run.cells("posterior", s) for s in run.signals):
-            return paragraph("No posterior was sampled in this study.")
-        return by_signal(run, _one)
-
-
-def _one(run: Run, signal: str) -> Markup:
-    repeats = run.repeats(signal)
-    repeat = repeats[0]
-    models: list[tuple[str, list[object]]] = []
-    for place, model in enumerate(models_by_rank(run, signal, repeat)):
-        content: list[object] = [*_figures(run, signal, repeat, model)] if drawn(run, place) else []
-        content += _tables(run, signal, repeat, model)
-        if content and len(repeats) > 1:
-            content.append(folded(f"All {len(repeats)} repeats", _repeats(run, signal, model)))
-        models += [(model, content)] if content else []
-    which = f" (repeat 1 of {len(repeats)})" if len(repeats) > 1 else ""
-    return by_model(models, behind=which) or paragraph("No posterior was sampled for this signal.")
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return marginals, pairs and what follows from them, candidate by candidate."""
+        repeats = run.repeats(signal)
+        models: list[tuple[str, list[object]]] = []
+        for place, model in enumerate(models_by_rank(run, signal, repeats[0])):
+            content: list[object] = [*_figures(run, signal, repeats[0], model)] if drawn(run, place) else []
+            content += _tables(run, signal, repeats[0], model)
+            if content and len(repeats) > 1:
+                content.append(folded(f"All {len(repeats)} repeats", _repeats(run, signal, model)))
+            models += [(model, content)] if content else []
+        return by_model(models, behind=f" (repeat 1 of {len(repeats)})" if len(repeats) > 1 else "")
 
 
 def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
@@ -91,29 +86,7 @@ def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
                 f"pairs-{signal}-{model}", caption, lambda: pairs(model, names, draws, units, chosen)
             )
         )
-    return [*figures, *_against_amplitude(run, signal, repeat, model, next(iter(draws)))]
-
-
-def _against_amplitude(run: Run, signal: str, repeat: int, model: str, sampler: str) -> list[Markup]:
-    """The equivalent damping ratio over the amplitudes, where the cell has it."""
-    cell = run.cell("posterior", signal, repeat, model, sampler)
-    if cell is None or cell.arrays.get("amplitudes", np.empty(0)).size < 2 or RATIO not in cell.arrays:
-        return []
-    shown = run.unit(signal).displacement
-    unit, scale = shown.name, shown.scale
-    grid, reference = scale * cell.arrays["amplitudes"], scale * PosteriorContent.of(cell).reference_amplitude
-    caption = (
-        f"{signal}, {words.model(model)}: equivalent damping ratio over the record's amplitudes, median and 95 % band "
-        f"by {words.method(sampler)}. Level: viscous; rising to small amplitudes: friction; to large ones: drag. "
-        "Dotted: the amplitude of the tables."
-    )
-    return [
-        run.drawings.add(
-            f"amplitude-{signal}-{model}",
-            caption,
-            lambda: ratio(grid, cell.arrays[RATIO], unit, colour(model), reference=reference),
-        )
-    ]
+    return figures
 
 
 def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Markup]:
@@ -121,22 +94,17 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
     if not rows:
         return []
     good = [r for r in rows if math.isfinite(r["mean"])]
+    order = [r["parameter"] for r in good]
     sentences = {(r["sampler"], r["outcome"]) for r in rows if r["outcome"] != OK}
     parts: list[Table | Markup] = []
     if good:
-        columns: dict[str, Callable[[Row], str]] = {
-            "parameter": lambda r: words.symbol(r["parameter"]).text,
-            "unit": lambda r: words.unit(r["unit"]),
-            "sampler": lambda r: words.method(r["sampler"]),
-            "mean ± sd": lambda r: fmt.with_error(r["mean"], r["sd"]),
-            "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
-        }
+        columns = dict(COLUMNS)
         if any(math.isfinite(truth(run, signal, r["parameter"])) for r in good):
-            columns["truth"] = lambda r: _finite(truth(run, signal, r["parameter"]), fmt.given)
+            columns["truth"] = lambda r: fmt.given(truth(run, signal, r["parameter"]))
         columns |= {
-            "R̂": lambda r: _finite(r["rhat"], "{:.3f}".format),
-            "ESS bulk": lambda r: _finite(r["ess_bulk"], "{:.0f}".format),
-            "ESS tail": lambda r: _finite(r["ess_tail"], "{:.0f}".format),
+            "R̂": lambda r: fmt.fixed(r["rhat"], 3),
+            "ESS bulk": lambda r: fmt.fixed(r["ess_bulk"], 0),
+            "ESS tail": lambda r: fmt.fixed(r["ess_tail"], 0),
             "divergences": lambda r: fmt.NONE if r["divergences"] is None else str(r["divergences"]),
         }
         caption = (
@@ -146,7 +114,11 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
         )
         if any(math.isnan(r["rhat"]) for r in good):
             caption += " Without R̂: independent draws of an approximation, their ESS by importance weights."
-        parts.append(Table.of(_by_parameter(good), columns, (0, 1, 2), caption, _kind))
+        parts.append(
+            Table.of(
+                sorted(good, key=lambda r: order.index(r["parameter"])), columns, (0, 1, 2), caption, _kind
+            )
+        )
     sentences |= _left_out(run, signal, repeat, model)
     parts += [
         Markup('<p class="quiet">{}: {}</p>').format(words.method(sampler), outcome)
@@ -168,15 +140,6 @@ def _left_out(run: Run, signal: str, repeat: int, model: str) -> set[tuple[str, 
     return found
 
 
-def _by_parameter(rows: Sequence[Row]) -> list[Row]:
-    order = list(dict.fromkeys(r["parameter"] for r in rows))
-    return sorted(rows, key=lambda r: order.index(r["parameter"]))
-
-
-def _finite(value: float, shown: Callable[[float], str]) -> str:
-    return shown(value) if math.isfinite(value) else fmt.NONE
-
-
 def _kind(r: Row) -> str:
     """Mark what is not to be trusted by its diagnostics."""
     poor = r["rhat"] > 1.01 or r["ess_bulk"] < 400 or r["ess_tail"] < 400 or bool(r["divergences"])
@@ -192,16 +155,13 @@ def _repeats(run: Run, signal: str, model: str) -> Table:
 
     columns: dict[str, Callable[[Row], str]] = {
         "repeat": lambda r: str(r["repeat"] + 1),
-        "parameter": lambda r: words.symbol(r["parameter"]).text,
-        "sampler": lambda r: words.method(r["sampler"]),
-        "mean ± sd": lambda r: fmt.with_error(r["mean"], r["sd"]),
-        "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
+        **COLUMNS,
         "truth": inside,
         "outcome": lambda r: r["outcome"],
     }
     wanted = coefficients(run, model)
     rows = [r for r in rows_of(run.posteriors, signal=signal, model=model) if r["parameter"] in wanted]
-    return Table.of(rows, columns, (1, 2, 5, 6))
+    return Table.of(rows, columns, (1, 2, 3, 6, 7))
 
 
 PLUGIN = Posteriors()

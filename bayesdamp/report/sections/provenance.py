@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report.html import folded, stack
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import Section
 from bayesdamp.store.places import Place
 from bayesdamp.table import Line, Table
 
@@ -86,33 +85,17 @@ def _timing(seconds: Mapping[str, float]) -> list[object]:
     return [table, folded(f"The {len(longest)} longest tasks", cells)]
 
 
-def _budget(budget: Mapping[str, Any]) -> list[object]:
-    rows = _leaves(budget)
-    if not rows:
-        return []
-    columns = list(dict.fromkeys(key for found in rows.values() for key in found))
-    lines = [Line([name or "all", *(_show(found.get(c)) for c in columns)]) for name, found in rows.items()]
-    headers = ["where", *(c.replace("_", " ") for c in columns)]
+def _budget(budget: Mapping[str, Mapping[str, Mapping[str, float]]]) -> list[object]:
+    rows = [
+        (f"{signal}/{model}", own) for signal, each in budget.items() for model, own in each.items() if own
+    ]
+    columns: dict[str, Callable[[tuple[str, Mapping[str, float]]], str]] = {"where": lambda row: row[0]}
+    for name in dict.fromkeys(key for _, own in rows for key in own):
+        columns[name.replace("_", " ")] = lambda row, name=name: fmt.number(row[1].get(name), 2)
     caption = (
         "What finer integration steps change within three sds of the mode: the error budget of the solver"
     )
-    return [Table(headers, lines, caption=caption)]
-
-
-def _leaves(table: Mapping[str, Any], at: str = "") -> dict[str, dict[str, Any]]:
-    """Nested tables as one row each: the path to it, and the plain values that it holds."""
-    own = {k: v for k, v in table.items() if not isinstance(v, Mapping)}
-    found = {at: own} if own else {}
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            found.update(_leaves(value, f"{at}/{key}" if at else str(key)))
-    return found
-
-
-def _show(value: object) -> str:
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return fmt.number(float(value), 2)
-    return fmt.NONE if value is None else str(value)
+    return [Table.of(rows, columns, caption=caption)] if rows else []
 
 
 PLUGIN = Provenance()

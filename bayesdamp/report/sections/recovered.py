@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.calibration import confusion, reliability
 from bayesdamp.report.html import paragraph, stack
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import Section
 from bayesdamp.table import Table
 
 SERIES = {
@@ -47,11 +45,11 @@ class Recovered(Section):
         for name, title in SERIES.items():
             if name in result:
                 parts.append(Markup("<h3>{}</h3>").format(title))
-                parts += _series(run, name, result[name], result["alarm"])
+                parts += _series(result[name], result["alarm"])
         return stack(*parts)
 
 
-def _series(run: Run, name: str, found: Mapping[str, Any], alarm: float) -> list[object]:
+def _series(found: Mapping[str, Any], alarm: float) -> list[object]:
     hits = found["hits"]
     inside = "inside" if hits["low"] <= hits["excess"] <= hits["high"] else "outside"
     share = hits["hits"] / max(hits["records"], 1)
@@ -68,22 +66,15 @@ def _series(run: Run, name: str, found: Mapping[str, Any], alarm: float) -> list
         f"Of {found['tried']} records tried {found['counted']} count"
     )
     why = "; ".join(f"{n}: {sentence}" for sentence, n in found["refused"].items())
-    figures = [
-        run.drawings.add(
-            f"confusion-{name}",
-            "True model by row, most probable model by column.",
-            lambda: confusion(found["models"], np.asarray(found["confusion"])),
-        ),
-        run.drawings.add(
-            f"reliability-{name}",
-            "Share that was right against the probability of the most probable model, with the number of records; the "
-            "grey bars hold all shares of right probabilities with 99 % probability.",
-            lambda: reliability(found["bins"]),
-        ),
-    ]
     sentences = [claim, f"{score} ({why})." if why else f"{score}."]
-    paragraphs = [paragraph(sentence) for sentence in sentences]
-    return [*paragraphs, *figures, _bins(found), _models(found), *_design(found)]
+    tables = [_confusion(found), _bins(found), _models(found), *_design(found)]
+    return [*(paragraph(sentence) for sentence in sentences), *tables]
+
+
+def _confusion(found: Mapping[str, Any]) -> Table:
+    names = [words.model(m) for m in found["models"]]
+    lines = [[name, *map(str, row)] for name, row in zip(names, found["confusion"], strict=True)]
+    return Table(["", *names], lines, caption="Records: true model by row, most probable model by column")
 
 
 def _bins(found: Mapping[str, Any]) -> Table:
@@ -97,8 +88,16 @@ def _bins(found: Mapping[str, Any]) -> Table:
         "p": lambda b: fmt.number(b["p"], 2),
         "p (Holm)": lambda b: fmt.number(b["p_holm"], 2),
     }
+    caption = (
+        "Share that was right against the probability of the most probable model; low and high hold all shares of "
+        "right probabilities with 99 % probability."
+    )
     return Table.of(
-        found["bins"], columns, kind=lambda b: "" if b["low"] <= b["share"] <= b["high"] else "alert"
+        found["bins"],
+        columns,
+        (0,),
+        caption,
+        lambda b: "" if b["low"] <= b["share"] <= b["high"] else "alert",
     )
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import running
@@ -14,8 +15,6 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import SignalSection, drawn
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.posteriors import PosteriorContent
-
-_PASSES = ("online", "restarted")
 
 
 class Running(SignalSection):
@@ -41,7 +40,7 @@ class Running(SignalSection):
             for cell in filter(_filtered, run.cells("posterior", signal, repeat, model)):
                 if drawn(run, place):
                     figure = _drawn(run, signal, model, cell)
-                    parts.append(figure if not parts else folded(words.model(model), figure))
+                    parts.append(folded(words.model(model), figure) if parts else figure)
         return stack(*parts)
 
 
@@ -53,23 +52,16 @@ def _drawn(run: Run, signal: str, model: str, cell: CellResult) -> Markup:
     content = PosteriorContent.of(cell)
     listed = content.posterior.running
     names = [n for n in coefficients(run, model) if n in listed]
-    first, last = (_by_name(cell, label, listed) for label in _PASSES)
-    t, units = cell.arrays["running/t"], content.units
+
+    def passed(label: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        mean, sd = (cell.arrays[f"running/{label}/{what}"] for what in ("mean", "sd"))
+        return {n: (mean[:, i], sd[:, i]) for i, n in enumerate(listed) if n in names}
+
+    first, last = passed("online"), passed("restarted")
     true = {n: truth(run, signal, n) for n in names}
-    sampler = words.method(cell.place.method)
-    caption = f"{signal}, {words.model(model)}: running estimate of the damping by {sampler}."
-
-    def draw() -> Figure:
-        return running(model, names, t, last, first, units, true)
-
+    caption = f"{signal}, {words.model(model)}: running estimate of the damping by {words.method(cell.place.method)}."
+    draw = partial(running, model, names, cell.arrays["running/t"], last, first, content.units, true)
     return run.drawings.add(f"running-{signal}-{model}", caption, draw)
-
-
-def _by_name(
-    cell: CellResult, label: str, names: tuple[str, ...]
-) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    mean, sd = (cell.arrays[f"running/{label}/{what}"] for what in ("mean", "sd"))
-    return {n: (mean[:, i], sd[:, i]) for i, n in enumerate(names)}
 
 
 PLUGIN = Running()

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from markupsafe import Markup
 
@@ -19,7 +18,6 @@ from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK, ChainStart, Seed
 
-Row = Mapping[str, Any]
 SHOWN = 4
 """Candidates that are shown at once; the others unfold."""
 ALIKE = 0.1
@@ -63,9 +61,9 @@ class Seeds(SignalSection):
 def _sentences(mode: ModeContent) -> list[str]:
     climbs, modes = mode.climbs, mode.modes
     ended = [c for c in climbs if c.mode == 0]
-    reached = _count(sum(1 + len(c.same) for c in ended))
-    every = "All " if len(ended) == len(climbs) and reached != _count(1) else ""
-    found = [f"{every}{reached} reached the mode."]
+    reached = sum(1 + len(c.same) for c in ended)
+    every = "All " if len(ended) == len(climbs) and reached != 1 else ""
+    found = [f"{every}{reached} starting point{'s' if reached != 1 else ''} reached the mode."]
     elsewhere = [c for c in climbs if c.mode]
     if elsewhere:
         best = modes[1] if len(modes) > 1 else None
@@ -86,10 +84,6 @@ def _sentences(mode: ModeContent) -> list[str]:
     return found
 
 
-def _count(seeds: int) -> str:
-    return f"{seeds} starting point{'s' if seeds != 1 else ''}"
-
-
 def _name(seed: Seed) -> str:
     more = [words.stage(seed.stage)] if seed.stage else []
     more += ["over growing windows"] if seed.grown else []
@@ -103,28 +97,26 @@ def _names(climbs: Sequence[Climb]) -> str:
 
 
 def _table(mode: ModeContent) -> Table:
-    top = mode.log_posterior
+    def below(value: float | None) -> str:
+        """Return by how many nats a log posterior is below the mode's."""
+        if value is None or not math.isfinite(value):
+            return "not finite"
+        return fmt.number(mode.log_posterior - value, 3)
 
-    def end(c: Climb) -> str:
-        return fmt.fixed(max(top - c.end, 0.0), 2) if top - c.end < 1e4 else fmt.number(top - c.end, 2)
+    def ended(c: Climb) -> str:
+        return "no maximum" if c.mode is None else f"maximum {c.mode + 1}" if c.mode else "the mode"
 
     columns: dict[str, Callable[[Climb], str]] = {
         "starting point": lambda c: fmt.listing(_name(n) for n in (c.seed, *c.same)),
-        "start: nats below": lambda c: _nats(top, c.start),
+        "start: nats below": lambda c: below(c.start),
         "sds from the mode": lambda c: fmt.number(c.distance, 3),
         "likelihoods": lambda c: str(c.evaluations),
-        "ended in": lambda c: (
-            {None: "no maximum", 0: "the mode"}.get(c.mode) or f"maximum {(c.mode or 0) + 1}"
-        ),
-        "end: nats below": end,
+        "ended in": ended,
+        "end: nats below": lambda c: fmt.nats(max(mode.log_posterior - c.end, 0.0)),
     }
     return Table.of(
         mode.climbs, columns, (0, 4), kind=lambda c: "alert" if c.mode is None else "quiet" if c.mode else ""
     )
-
-
-def _nats(top: float, value: float | None) -> str:
-    return fmt.number(top - value, 3) if value is not None and math.isfinite(value) else "not finite"
 
 
 def _chains(run: Run, signal: str, repeat: int, model: str) -> list[Table]:

@@ -14,7 +14,7 @@ from bayesdamp.report.results.comparing import CATEGORIES, STAGES
 from bayesdamp.report.results.places import interval
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import FACTORS, Series, series
-from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections._layout import Section
 from bayesdamp.table import Line, Table
 
 

@@ -88,10 +88,12 @@ class FoundLaw:
 
 @dataclass(frozen=True)
 class EnvelopeContent:
-    """What an answer on an envelope has beside its verdict: the unit of its readings; numbers of the likelihood of the
-    rates by damping sum, whose arrays are `likelihood/DAMPING/...`; what was assumed, a sentence each."""
+    """What an answer on an envelope has beside its verdict: the unit of its readings, how many were used; numbers of
+    the likelihood of the rates by damping sum, whose arrays are `likelihood/DAMPING/...`; what was assumed, a sentence
+    each."""
 
     unit: str
+    samples: int = 0
     likelihoods: Mapping[str, Mapping[str, float | str | None]] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
 

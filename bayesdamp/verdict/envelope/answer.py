@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -40,39 +40,46 @@ class Answer:
     likelihoods: Mapping[str, RateLikelihood] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
-class Drawn:
-    """Draws with the law's deviation and the sensor's error, and given that it holds exactly, without that error."""
-
-    whole: Draws
-    plain: Draws
-
-
 def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> Answer:
-    """The damping of a decay by these sums. seed: of the draws."""
-    ranking = ranked(sums, weighed(decay.blocks, sums, decay.noises, decay.inverse))
+    """Return the damping of a decay by these sums. seed: of the draws."""
+    b = decay.blocks
+    ranking = ranked(sums, weighed(b, sums, decay.noises, decay.inverse))
     power = power_law(decay, ranking)
-    rng = np.random.default_rng([seed, decay.blocks.t.size])
-    drawn = _drawn(decay, ranking.candidates, ranking.terms, rng)
-    deviation = interval_of(quantity(drawn.whole.deviation))
+    rng = np.random.default_rng([seed, b.t.size])
+    top, bottom = b.ends
+    amplitudes = np.array([top + share * (bottom - top) for share in ASKED])
+    # Of any rate that the record does not tell.
+    sensor = float(np.hypot(SENSOR, DRIFT / (0.5 * decay.fall))) if decay.record.logarithmic else SENSOR
+
+    def drawn(candidates: Sequence[Candidate], terms: Sequence[str]) -> tuple[Draws, Draws]:
+        """Return draws with the law's deviation and the sensor's error, and without both."""
+        whole = draw(b, candidates, terms, amplitudes, rng, sensor)
+        return whole, draw(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True)
+
+    by_laws = drawn(ranking.candidates, ranking.terms)
+    deviation = interval_of(quantity(by_laws[0].deviation))
     alike = untold(ranking)
     inexact = Grade.APPROXIMATE if deviation.high <= thresholds.DEVIATES else Grade.DEVIATES
     grade = Grade.EXACT if ranking.exact >= thresholds.LIKELY_EXACT else inexact
     decided = ranking.by_sum[ranking.best.name] >= thresholds.DECIDED and ranking.best_exact is ranking.best
     by_sum = decided and grade is not Grade.DEVIATES
-    one_power = (
-        power.odds > thresholds.POWER_LAW and decay.blocks.t.size >= thresholds.FEW_READINGS and not by_sum
-    )
-    rated = drawn
+    one_power = power.odds > thresholds.POWER_LAW and b.t.size >= thresholds.FEW_READINGS and not by_sum
+    whole, plain = by_laws
     if (
         one_power and "power" not in ranking.terms
-    ):  # rates by laws that the record does not follow are none of its own
-        rated = _drawn(decay, [*ranking.candidates, *by_power(decay)], (*ranking.terms, "power"), rng)
+    ):  # laws that the record does not follow have no rates of its own
+        whole, plain = drawn([*ranking.candidates, *by_power(decay)], (*ranking.terms, "power"))
     best, frequency, omega = ranking.best, decay.record.frequency, decay.omega
     probabilities = {name: min(p, thresholds.CAP) for name, p in ranking.by_sum.items()}
     first = probabilities.pop(best.name)
     unexplained, noise = decay.misfit(ranking.fitted.fit)
-    whole, plain = rated.whole, rated.plain
+
+    def at(kind: type[Kind], of: Callable[[np.ndarray], np.ndarray]) -> tuple[Kind, ...]:
+        """Return what follows from the rates at the amplitudes."""
+        each = zip(amplitudes, of(whole.at).T, of(plain.at).T, strict=True)
+        sizes = ((decay.amplitude(x), estimate_of(draws, also)) for x, draws, also in each)
+        return tuple(kind(*place, e.value, e.sd_noise, e.sd_law, e.low, e.high) for place, e in sizes)
+
     verdict = Verdict(
         record=decay.record.name,
         grade=Grade.DEVIATES if one_power else grade,
@@ -82,34 +89,24 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> Answer:
         rivals=rivals_of({best.name: first, **probabilities}, {}),
         frequency=Interval(frequency, frequency, frequency, "Hz") if frequency else None,
         exponent=interval_of(power.exponent),
-        damping_ratio=_at(decay, DampingRatio, whole.at / omega, plain.at / omega) if omega else (),
-        energy=_energy(ranking, drawn.whole),
+        damping_ratio=at(DampingRatio, lambda rates: rates / omega) if omega else (),
+        energy=_energy(ranking, by_laws[0]),
         deviation=deviation,
         unexplained_pct=100 * unexplained,
         noise_pct=100 * noise,
-        coefficients=coefficients_of(decay, best, ranking, drawn.whole, drawn.plain),
+        coefficients=coefficients_of(decay, best, ranking, *by_laws),
         window=_window(decay),
         quantity="envelope",
         rate=estimate_of(whole.whole, plain.whole, "1/s"),
         quality_factor=estimate_of(omega / 2 / whole.whole, omega / 2 / plain.whole) if omega else None,
-        decay_rate=_at(decay, AtAmplitude, whole.at, plain.at),
-        quality_factor_at=_at(decay, AtAmplitude, omega / 2 / whole.at, omega / 2 / plain.at)
-        if omega
-        else (),
+        decay_rate=at(AtAmplitude, lambda rates: rates),
+        quality_factor_at=at(AtAmplitude, lambda rates: omega / 2 / rates) if omega else (),
         probability_exact=ranking.exact,
         power_law=power.odds,
     )
-    verdict = replace(verdict, remarks=remarks(verdict, decay, ranking, alike))
-    verdict = replace(verdict, sentence=sentence(verdict))
-    return Answer(verdict, decay.curve(ranking.fitted.fit), _likelihoods(decay, ranking))
-
-
-def _drawn(
-    decay: Decay, candidates: Sequence[Candidate], terms: Sequence[str], rng: np.random.Generator
-) -> Drawn:
-    b, amplitudes = decay.blocks, _amplitudes(decay)
-    whole = draw(b, candidates, terms, amplitudes, rng, _sensor(decay))
-    return Drawn(whole, draw(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True))
+    verdict = replace(verdict, remarks=remarks(verdict, decay, ranking, alike), sentence=sentence(verdict))
+    curve = decay.curve(*ranking.fitted.curve(decay.blocks))
+    return Answer(verdict, curve, _likelihoods(decay, ranking))
 
 
 def _likelihoods(decay: Decay, ranking: Ranking) -> dict[str, RateLikelihood]:
@@ -126,26 +123,6 @@ def _energy(ranking: Ranking, draws: Draws) -> tuple[Share, ...]:
     for i, (term, probability) in enumerate(ranking.by_term.items()):
         share = quantity(draws.energy[:, i])
         found.append(Share(term, share.value, share.low, share.high, probability))
-    return tuple(found)
-
-
-def _amplitudes(decay: Decay) -> np.ndarray:
-    """ln(A/A_ref) at which rates are quoted."""
-    top, bottom = decay.blocks.ends
-    return np.array([top + share * (bottom - top) for share in ASKED])
-
-
-def _sensor(decay: Decay) -> float:
-    """Relative sd of any rate that the record does not tell."""
-    return float(np.hypot(SENSOR, DRIFT / (0.5 * decay.fall))) if decay.record.logarithmic else SENSOR
-
-
-def _at(decay: Decay, kind: type[Kind], whole: np.ndarray, plain: np.ndarray) -> tuple[Kind, ...]:
-    """Of draws at the amplitudes, (n, amplitudes)."""
-    found = []
-    for x, draws, also in zip(_amplitudes(decay), whole.T, plain.T, strict=True):
-        of = estimate_of(draws, also)
-        found.append(kind(*decay.amplitude(x), of.value, of.sd_noise, of.sd_law, of.low, of.high))
     return tuple(found)
 
 

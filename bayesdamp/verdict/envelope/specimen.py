@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from bayesdamp.inference.curves.weighted import shares
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
+from bayesdamp.inference.deviation.several.specimen import WeighedSpecimen
 from bayesdamp.inference.envelope.candidates import KNOTS
+from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.odds import odds
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal
 from bayesdamp.types import InputError
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.decide import rivals_of
 from bayesdamp.verdict.envelope.answer import Answer
-from bayesdamp.verdict.parts import Estimate, Grade, Interval
+from bayesdamp.verdict.parts import Estimate, Interval
 from bayesdamp.verdict.pooled import pooled
-from bayesdamp.verdict.specimen import energy_of_records, largest, of_spread, remarks_on_records, worst_grade
+from bayesdamp.verdict.specimen import of_spread, probabilities, spread_of, together
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import by_ten, sentence, with_interval
 
@@ -62,16 +64,7 @@ def shared_likelihoods(answers: Sequence[Answer]) -> dict[str, tuple[DampingLike
     }
 
 
-@dataclass(frozen=True)
-class JointDamping:
-    """One damping for several envelopes: probability of each sum, the largest first, and the relative spread of the
-    damping between the records (median, 2.5 and 97.5 %)."""
-
-    probabilities: Mapping[str, float]
-    spread: tuple[float, float, float]
-
-
-def joint_damping(answers: Sequence[Answer], seed: int = 0) -> JointDamping | None:
+def joint_damping(answers: Sequence[Answer], seed: int = 0) -> WeighedSpecimen | None:
     """Weigh every sum with one set of coefficients for all records, times a factor for each.
 
     The deviation's size and length are common to the records. None where fewer than two records have a decay.
@@ -88,22 +81,12 @@ def joint_damping(answers: Sequence[Answer], seed: int = 0) -> JointDamping | No
     for name, likelihoods in every.items():
         terms = name.split("+")
         priors = {t: SharedHalfNormal(1.0) for t in terms}
-        runs = [
-            RunLikelihood.of_scores(priors, terms, np.ones(len(terms)), likelihood)
-            for likelihood in likelihoods
-        ]
-        repeats[name] = joined(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=seed)
-        logs[name] = repeats[name].log_evidence + float(np.log(odds(terms)))
-    top = max(logs.values())
-    share = {name: float(np.exp(v - top)) for name, v in logs.items()}
-    total = sum(share.values())
-    ordered = dict(sorted(((n, v / total) for n, v in share.items()), key=lambda item: -item[1]))
-    spreads = np.concatenate([one.spreads for one in repeats.values()])
-    weight = np.concatenate([np.full(one.spreads.size, ordered[n]) for n, one in repeats.items()])
-    order = np.argsort(spreads)
-    at = np.cumsum(weight[order]) / weight.sum()
-    value, low, high = (float(np.interp(q, at, spreads[order])) for q in (0.5, 0.025, 0.975))
-    return JointDamping(ordered, (value, low, high))
+        runs = [RunLikelihood.of_scores(priors, terms, np.ones(len(terms)), one) for one in likelihoods]
+        model = name, ""
+        repeats[model] = joined(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=seed)
+        logs[model] = repeats[model].log_evidence + float(np.log(odds(terms)))
+    share = dict(zip(logs, shares(np.array(list(logs.values()))).tolist(), strict=True))
+    return WeighedSpecimen((), logs, share, repeats, {}, Reference(1.0, 1.0))
 
 
 def specimen(name: str, answers: Sequence[Answer]) -> Verdict | None:
@@ -125,7 +108,6 @@ def specimen(name: str, answers: Sequence[Answer]) -> Verdict | None:
     sd = np.array([np.hypot(one.sd_noise, one.sd_law) / one.value for one in known])
     found = pooled(x, sd)
     joint = joint_damping(answers)
-    spread = joint.spread if joint else (found.spread, found.spread_low, found.spread_high)
     value, unit = float(np.exp(found.mean)), known[0].unit
     alone = min(float(np.sum(sd**-2.0) ** -0.5), found.sd)
     low, high, next_low, next_high = np.exp(
@@ -133,25 +115,10 @@ def specimen(name: str, answers: Sequence[Answer]) -> Verdict | None:
     ).tolist()
     between = value * float((found.sd**2 - alone**2) ** 0.5)
     common = Estimate(value, value * alone, between, low, high, unit)
-    probabilities = (
-        {n: min(p, thresholds.CAP) for n, p in joint.probabilities.items()} if joint else {"": float("nan")}
-    )
-    damping, probability = next(iter(probabilities.items()))
-    grade = worst_grade(own)
-    verdict = Verdict(
-        record=name,
-        grade=grade,
-        decided=probability >= thresholds.DECIDED and grade is not Grade.DEVIATES,
-        damping=damping,
-        probability=probability,
-        rivals=rivals_of(probabilities, {}),
-        spread=Interval(spread[0], spread[1], spread[2]),
-        energy=energy_of_records(own, probabilities),
-        deviation=largest([v.deviation for v in own]),
-        unexplained_pct=max(v.unexplained_pct for v in own),
-        noise_pct=float(np.median([v.noise_pct for v in own])),
-        records=x.size,
-        quantity="envelope",
+    damping = probabilities(joint)[0] if joint else {"": float("nan")}
+    verdict = replace(
+        together(name, own, {n: min(p, thresholds.CAP) for n, p in damping.items()}, {}),
+        spread=spread_of(joint) if joint else Interval(found.spread, found.spread_low, found.spread_high),
         rate=None if quality else common,
         quality_factor=common if quality else None,
         next_value=Interval(value, next_low, next_high, unit),
@@ -163,7 +130,6 @@ def specimen(name: str, answers: Sequence[Answer]) -> Verdict | None:
         *of_spread(verdict),
         f"One more record would have {what} = {more}.",
         f"The standardised variance of the records' own values is {verdict.standardised:.1f}.",
-        *(remarks_on_records(own, damping) if joint else ()),
+        *(verdict.remarks if joint else ()),
     )
-    verdict = replace(verdict, remarks=said)
-    return replace(verdict, sentence=sentence(verdict))
+    return replace(verdict, remarks=said, sentence=sentence(verdict))

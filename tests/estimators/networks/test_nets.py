@@ -18,7 +18,7 @@ from bayesdamp.estimators.networks.jets import jets, slopes
 from bayesdamp.estimators.networks.shooting import Shooting
 from bayesdamp.estimators.networks.training import gauss_newton, generator, layers
 from bayesdamp.estimators.shared import checked_features
-from bayesdamp.types import Signal
+from bayesdamp.types import OK, Signal
 from tests.estimators.truths import (
     EVERYTHING,
     INITIAL,
@@ -211,6 +211,6 @@ def test_the_search_ends_at_the_least_squares():
 
     start = torch.tensor([-1.2, 1.0], dtype=torch.float64)
     found = gauss_newton(residuals, linearised, start, 200, lambda x: x.numpy().copy())
-    assert found.converged
+    assert found.outcome == OK
     assert found.x.numpy() == pytest.approx([1.0, 1.0], abs=1e-6)
     assert all(b <= a for a, b in pairwise(found.losses))

@@ -11,7 +11,7 @@ from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.many.populating import WIDE
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.results.specimens import sentences
+from bayesdamp.report.sections.specimens import joint_sentence, population_sentence
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents.many import JointContent
 from bayesdamp.verdict.thresholds import CAP
@@ -100,8 +100,10 @@ def test_the_report_and_the_terminal_say_it(run):
     page = (run / "report.html").read_text(encoding="utf-8")
     for text in ("Many records", "Repeats of a", "Over the specimens", "an encoder may be offset"):
         assert text in page
-    a, b, over = sentences(Run(run))
-    assert a.startswith("a: 2 records together, if every law held exactly: damping is viscous")
+    made = Run(run)
+    a, b = (joint_sentence(made, cell) for cell in made.cells("joint"))
+    (over,) = map(population_sentence, made.cells("population"))
+    assert a.startswith("2 records together, if every law held exactly: the records")
     assert "the records differ in the size of their damping" in b
     assert "the records are compatible with one damping" in a
     assert over.startswith(

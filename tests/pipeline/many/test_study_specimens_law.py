@@ -12,7 +12,7 @@ import pytest
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.results.specimens import sentences
+from bayesdamp.report.sections.specimens import joint_sentence
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents.many import JointContent
 from tests.inference.deviation.drifts import CASES, SCALE, STIFFNESS, signals
@@ -109,7 +109,9 @@ def test_two_dampings_are_two() -> None:
 
 
 def test_the_page_says_under_which_assumption() -> None:
-    law, exact = (sentences(Run(ran(d)))[0] for d in ("law", "none"))
+    law, exact = (
+        joint_sentence(run, run.cells("joint")[0]) for run in (Run(ran(d)) for d in ("law", "none"))
+    )
     assert "2 records together, laws holding approximately, each record with deviations of its own" in law
     assert "2 records together, if every law held exactly" in exact
     assert "does not fit" not in law
