@@ -13,10 +13,10 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.records.answering import ANSWERED, answer_cell
 from bayesdamp.store import CellResult, Store, provenance
-from bayesdamp.store.columns import SCHEMA
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.records import RecordContent
+from bayesdamp.store.tables import SCHEMA
 from bayesdamp.types import OK, candidate_name
 
 Row = dict[str, Any]
