@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,7 +16,6 @@ from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -84,14 +82,6 @@ class Generator:
 def record_rng(seed: int, *labels: object) -> np.random.Generator:
     """The random numbers of one record: a function of the study's seed and the record's labels."""
     return np.random.default_rng([seed, zlib.crc32("/".join(map(str, labels)).encode())])
-
-
-def failure(fault: Exception) -> str:
-    """What is stored of a fault of the program in one record; under BAYESDAMP_DEBUG it is raised."""
-    if isinstance(fault, InputError) or os.environ.get("BAYESDAMP_DEBUG"):
-        raise fault
-    lines = str(fault).strip().splitlines()
-    return Status.FAILED.because(f"{type(fault).__name__}: {lines[0] if lines else ''}")
 
 
 def generator(

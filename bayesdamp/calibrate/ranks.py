@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.calibrate.problem import (
-    failure,
     generator,
     mode_of,
     record_rng,
@@ -18,6 +17,7 @@ from bayesdamp.config import Study
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.pipeline.tasks import failure
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.calibration import RanksContent
 from bayesdamp.types import OK, InputError, Refusal

@@ -14,7 +14,6 @@ from scipy.special import logsumexp
 from bayesdamp.calibrate.problem import (
     Drawn,
     Generator,
-    failure,
     generator,
     mode_of,
     record_rng,
@@ -23,6 +22,7 @@ from bayesdamp.config import Simulation, Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.trajectories import simulate
+from bayesdamp.pipeline.tasks import failure
 from bayesdamp.priors import LogNormal
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.calibration import RecoveryContent

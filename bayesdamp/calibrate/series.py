@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
+from rich.progress import TimeRemainingColumn
 
 from bayesdamp.calibrate import ranks, recovery
-from bayesdamp.calibrate.problem import failure
 from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
@@ -22,6 +22,7 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.progress import progress_bar
+from bayesdamp.pipeline.tasks import failure
 from bayesdamp.pipeline.workers import pool_of
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
@@ -85,7 +86,7 @@ def gather(
     """
     workers = workers or cores()
     found: dict[str, list[CellResult]] = {s.name: [] for s in wanted}
-    with progress_bar(console) as progress, pool_of(workers, None) as pool:
+    with progress_bar(console, TimeRemainingColumn()) as progress, pool_of(workers, None) as pool:
         bars = {s.name: progress.add_task(s.name, total=s.wanted) for s in wanted}
 
         def advance(series: Series, result: CellResult) -> None:
