@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from bayesdamp.config.again import read_asked, same_plugins
+from bayesdamp.config.again import read_asked
 from bayesdamp.config.checks import (
     StudyError,
     as_input_error,
@@ -245,7 +245,10 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
             return resolve_study(_read(path), path, plugins)
         asked = read_asked(path)
         study = resolve_study(dict(asked.tables), asked.beside / path.name, plugins)
-        same_plugins(path, study.plugins)
+        missing = asked.plugins.keys() - {m.digest for m in study.plugins}
+        if missing:
+            what = f"the run had the plug-in {asked.plugins[min(missing)]}, which is missing or has changed"
+            raise InputError(f"{what}; give it with --plugin")
         return study
     except (StudyError, InputError) as error:
         raise as_input_error(path, error) from None

@@ -25,7 +25,7 @@ from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.estimates import EstimateContent
 from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.store.contents.posteriors import PosteriorContent
-from bayesdamp.store.described import read_description
+from bayesdamp.store.files import read_description
 from bayesdamp.store.places import Place
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError

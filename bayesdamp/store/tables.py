@@ -14,8 +14,6 @@ import numpy as np
 from bayesdamp.store.files import write_bytes
 from bayesdamp.types import InputError
 
-SCHEMA = 1
-"""Version of the tables, written in run.json: it goes up when a column is renamed, removed, or means something else."""
 TABLES: dict[str, tuple[str, ...]] = {
     "estimates.csv": (
         "signal", "repeat", "model", "restoring", "estimator", "stage", "parameter", "unit", "value", "stderr", "truth",

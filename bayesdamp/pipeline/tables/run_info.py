@@ -16,7 +16,7 @@ from bayesdamp.store import CellResult, Store, provenance
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.records import RecordContent
-from bayesdamp.store.tables import SCHEMA
+from bayesdamp.store.files import SCHEMA
 from bayesdamp.types import OK, candidate_name
 
 Row = dict[str, Any]

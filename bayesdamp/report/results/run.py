@@ -10,7 +10,7 @@ from typing import Any, Self
 from bayesdamp.provenance import Provenance
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.store import TABLES, TEXT_OF, CellResult, Store, read_table
-from bayesdamp.store.described import read_description
+from bayesdamp.store.files import read_description
 from bayesdamp.store.places import Place
 from bayesdamp.types import OK, InputError, candidate_name
 from bayesdamp.units import Unit, unit_named
