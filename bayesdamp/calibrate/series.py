@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -22,7 +22,7 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.progress import progress_bar
-from bayesdamp.pipeline.tasks import failure
+from bayesdamp.pipeline.tasks import Product, perform
 from bayesdamp.pipeline.workers import pool_of
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
@@ -56,8 +56,8 @@ class Series:
         key = task_key("calibration", self.kind, self.model, first, asked, _named(study))
         return f"{self.name}/{first:06d}", key
 
-    def compute(self, study: Study, first: int) -> CellResult:
-        """The chunk that starts at a record, without its name."""
+    def compute(self, study: Study, first: int) -> Product:
+        """The chunk that starts at a record."""
         if self.kind == "ranks":
             return ranks.ranked(study, self.model, first)
         return recovery.recovered(study, self.kind, first)
@@ -164,12 +164,8 @@ def _stored(study: Study, store: Store, series: Series, first: int) -> CellResul
 
 
 def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult:
-    """Compute and store one chunk; a fault of the program is stored as one."""
+    """Compute and store one chunk."""
     use(study.plugins)
-    name, key = series.cell(study, first)
-    try:
-        result = replace(series.compute(study, first), name=name, key=key)
-    except Exception as fault:
-        result = CellResult(name, key, outcome=failure(fault))
-    Store(folder).write(result)
-    return result
+    store, (name, key) = Store(folder), series.cell(study, first)
+    perform(store, name, key, lambda: series.compute(study, first))
+    return store.read(name)

@@ -182,11 +182,7 @@ def _staged(study: Study, store: Store) -> Iterator[list[Job]]:
                     found.append(job)
         return found
 
-    # With one law alone there is none to leave out, and its candidates need not wait for one another.
-    short = left_by(Contest.listed, "look")
-    heads = {(c.spec.name, c.repeat): c.heads for c in contests if len(c.spec.restoring) > 1}
-    yield [job for job in short if job.model in heads.get((job.signal, job.repeat), (job.model,))]
-    yield left_by(Contest.laws_left, "look")
+    yield left_by(Contest.listed, "look")
     yield left_by(Contest.candidates_left, "weigh")
     last: list[Job] = []
     for part, chosen in (("sample", Contest.best_of), ("depend", Contest.likely)):

@@ -25,7 +25,7 @@ from bayesdamp.pipeline.records.records import signal_of
 from bayesdamp.pipeline.spread import KILLED, restart, spread
 from bayesdamp.pipeline.tables.tables import write_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
-from bayesdamp.pipeline.tasks import failure, perform
+from bayesdamp.pipeline.tasks import perform
 from bayesdamp.pipeline.workers import pool_of
 from bayesdamp.plugins import use
 from bayesdamp.records.oscillation.features import features
@@ -51,7 +51,6 @@ def run_study(
     scheduler: str | None = None,
     fresh: bool = False,
     console: Console | None = None,
-    pool: Executor | None = None,
     depth: Depth = Depth.WHOLE,
     answered: Callable[[Verdict], None] | None = None,
     quiet: bool = False,
@@ -61,7 +60,7 @@ def run_study(
     depth: where to stop; answered: told of each record's verdict as soon as it is there, and again once its motions
     are sampled; quiet: without progress, but not without what failed.
     workers: processes on this machine, None for as many as there are cores; scheduler: address of a Dask
-    scheduler in their place; pool: where jobs run, in place of either.
+    scheduler in their place.
     Raises InputError where the input is wrong; every record is read before anything is written.
     """
     from rich.console import Console
@@ -78,7 +77,7 @@ def run_study(
         workers = workers or max(1, min(cores(), side_by_side(jobs, depth)))
         names = [name for job in wanted for name in work_of(study, store, job)]
         shown = Console(quiet=True) if quiet else console
-        with progress_on(shown, wanted) as progress, pool_of(workers, scheduler, pool, console.print) as pool:
+        with progress_on(shown, wanted) as progress, pool_of(workers, scheduler, console.print) as pool:
             if pool is not None and depth is Depth.WHOLE:
                 pool.submit(_prepare)
                 threading.Thread(target=_prepare, daemon=True).start()
@@ -146,10 +145,7 @@ def _run_job(
         use(study.plugins)
         for name, (key, make) in work_of(study, store, job).items():
             if name not in given_up and not _done(store, name, key):
-                try:
-                    perform(store, name, key, make)
-                except Exception as fault:
-                    store.write(CellResult(name, key, outcome=failure(fault)))
+                perform(store, name, key, make)
             done.append(name)
     return done
 

@@ -30,12 +30,17 @@ Make = Callable[[], Product]
 
 
 def perform(store: Store, name: str, key: str, make: Make) -> None:
-    """Compute a task and store its product; where it raises Refusal, the sentence."""
+    """Compute a task and store its product; where it raises Refusal, the sentence, and where it fails, what went wrong.
+
+    Raises InputError, and OSError where the disk is full.
+    """
     began = time.perf_counter()
     try:
         product = make()
     except Refusal as refusal:
         product = Product(outcome=str(refusal))
+    except Exception as fault:
+        product = Product(outcome=failure(fault))
     meta = {} if product.content is None else product.content.meta()
     seconds = time.perf_counter() - began if product.seconds is None else product.seconds
     store.write(CellResult(name, key, meta, product.arrays, product.outcome, seconds))

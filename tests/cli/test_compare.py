@@ -170,7 +170,6 @@ def test_the_run_is_told_of_the_scheduler(tmp_path, monkeypatch) -> None:
     for where in ("tcp://127.0.0.1:1", None):
         assert main([*words, *(["--scheduler", where] if where else [])]) == 2
         assert given["scheduler"] == where
-        assert given["pool"] is None
 
 
 def test_a_missing_file_is_one_line(tmp_path, capsys) -> None:
