@@ -131,7 +131,7 @@ def chosen_envelopes(
     unit
         Of the readings; None where the files are to say it.
     **options
-        As of `Asked`: time, angle, rate, frequency, start, stop.
+        As in a [[signal]]: time, angle, rate, frequency, start, stop.
 
     Raises
     ------
@@ -139,14 +139,13 @@ def chosen_envelopes(
         Where none can be read.
     """
     from bayesdamp.config import Recording  # imports slowly
-    from bayesdamp.config.compare import Asked
     from bayesdamp.pipeline.envelopes import read_recording
 
     def readable(path: Path) -> Asked:
         # Not checked as a study's table, whose keys nobody has written here.
         source = Recording.model_construct(file=path.name, path=path.resolve(), unit=unit or "", **options)
         read_recording(source, path.name)
-        return Asked(path, unit=unit, quantity="envelope", **options)
+        return {"file": str(path), "unit": unit, "quantity": "envelope", **options}
 
     return read_each(paths, readable)
 
@@ -240,22 +239,18 @@ def _specimen(one: Found, found: Sequence[Found]) -> str:
 
 def as_signals(found: Sequence[Found], options: Options) -> list[Asked]:
     """Records as a study's [[signal]] says them."""
-    from bayesdamp.config.compare import Asked  # imports slowly: what is wrong with a file is told before
-
     o = options
+    reading = {"clock": o.clock, "start": o.start, "stop": o.stop, "time_unit": o.time_unit}
     return [
-        Asked(
-            one.path,
-            *one.raw.columns,
-            o.rate,
-            one.unit,
-            one.quantity,
-            o.clock,
-            o.start,
-            o.stop,
-            time_unit=o.time_unit,
-            label=_own_label(one, found) if one.several else "",
-            specimen=_specimen(one, found) if one.several and one.raw.repeat else "",
-        )
+        {
+            "file": str(one.path),
+            **dict(zip(("time", "angle"), one.raw.columns, strict=True)),
+            "rate": o.rate,
+            "unit": one.unit,
+            "quantity": one.quantity,
+            **reading,
+            "label": _own_label(one, found) if one.several else "",
+            "specimen": _specimen(one, found) if one.several and one.raw.repeat else "",
+        }
         for one in found
     ]

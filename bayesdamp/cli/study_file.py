@@ -6,7 +6,6 @@ import json
 import shlex
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +38,8 @@ _TABLES = {
 def study_text(records: Sequence[Asked], out: Path) -> str:
     """The study of records whose files lie beside `out`, where it will be written. Raises InputError and StudyError
     where the study would not be one."""
-    tables = comparison_tables([replace(asked, path=Path(asked.path.name)) for asked in records])
-    typed, of = _commented(shlex.quote(out.name)), _commented(records[0].path.name)
+    tables = comparison_tables([{**asked, "file": Path(asked["file"]).name} for asked in records])
+    typed, of = _commented(shlex.quote(out.name)), _commented(Path(records[0]["file"]).name)
     lines = [
         f"# A study of {of}, as `bayesdamp compare --exact` would do it. Change what is wrong, then",
         f"#   bayesdamp check {typed}    reads it and says what is wrong with it",

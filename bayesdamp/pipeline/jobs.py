@@ -37,13 +37,6 @@ class Depth(StrEnum):
 
 
 @dataclass(frozen=True)
-class Cell:
-    """One unit of work, by its name, such as `posterior/bench/0/viscous/nuts`."""
-
-    name: str
-
-
-@dataclass(frozen=True)
 class Job:
     """What one worker does in a row: a record itself (model None), one candidate's branch on it, or, once all of these
     are done, what joins them: an
@@ -60,14 +53,11 @@ class Job:
     part: str | None = None
 
 
-def cells(study: Study) -> list[Cell]:
-    """Every cell of a study, in an order in which they could run. Nothing is computed."""
+def cells(study: Study) -> list[str]:
+    """The names of a study's cells, in an order in which they could run. Nothing is computed."""
     use(study.plugins)
     store = Store(Path("."))
-    found: list[Cell] = []
-    for job in jobs_of(study):
-        found += [Cell(name) for name in work_of(study, store, job)]
-    return found
+    return [name for job in jobs_of(study) for name in work_of(study, store, job)]
 
 
 def within(job: Job, depth: Depth) -> bool:
