@@ -35,15 +35,18 @@ def perform(store: Store, name: str, key: str, make: Make) -> None:
     Raises InputError, and OSError where the disk is full.
     """
     began = time.perf_counter()
+
+    def keep(product: Product) -> None:
+        meta = {} if product.content is None else product.content.meta()
+        seconds = time.perf_counter() - began if product.seconds is None else product.seconds
+        store.write(CellResult(name, key, meta, product.arrays, product.outcome, seconds))
+
     try:
-        product = make()
+        keep(make())
     except Refusal as refusal:
-        product = Product(outcome=str(refusal))
+        keep(Product(outcome=str(refusal)))
     except Exception as fault:
-        product = Product(outcome=failure(fault))
-    meta = {} if product.content is None else product.content.meta()
-    seconds = time.perf_counter() - began if product.seconds is None else product.seconds
-    store.write(CellResult(name, key, meta, product.arrays, product.outcome, seconds))
+        keep(Product(outcome=failure(fault)))
 
 
 def failure(fault: Exception) -> str:

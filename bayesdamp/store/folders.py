@@ -104,7 +104,7 @@ def sweep(folder: Path) -> None:
 
 
 def remove_cells(folder: Path) -> None:
-    """Remove the cells of a run, and the folders that are empty by that; what else lies among them stays."""
+    """Remove the cells of a run; what else lies among them stays."""
     cells = folder / "cells"
     found = list(_entries(cells))
     if not _signed(folder / MARK) or any(path.is_symlink() for path in found):
@@ -112,7 +112,6 @@ def remove_cells(folder: Path) -> None:
     for path in found:
         if path.suffix == ".npz" and _is_cell_of(cells, path):
             path.unlink(missing_ok=True)
-            _remove_empty(path.parent, cells)
 
 
 def _is_cell_of(cells: Path, path: Path) -> bool:
@@ -123,16 +122,6 @@ def _is_cell_of(cells: Path, path: Path) -> bool:
         return False
     with path.open("rb") as handle:
         return handle.read(_ZIP + len(begins))[_ZIP:] == begins
-
-
-def _remove_empty(folder: Path, top: Path) -> None:
-    """Remove a folder and those above it up to `top`, as far as they are empty."""
-    for place in (folder, *folder.parents):
-        if os.listdir(place):
-            return
-        place.rmdir()
-        if place == top:
-            return
 
 
 def remove_listed(folder: Path, listed: Iterable[str]) -> None:

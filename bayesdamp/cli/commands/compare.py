@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -11,15 +11,13 @@ import typer
 from bayesdamp.cli import options as o
 from bayesdamp.cli.asked import (
     FIRST_WORDS,
-    compiles_first,
     describable,
     own_folder,
+    run_asked,
     run_folder,
-    units_of,
 )
 from bayesdamp.cli.border import one_line, say
 from bayesdamp.cli.options import READING, RUNNING, WEIGHED
-from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.types import InputError
 
 ALONE = 6
@@ -145,8 +143,6 @@ def compare(
             words = [*selection.doubted, *first, *asked, *selection.said]
     # One record is answered by threads of this process: others would only begin to wait.
     alone = len(signals) <= (ALONE if envelopes else 1) and not exact and scheduler is None
-    from rich.console import Console
-
     from bayesdamp.config.compare import comparison
 
     made = comparison(
@@ -166,31 +162,13 @@ def compare(
     if folder.name != made.name and out is None and not quiet:
         before = folder.with_name(made.name)
         typer.echo(f"{before} has the answer to another question; this one goes to {folder}", err=True)
-    if not (envelopes or quiet) and (once := compiles_first()):
-        typer.echo(once, err=True)
-    from bayesdamp.pipeline import Depth, run_study
-
-    console = Console(stderr=True)
-    from bayesdamp.report.terminal import Lasting, Told, conclude
-
-    shown = Lasting()
-    depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
-    status = run_study(
-        made, folder, workers=1 if alone else workers, scheduler=scheduler, fresh=fresh, console=console,
-        depth=depth,
-        answered=None if as_json or len(signals) > FIRST_WORDS else Told(shown, units_of(made)), quiet=quiet,
-    )  # fmt: skip
-    if as_json:
-        typer.echo(verdicts_json(folder))
-    else:
-        conclude(folder, shown)
-    return _status(status, failed)
-
-
-def _status(status: int, failed: Sequence[InputError]) -> int:
-    """Say which of several files were not answered, a line each; the exit status."""
+    from bayesdamp.pipeline import Depth
     from bayesdamp.pipeline.run import WRONG_CELLS
+    from bayesdamp.report.terminal import conclude
 
+    depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
+    how = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
+    status = run_asked(made, folder, depth, conclude, as_json=as_json, **how)
     for error in failed:
         say(one_line(f"failed: {error}"))
     return WRONG_CELLS if failed else status

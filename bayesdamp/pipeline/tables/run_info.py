@@ -24,13 +24,9 @@ Row = dict[str, Any]
 
 def run_info(study: Study, store: Store) -> Row:
     """The content of a run's run.json, from its cells."""
-    files = [s.source.path for s in study.signals if isinstance(s.source, Recording)]
-    about, seconds, priors, budget = {}, {}, {}, {}
+    files = {s.source.file: s.source.path for s in study.signals if isinstance(s.source, Recording)}
+    about, priors, budget = {}, {}, {}
     assumed: dict[str, None] = {}
-    for name in store.names():
-        cell = store.find(name)
-        if cell:
-            seconds[name] = cell.seconds
     for spec in study.signals:
         if spec.is_envelope:
             answered = store.find(f"{ANSWERED}/{spec.name}/0")
@@ -67,12 +63,6 @@ def run_info(study: Study, store: Store) -> Row:
         stored = {m: dict(mode.priors) if mode else {} for m, mode in modes.items()}
         priors[spec.name] = stored or _answered_priors(store, spec)
         budget[spec.name] = {m: dict(mode.error_budget) if mode else {} for m, mode in modes.items()}
-    found = provenance(files)
-    found["inputs"] = {
-        s.source.file: found["inputs"][str(s.source.path)]
-        for s in study.signals
-        if isinstance(s.source, Recording)
-    }
     return {
         "name": study.name,
         "description": study.description,
@@ -80,8 +70,8 @@ def run_info(study: Study, store: Store) -> Row:
         "study": study.resolved(),
         "asked": asked(study, store.folder),
         "schema": SCHEMA,
-        **found,
-        "seconds": seconds,
+        **provenance(files),
+        "seconds": {name: cell.seconds for name in store.names() if (cell := store.find(name))},
         **({"cells": dict(store.only)} if store.only is not None else {}),
         "signals": about,
         "priors": priors,
