@@ -41,7 +41,7 @@ from bayesdamp.config.signals import (
     restoring_laws,
 )
 from bayesdamp.config.specimens import check_specimens
-from bayesdamp.config.study import Estimators, Models, SignalSpec, Study
+from bayesdamp.config.study import Estimators, SignalSpec, Study
 from bayesdamp.config.sweeps import expand
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plain_text import read_plain
@@ -68,8 +68,6 @@ def _read(path: Path) -> dict[str, Any]:
         raw = tomllib.loads(read_plain(path))
     except FileNotFoundError:
         raise StudyError("", "there is no such file; give the path of a study file (TOML)") from None
-    except UnicodeDecodeError as error:
-        raise StudyError("", f"byte {error.start} is no UTF-8; a study file is UTF-8 text (TOML)") from None
     except OSError as error:
         raise StudyError(
             "", f"cannot be read: {(error.strerror or str(error)).lower()}; give a study file (TOML)"
@@ -79,12 +77,11 @@ def _read(path: Path) -> dict[str, Any]:
         raise StudyError(
             place or "", f"is not TOML: {what[:1].lower()}{what[1:]}; write key = value"
         ) from None
-    except RecursionError:
-        raise StudyError(
-            "", "has lists or tables in each other too deeply; a study has three levels"
-        ) from None
-    except ValueError as error:  # an integer of more digits than Python reads
-        raise StudyError("", f"holds a number that cannot be read ({error}); write a shorter one") from None
+    except (
+        ValueError,
+        RecursionError,
+    ) as error:  # another encoding, an endless number, tables a thousand deep
+        raise StudyError("", f"is not TOML in UTF-8 that can be read ({error}); write key = value") from None
     if not raw:
         raise StudyError("", "is empty; a study starts with version = 1 and has at least one [[signal]]")
     return raw
@@ -180,7 +177,7 @@ def _published(
     return read_published(folder / file, [s.name for s in signals], known)
 
 
-def _models(raw: object) -> Models:
+def _models(raw: object) -> ModelsTable:
     from bayesdamp.physics.damping import TERMS, all_sums
 
     checked = section(ModelsTable, raw, "models")
@@ -188,11 +185,14 @@ def _models(raw: object) -> Models:
     compare = canonical_models(tuple(names), "models.compare")
     further = [p.name for t in damping_order() for p in TERMS.get(t).inferred]
     known_keys(checked.prior, [*damping_order(), *further], "models.prior")
-    return Models(
-        compare,
-        {n: prior(v, f"models.prior.{n}", negative=n in further) for n, v in checked.prior.items()},
-        restoring_laws(checked.restoring or (), "models.restoring"),
-        checked.prune,
+    return checked.model_copy(
+        update={
+            "compare": compare,
+            "prior": {
+                n: prior(v, f"models.prior.{n}", negative=n in further) for n, v in checked.prior.items()
+            },
+            "restoring": restoring_laws(checked.restoring or (), "models.restoring"),
+        }
     )
 
 
