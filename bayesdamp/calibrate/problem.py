@@ -61,22 +61,18 @@ class Generator:
         Where a trajectory escapes the parameters are drawn again: no record has a likelihood there, so that
         the posterior is the same under the prior without them.
         """
-        escaped = InputError("nothing was drawn")
+        escaped, osc = InputError("nothing was drawn"), self.blank.oscillator
+        source = self.source.model_copy(update={"damping": osc.damping, "noise": self.blank.noise_model.name})
         for _ in range(ESCAPES):
             z = self.blank.prior_draws(1, rng)[0]
             truth = {k: float(v) for k, v in self.blank.values(z).items()}
             try:
-                signal = self._simulated({**self.blank.known, **truth}, rng, name)
+                signal = simulated(source, osc.restoring, {**self.blank.known, **truth}, name, rng)
             except InputError as fault:
                 escaped = fault
                 continue
             return Drawn(truth, signal, replace(self.blank, signal=signal))
         raise InputError(f"{self.model}: {ESCAPES} draws from the prior in a row, and {escaped}")
-
-    def _simulated(self, p: Mapping[str, float], rng: np.random.Generator, name: str) -> Signal:
-        osc = self.blank.oscillator
-        source = self.source.model_copy(update={"damping": osc.damping, "noise": self.blank.noise_model.name})
-        return simulated(source, osc.restoring, p, name, rng)
 
 
 def record_rng(seed: int, *labels: object) -> np.random.Generator:

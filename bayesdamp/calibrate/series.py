@@ -130,18 +130,12 @@ def _run(
 ) -> dict[tuple[Series, int], CellResult]:
     found: dict[tuple[Series, int], CellResult] = {}
     folder = store.folder.resolve()
-    for one in wave:
-        stored = _stored(study, store, *one)
-        if stored is not None:
-            found[one] = stored
-            advance(one[0], stored)
-    missing = [one for one in wave if one not in found]
     if pool is None:
-        for one in missing:
+        for one in wave:
             found[one] = _chunk(study, folder, *one)
             advance(one[0], found[one])
         return found
-    futures = {pool.submit(_chunk, study, folder, *one): one for one in missing}
+    futures = {pool.submit(_chunk, study, folder, *one): one for one in wave}
     try:
         for future in as_completed(futures):
             one = futures[future]
@@ -154,18 +148,11 @@ def _run(
     return found
 
 
-def _stored(study: Study, store: Store, series: Series, first: int) -> CellResult | None:
-    name, key = series.cell(study, first)
-    try:
-        found = store.read(name)
-    except KeyError:
-        return None
-    return found if found.key == key and not is_failed(found) else None
-
-
 def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult:
-    """Compute and store one chunk."""
+    """Return one chunk, computed and stored where the folder lacks it."""
     use(study.plugins)
     store, (name, key) = Store(folder), series.cell(study, first)
-    perform(store, name, key, lambda: series.compute(study, first))
+    stored = store.find(name)
+    if stored is None or stored.key != key or is_failed(stored):
+        perform(store, name, key, lambda: series.compute(study, first))
     return store.read(name)

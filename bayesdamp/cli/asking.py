@@ -202,7 +202,10 @@ def _chosen(path: Path, options: Options, cleaned: bool) -> tuple[list[Found], l
             if finding.kind in QUESTIONS:
                 raise InputError(f"{path.name}: {finding}")
     if several:
-        said.append(f"{path.name}: {len(found)} records: {_labels(found)}")
+        names, more = [one.label for one in found[:4]], len(found) - 4
+        said.append(
+            f"{path.name}: {len(found)} records: {'; '.join(names)}{f' and {more} more' if more > 0 else ''}"
+        )
     if found[0].choice:
         said.append(f"{path.name}: {found[0].choice}")
     if found[0].raw.began:
@@ -210,11 +213,6 @@ def _chosen(path: Path, options: Options, cleaned: bool) -> tuple[list[Found], l
     said += doubts(path, found, (Kind.CONSTANT,))
     doubted = doubts(path, found, [kind for kind in Kind if kind is not Kind.CONSTANT])
     return [replace(one, several=several) for one in found], doubted, said
-
-
-def _labels(found: Sequence[Found]) -> str:
-    names = [one.label for one in found]
-    return "; ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def doubts(path: Path, found: Sequence[Found], kinds: Iterable[Kind] = Kind) -> list[str]:

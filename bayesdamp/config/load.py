@@ -166,17 +166,6 @@ def _variant(name: str, method: object) -> str:
     return method
 
 
-def _published(
-    file: str | None, folder: Path, signals: tuple[SignalSpec, ...], estimators: Estimators
-) -> tuple[Published, ...]:
-    from bayesdamp.estimators import ESTIMATORS
-
-    if file is None:
-        return ()
-    known = [*ESTIMATORS.names(), *estimators.variants]
-    return read_published(folder / file, [s.name for s in signals], known)
-
-
 def _models(raw: object) -> ModelsTable:
     from bayesdamp.physics.damping import TERMS, all_sums
 
@@ -260,6 +249,8 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     plugins: modules besides those that it names; all of these, and no others, are in use from here on.
     Raises StudyError and InputError without the file's name.
     """
+    from bayesdamp.estimators import ESTIMATORS
+
     header = _header(raw)
     modules = tuple(dict.fromkeys((*_plugins(raw.get("plugins", {}), path.parent), *plugins)))
     use(modules)
@@ -267,6 +258,10 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     models = _models(raw.get("models", {}))
     signals = _signals(raw, path.parent, models.restoring)
     estimators = _estimators(raw.get("estimators", {}))
+    published: tuple[Published, ...] = ()
+    if header.published is not None:
+        methods = [*ESTIMATORS.names(), *estimators.variants]
+        published = read_published(path.parent / header.published, [s.name for s in signals], methods)
     study = Study(
         source=path,
         name=name,
@@ -277,7 +272,7 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
         evidence=_evidence(raw.get("evidence", {})),
         seed=header.seed,
         description=header.description,
-        published=_published(header.published, path.parent, signals, estimators),
+        published=published,
         calibration=_with_samplers(CalibrationTable, raw.get("calibration", {}), "calibration"),
         recovery=section(RecoveryTable, raw.get("recovery", {}), "recovery"),
         plugins=modules,

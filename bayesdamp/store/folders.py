@@ -39,7 +39,8 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
         if taken and not _has_run(folder):
             what = f"holds {taken[0]!r}, which no run of bayesdamp wrote"
             raise InputError(f"{folder}: {what}; {_ELSEWHERE}, or move it away")
-        write_new(folder / MARK, SIGNED)
+        with suppress(FileExistsError):
+            create(folder / MARK, SIGNED.encode())
     if not _signed(folder / MARK):
         raise InputError(f"{folder / MARK}: is not the mark of a run; {_ELSEWHERE}, or remove it")
     for entry in (folder / name for name in sorted({*FILES, *tables} - {LOCK})):
@@ -53,12 +54,6 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
                 raise InputError(
                     f"{entry}: is a link, where a run's own files belong; {_ELSEWHERE}, or remove it"
                 )
-
-
-def write_new(path: Path, text: str) -> None:
-    """Write a file that is not there; one that is stays as it is."""
-    with suppress(FileExistsError):
-        create(path, text.encode())
 
 
 def _signed(path: Path) -> bool:

@@ -82,7 +82,7 @@ WRONG = {
     "bad option": (["check", "option.toml"], "did you mean 'variant'?"),
     "out is a file": (
         ["study", "good.toml", "--out", "bad.toml"],
-        "--out: is 'bad.toml', and bad.toml is a file; it must be",
+        "--out: is 'bad.toml', and bad.toml is not a folder; it must be",
     ),
     "no run": (["report", "nowhere"], "nowhere: there is no such folder; give the folder of a run"),
     "empty run": (["report", "."], "run.json"),

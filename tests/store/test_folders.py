@@ -16,8 +16,8 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.store import CellResult, Store, write_bytes
-from bayesdamp.store.beside import temporary
-from bayesdamp.store.folders import MARK, SIGNED, write_new
+from bayesdamp.store.beside import create, temporary
+from bayesdamp.store.folders import MARK, SIGNED
 from bayesdamp.types import InputError
 
 CELL = CellResult("signal/a/0", "k")
@@ -246,11 +246,12 @@ def test_a_mark_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.Monkey
         Path, "open", lambda path, *a, **k: Full() if path.suffix == ".tmp" else usual(path, *a, **k)
     )
     with pytest.raises(OSError, match="No space"):
-        write_new(tmp_path / MARK, "mine")
+        create(tmp_path / MARK, b"mine")
     assert not list(tmp_path.iterdir())
     monkeypatch.undo()
-    write_new(tmp_path / MARK, "mine")
-    write_new(tmp_path / MARK, "other")
+    create(tmp_path / MARK, b"mine")
+    with pytest.raises(FileExistsError):
+        create(tmp_path / MARK, b"other")
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {MARK: "mine"}
 
 
@@ -259,8 +260,9 @@ def test_a_mark_where_files_have_one_name_only(tmp_path: Path, monkeypatch: pyte
         raise OSError(errno.EPERM, "Operation not permitted")
 
     monkeypatch.setattr(os, "link", no_links)
-    write_new(tmp_path / MARK, "mine")
-    write_new(tmp_path / MARK, "other")
+    create(tmp_path / MARK, b"mine")
+    with pytest.raises(FileExistsError):
+        create(tmp_path / MARK, b"other")
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {MARK: "mine"}
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
@@ -46,7 +45,14 @@ def run_info(study: Study, store: Store) -> Row:
         seen = _first_seen(store, spec) or cell
         content = RecordContent.of(cell)
         answer = AnswerContent.maybe(store.find(f"{ANSWERED}/{spec.name}/0"))
-        oscillation = RecordContent.of(seen) if seen.outcome == OK else None
+        oscillation: Row = {}
+        if seen.outcome == OK:
+            known = RecordContent.of(seen)
+            oscillation = {
+                "epsilon_note": known.epsilon_note,
+                "reference": known.scales,
+                "features": known.features,
+            }
         about[spec.name] = {
             **content.provenance,
             "unit": spec.source.unit,
@@ -56,7 +62,7 @@ def run_info(study: Study, store: Store) -> Row:
             "outcome": seen.outcome,
             "bound": dict(content.bound),
             **({"noise": answer.noise} if answer and len(answer.noises) > 1 else {}),
-            **(_scales(oscillation) if oscillation else {}),
+            **oscillation,
         }
         cells = {m: store.find(f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
         modes = {m: ModeContent.of(c) if c.outcome == OK else None for m, c in cells.items() if c}
@@ -85,15 +91,6 @@ def run_info(study: Study, store: Store) -> Row:
         },
         "error_budget": budget,
         "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals if not s.is_envelope},
-    }
-
-
-def _scales(content: RecordContent) -> Row:
-    """What a record with an oscillation has beside its provenance."""
-    return {
-        "epsilon_note": content.epsilon_note,
-        "reference": asdict(content.scales),
-        "features": asdict(content.features) if content.features else {},
     }
 
 
