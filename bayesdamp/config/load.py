@@ -41,7 +41,7 @@ from bayesdamp.config.signals import (
     restoring_laws,
 )
 from bayesdamp.config.specimens import check_specimens
-from bayesdamp.config.study import Estimators, SignalSpec, Study
+from bayesdamp.config.study import Estimators, Models, SignalSpec, Study
 from bayesdamp.config.sweeps import expand
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plain_text import read_plain
@@ -166,7 +166,7 @@ def _variant(name: str, method: object) -> str:
     return method
 
 
-def _models(raw: object) -> ModelsTable:
+def _models(raw: object) -> Models:
     from bayesdamp.physics.damping import TERMS, all_sums
 
     checked = section(ModelsTable, raw, "models")
@@ -174,14 +174,11 @@ def _models(raw: object) -> ModelsTable:
     compare = canonical_models(tuple(names), "models.compare")
     further = [p.name for t in damping_order() for p in TERMS.get(t).inferred]
     known_keys(checked.prior, [*damping_order(), *further], "models.prior")
-    return checked.model_copy(
-        update={
-            "compare": compare,
-            "prior": {
-                n: prior(v, f"models.prior.{n}", negative=n in further) for n, v in checked.prior.items()
-            },
-            "restoring": restoring_laws(checked.restoring or (), "models.restoring"),
-        }
+    return Models(
+        compare,
+        {n: prior(v, f"models.prior.{n}", negative=n in further) for n, v in checked.prior.items()},
+        restoring_laws(checked.restoring or (), "models.restoring"),
+        checked.prune,
     )
 
 

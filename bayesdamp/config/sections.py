@@ -175,12 +175,7 @@ class EstimatorsTable(Section):
 
 
 class ModelsTable(Section):
-    """[models]: the damping sums and restoring laws to compare, and the priors of the terms.
-
-    restoring: in a checked study none where a signal's own law is the only one.
-
-    prune: nats behind the best by Laplace's evidence, from which a candidate is not weighed further; None to weigh all.
-    """
+    """[models]: the damping sums and restoring laws to compare, and the priors of the terms."""
 
     compare: Literal["all"] | Annotated[Names, Field(min_length=1)] = Field(
         ("viscous", "coulomb", "quadratic"), description='"all" or a list of one or more models'

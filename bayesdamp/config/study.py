@@ -15,7 +15,6 @@ from bayesdamp.config.sections import (
     CalibrationTable,
     EvidenceTable,
     FileTable,
-    ModelsTable,
     PosteriorTable,
     RecoveryTable,
     SimulateTable,
@@ -117,6 +116,18 @@ class Estimators:
 
 
 @dataclass(frozen=True)
+class Models:
+    """compare: damping sums such as `viscous+coulomb`; prior: a prior by damping term, where one is given;
+    restoring: the laws that each of them is combined with, none where a signal's own law is the only one; prune:
+    how many nats behind the best, by Laplace's evidence, a candidate is not weighed further, None to weigh all."""
+
+    compare: tuple[str, ...]
+    prior: Mapping[str, Any] = field(default_factory=dict)
+    restoring: tuple[str, ...] = ()
+    prune: float | None = None
+
+
+@dataclass(frozen=True)
 class Study:
     """A checked study file. `source` is the file; nothing of it depends on the order of its tables.
 
@@ -128,7 +139,7 @@ class Study:
     name: str
     signals: tuple[SignalSpec, ...]
     estimators: Estimators
-    models: ModelsTable
+    models: Models
     posterior: PosteriorTable
     evidence: EvidenceTable
     calibration: CalibrationTable

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -74,7 +74,7 @@ class Progress:
         self._bar, self._kind, self._last = bar, "", 0.0
         self._task = bar.add_task("", total=None, left="")
         self._waiting = Counter(map(_kind_of, jobs))
-        self._done, self._seconds = Counter[str](), Counter[str]()
+        self._done, self._seconds = Counter[str](), defaultdict[str, float](float)
 
     def begin(self, words: str, jobs: Sequence[Job]) -> None:
         """Show the next step."""
@@ -97,7 +97,7 @@ class Progress:
     def left(self) -> float:
         """Seconds that the rest of the run takes: jobs as long as those of their kind took, or in proportion to
         `TYPICAL` where none has been done."""
-        pace = self._seconds.total() / sum(TYPICAL[k] * n for k, n in self._done.items())
+        pace = sum(self._seconds.values()) / sum(TYPICAL[k] * n for k, n in self._done.items())
         mean = {k: self._seconds[k] / n for k, n in self._done.items()}
         return sum(n * mean.get(k, pace * TYPICAL[k]) for k, n in self._waiting.items())
 
