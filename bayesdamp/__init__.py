@@ -25,126 +25,83 @@ if "jax" in sys.modules:
 
 __version__ = "0.1.0"
 
-_HOME = {
-    "Record": "bayesdamp.interface.records.record",
-    "read": "bayesdamp.interface.records.record",
-    "Signal": "bayesdamp.interface.records.signal",
-    "signal": "bayesdamp.interface.records.signal",
-    "simulate": "bayesdamp.interface.records.simulate",
-    "Model": "bayesdamp.interface.model",
-    "HalfNormal": "bayesdamp.priors",
-    "LogNormal": "bayesdamp.priors",
-    "LogUniform": "bayesdamp.priors",
-    "Normal": "bayesdamp.priors",
-    "Uniform": "bayesdamp.priors",
-    "Estimate": "bayesdamp.interface.estimate",
-    "estimate": "bayesdamp.interface.estimate",
-    "Fit": "bayesdamp.interface.fit",
-    "Prediction": "bayesdamp.interface.prediction",
-    "EnvelopeRecord": "bayesdamp.records.envelope.record",
-    "read_envelope": "bayesdamp.records.envelope.reading",
-    "first_words": "bayesdamp.records.oscillation.first_look",
-    "fit": "bayesdamp.interface.fit",
-    "Density": "bayesdamp.interface.density",
-    "Posterior": "bayesdamp.interface.posterior",
-    "sample": "bayesdamp.interface.sampling",
-    "Evidence": "bayesdamp.interface.evidence",
-    "evidence": "bayesdamp.interface.evidence",
-    "Comparison": "bayesdamp.interface.comparison",
-    "Verdict": "bayesdamp.verdict.types",
-    "compare": "bayesdamp.interface.comparison",
-    "Candidate": "bayesdamp.interface.run",
-    "Run": "bayesdamp.interface.run",
-    "run_study": "bayesdamp.interface.run",
-    "load": "bayesdamp.interface.load",
-    "InputError": "bayesdamp.types",
-    "Refusal": "bayesdamp.types",
-    "Study": "bayesdamp.config",
-    "load_study": "bayesdamp.config",
-    "DampingTerm": "bayesdamp.physics.damping",
-    "Oscillator": "bayesdamp.physics.oscillator",
-    "clean": "bayesdamp.records.cleaning.clean",
-    "features": "bayesdamp.records.oscillation.features",
-    "read_record": "bayesdamp.records.read",
-    "trajectory": "bayesdamp.physics.trajectories",
+_NAMES = {
+    "config": ("Study", "load_study"),
+    "interface.comparison": ("Comparison", "compare"),
+    "interface.density": ("Density",),
+    "interface.estimate": ("Estimate", "estimate"),
+    "interface.evidence": ("Evidence", "evidence"),
+    "interface.fit": ("Fit", "fit"),
+    "interface.load": ("load",),
+    "interface.model": ("Model",),
+    "interface.posterior": ("Posterior",),
+    "interface.prediction": ("Prediction",),
+    "interface.records.record": ("Record", "read"),
+    "interface.records.signal": ("Signal", "signal"),
+    "interface.records.simulate": ("simulate",),
+    "interface.run": ("Candidate", "Run", "run_study"),
+    "interface.sampling": ("sample",),
+    "physics.damping": ("DampingTerm",),
+    "physics.oscillator": ("Oscillator",),
+    "physics.trajectories": ("trajectory",),
+    "priors": ("HalfNormal", "LogNormal", "LogUniform", "Normal", "Uniform"),
+    "records.cleaning.clean": ("clean",),
+    "records.envelope.reading": ("read_envelope",),
+    "records.envelope.record": ("EnvelopeRecord",),
+    "records.oscillation.features": ("features",),
+    "records.oscillation.first_look": ("first_words",),
+    "records.read": ("read_record",),
+    "types": ("InputError", "Refusal"),
+    "verdict.types": ("Verdict",),
 }
+"""The public names, by the module of this package that each comes from."""
+_HOME = {name: f"bayesdamp.{module}" for module, names in _NAMES.items() for name in names}
 _THERE = {"trajectory": "simulate"}
 """What a name is called where it comes from, if something else."""
-
-__all__ = [
-    "Candidate",
-    "Comparison",
-    "DampingTerm",
-    "Density",
-    "EnvelopeRecord",
-    "Estimate",
-    "Evidence",
-    "Fit",
-    "HalfNormal",
-    "InputError",
-    "LogNormal",
-    "LogUniform",
-    "Model",
-    "Normal",
-    "Oscillator",
-    "Posterior",
-    "Prediction",
-    "Record",
-    "Refusal",
-    "Run",
-    "Signal",
-    "Study",
-    "Uniform",
-    "Verdict",
-    "__version__",
-    "clean",
-    "compare",
-    "estimate",
-    "evidence",
-    "features",
-    "first_words",
-    "fit",
-    "load",
-    "load_study",
-    "read",
-    "read_envelope",
-    "read_record",
-    "run_study",
-    "sample",
-    "signal",
-    "simulate",
-    "trajectory",
-]
-
+__all__ = ["__version__", "trajectory", *(_HOME.keys() - {"trajectory"})]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
-    from bayesdamp.config import Study, load_study
-    from bayesdamp.interface.comparison import Comparison, compare
-    from bayesdamp.interface.density import Density
-    from bayesdamp.interface.estimate import Estimate, estimate
-    from bayesdamp.interface.evidence import Evidence, evidence
-    from bayesdamp.interface.fit import Fit, fit
-    from bayesdamp.interface.load import load
-    from bayesdamp.interface.model import Model
-    from bayesdamp.interface.posterior import Posterior
-    from bayesdamp.interface.prediction import Prediction
-    from bayesdamp.interface.records.record import Record, read
-    from bayesdamp.interface.records.signal import Signal, signal
-    from bayesdamp.interface.records.simulate import simulate
-    from bayesdamp.interface.run import Candidate, Run, run_study
-    from bayesdamp.interface.sampling import sample
-    from bayesdamp.physics.damping import DampingTerm
-    from bayesdamp.physics.oscillator import Oscillator
+    from bayesdamp.config import Study as Study
+    from bayesdamp.config import load_study as load_study
+    from bayesdamp.interface.comparison import Comparison as Comparison
+    from bayesdamp.interface.comparison import compare as compare
+    from bayesdamp.interface.density import Density as Density
+    from bayesdamp.interface.estimate import Estimate as Estimate
+    from bayesdamp.interface.estimate import estimate as estimate
+    from bayesdamp.interface.evidence import Evidence as Evidence
+    from bayesdamp.interface.evidence import evidence as evidence
+    from bayesdamp.interface.fit import Fit as Fit
+    from bayesdamp.interface.fit import fit as fit
+    from bayesdamp.interface.load import load as load
+    from bayesdamp.interface.model import Model as Model
+    from bayesdamp.interface.posterior import Posterior as Posterior
+    from bayesdamp.interface.prediction import Prediction as Prediction
+    from bayesdamp.interface.records.record import Record as Record
+    from bayesdamp.interface.records.record import read as read
+    from bayesdamp.interface.records.signal import Signal as Signal
+    from bayesdamp.interface.records.signal import signal as signal
+    from bayesdamp.interface.records.simulate import simulate as simulate
+    from bayesdamp.interface.run import Candidate as Candidate
+    from bayesdamp.interface.run import Run as Run
+    from bayesdamp.interface.run import run_study as run_study
+    from bayesdamp.interface.sampling import sample as sample
+    from bayesdamp.physics.damping import DampingTerm as DampingTerm
+    from bayesdamp.physics.oscillator import Oscillator as Oscillator
     from bayesdamp.physics.trajectories import simulate as trajectory
-    from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
-    from bayesdamp.records.cleaning.clean import clean
-    from bayesdamp.records.envelope.reading import read_envelope
-    from bayesdamp.records.envelope.record import EnvelopeRecord
-    from bayesdamp.records.oscillation.features import features
-    from bayesdamp.records.oscillation.first_look import first_words
-    from bayesdamp.records.read import read_record
-    from bayesdamp.types import InputError, Refusal
-    from bayesdamp.verdict.types import Verdict
+    from bayesdamp.priors import HalfNormal as HalfNormal
+    from bayesdamp.priors import LogNormal as LogNormal
+    from bayesdamp.priors import LogUniform as LogUniform
+    from bayesdamp.priors import Normal as Normal
+    from bayesdamp.priors import Uniform as Uniform
+    from bayesdamp.records.cleaning.clean import clean as clean
+    from bayesdamp.records.envelope.reading import read_envelope as read_envelope
+    from bayesdamp.records.envelope.record import EnvelopeRecord as EnvelopeRecord
+    from bayesdamp.records.oscillation.features import features as features
+    from bayesdamp.records.oscillation.first_look import first_words as first_words
+    from bayesdamp.records.read import read_record as read_record
+    from bayesdamp.types import InputError as InputError
+    from bayesdamp.types import Refusal as Refusal
+    from bayesdamp.verdict.types import Verdict as Verdict
 
 
 def __getattr__(name: str) -> object:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
@@ -22,7 +22,6 @@ from pydantic import (
     ConfigDict,
     Field,
     PositiveFloat,
-    TypeAdapter,
     ValidationError,
     model_validator,
 )
@@ -476,13 +475,3 @@ GivenPrior = Annotated[Normal | HalfNormal | LogNormal | Uniform | LogUniform, F
 """What a user may state."""
 Prior = Normal | HalfNormal | SharedHalfNormal | LogNormal | Uniform | LogUniform
 """What a model may have."""
-
-
-def prior_of(dumped: Mapping[str, object]) -> Prior:
-    """A prior from what `model_dump` gave of it."""
-    return _adapter().validate_python(dict(dumped))
-
-
-@cache
-def _adapter() -> TypeAdapter[Any]:
-    return TypeAdapter(Annotated[Prior, Field(discriminator="prior")])

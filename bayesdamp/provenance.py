@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Literal, Self
+
+from bayesdamp.serial import join
 
 Kind = Literal["at rest", "held", "pushed", "free decay", "sticking", "noise"]
 Fact = str | float
@@ -69,8 +71,5 @@ class Provenance:
     def of(cls, given: Mapping[str, Any]) -> Self:
         """The inverse of `to_dict`, after a file too."""
         own = {f.name for f in fields(cls)} - {"more"}
-        found = {name: value for name, value in given.items() if name in own and value is not None}
-        for name in ("warnings", "notes", "constant_columns"):
-            found[name] = tuple(found.get(name, ()))
-        found["pieces"] = tuple(Piece(**piece) for piece in found.get("pieces", ()))
-        return cls(**found, more={name: value for name, value in given.items() if name not in own})
+        found = join(cls, {name: value for name, value in given.items() if name in own and value is not None})
+        return replace(found, more={name: value for name, value in given.items() if name not in own})

@@ -1,4 +1,4 @@
-"""Tables of the site that follow from elsewhere: measurements in reports/, the dictionary of columns.
+"""Tables of the site that follow from measurements in reports/ and from the source.
 
 Written anew at each build.
 """
@@ -6,19 +6,14 @@ Written anew at each build.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import pandas as pd
 
-from bayesdamp import store
-from bayesdamp.calibrate.probabilities import RECORD_COLUMNS
-from bayesdamp.calibrate.tables import COLUMNS as CHECKS
-from bayesdamp.calibrate.tables import RANK_COLUMNS
 from bayesdamp.estimators import ESTIMATORS, names_for_all
 from bayesdamp.estimators.terms import table as taken
 from bayesdamp.physics.damping import PAPER_TERMS, others
-from bayesdamp.store.columns import SCHEMA, described
 
 DAMPINGS = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
 SETTINGS = {
@@ -30,18 +25,6 @@ SETTINGS = {
     "length-1p5": "1.5 periods",
 }
 """Cells of studies/noise.toml, and what they change."""
-
-
-WRITTEN: Mapping[str, Sequence[str]] = {
-    **store.TABLES,
-    "verdicts.csv": store.VERDICTS,
-    "damping_curves.csv": ("record", "unit", *store.DAMPING_CURVES),
-    **store.SPECIMEN_TABLES,
-    "calibration.csv": CHECKS,
-    "ranks.csv": RANK_COLUMNS,
-    "recovery.csv": RECORD_COLUMNS,
-}
-"""Every table that a run may write, and its columns."""
 
 
 QUESTIONS = {
@@ -148,15 +131,6 @@ def clean_errors(estimates: pd.DataFrame) -> dict[str, dict[str, float]]:
     return found
 
 
-def columns() -> str:
-    """The dictionary of columns as sections with a table each."""
-    parts = [f"Version {SCHEMA} of the tables (`schema` in `run.json`).\n"]
-    for table, names in WRITTEN.items():
-        rows = [(f"`{c.name}`", c.unit or "–", c.meaning) for c in described(table, names)]
-        parts.append(f"## {table}\n\n" + markdown(("column", "unit", "what stands there"), escaped(rows)))
-    return "\n".join(parts)
-
-
 def escaped(rows: Iterable[Iterable[str]]) -> list[list[str]]:
     """Cells in which a bar does not end the cell."""
     return [[cell.replace("|", "\\|") for cell in row] for row in rows]
@@ -214,7 +188,6 @@ def tables(root: Path) -> dict[str, str]:
         "methods_noise.md": in_noise,
         "methods_refined.md": after,
         "methods_clean.md": exact,
-        "columns.md": columns(),
         "methods_terms.md": terms_taken(),
         "validation.md": validated(root),
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,7 +16,6 @@ from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -63,35 +61,23 @@ class Generator:
         Where a trajectory escapes the parameters are drawn again: no record has a likelihood there, so that
         the posterior is the same under the prior without them.
         """
-        escaped = InputError("nothing was drawn")
+        escaped, osc = InputError("nothing was drawn"), self.blank.oscillator
+        source = self.source.model_copy(update={"damping": osc.damping, "noise": self.blank.noise_model.name})
         for _ in range(ESCAPES):
             z = self.blank.prior_draws(1, rng)[0]
             truth = {k: float(v) for k, v in self.blank.values(z).items()}
             try:
-                signal = self._simulated({**self.blank.known, **truth}, rng, name)
+                signal = simulated(source, osc.restoring, {**self.blank.known, **truth}, name, rng)
             except InputError as fault:
                 escaped = fault
                 continue
             return Drawn(truth, signal, replace(self.blank, signal=signal))
         raise InputError(f"{self.model}: {ESCAPES} draws from the prior in a row, and {escaped}")
 
-    def _simulated(self, p: Mapping[str, float], rng: np.random.Generator, name: str) -> Signal:
-        osc = self.blank.oscillator
-        source = self.source.model_copy(update={"damping": osc.damping, "noise": self.blank.noise_model.name})
-        return simulated(source, osc.restoring, p, name, rng)
-
 
 def record_rng(seed: int, *labels: object) -> np.random.Generator:
     """The random numbers of one record: a function of the study's seed and the record's labels."""
     return np.random.default_rng([seed, zlib.crc32("/".join(map(str, labels)).encode())])
-
-
-def failure(fault: Exception) -> str:
-    """What is stored of a fault of the program in one record; under BAYESDAMP_DEBUG it is raised."""
-    if isinstance(fault, InputError) or os.environ.get("BAYESDAMP_DEBUG"):
-        raise fault
-    lines = str(fault).strip().splitlines()
-    return Status.FAILED.because(f"{type(fault).__name__}: {lines[0] if lines else ''}")
 
 
 def generator(

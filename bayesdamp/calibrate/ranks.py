@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.calibrate.problem import (
-    failure,
     generator,
     mode_of,
     record_rng,
@@ -18,7 +17,7 @@ from bayesdamp.config import Study
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.store import CellResult
+from bayesdamp.pipeline.tasks import Product, failure
 from bayesdamp.store.contents.calibration import RanksContent
 from bayesdamp.types import OK, InputError, Refusal
 
@@ -28,7 +27,7 @@ LIKELIHOOD = "log_likelihood"
 """Ranked with the parameters: it sees what the ranks of single parameters may not (Modrák et al., 2023)."""
 
 
-def ranked(study: Study, model: str, first: int) -> CellResult:
+def ranked(study: Study, model: str, first: int) -> Product:
     """A chunk of records of one model, numbered from `first`.
 
     Its content is a `RanksContent`: names of the parameters, and the likelihood last. arrays: truth (c, k), value and
@@ -86,7 +85,7 @@ def ranked(study: Study, model: str, first: int) -> CellResult:
         seconds=seconds,
     )
     arrays = {"truth": truth, "value": value, "stderr": stderr, "ranks": ranks, "below": below}
-    return CellResult("", "", content.meta(), arrays, OK, sum(seconds.values()))
+    return Product(content, arrays, seconds=sum(seconds.values()))
 
 
 def checked(study: Study) -> None:

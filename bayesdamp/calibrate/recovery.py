@@ -14,7 +14,6 @@ from scipy.special import logsumexp
 from bayesdamp.calibrate.problem import (
     Drawn,
     Generator,
-    failure,
     generator,
     mode_of,
     record_rng,
@@ -23,15 +22,15 @@ from bayesdamp.config import Simulation, Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.trajectories import simulate
+from bayesdamp.pipeline.tasks import Product, failure
 from bayesdamp.priors import LogNormal
-from bayesdamp.store import CellResult
 from bayesdamp.store.contents.calibration import RecoveryContent
 from bayesdamp.types import OK, InputError, Refusal
 
 CHUNK = 4
 
 
-def recovered(study: Study, kind: str, first: int) -> CellResult:
+def recovered(study: Study, kind: str, first: int) -> Product:
     """A chunk of records, numbered from `first`; kind: "recovery" over all models, "single" over single dampings.
 
     Its content is a `RecoveryContent`. arrays: model, the true one's place (c,); probability (c, m); log_evidence
@@ -77,7 +76,7 @@ def recovered(study: Study, kind: str, first: int) -> CellResult:
         "design": design,
         "loss": loss,
     }
-    return CellResult("", "", content.meta(), arrays, OK, time.perf_counter() - began)
+    return Product(content, arrays, seconds=time.perf_counter() - began)
 
 
 def models_of(study: Study, kind: str) -> list[str]:

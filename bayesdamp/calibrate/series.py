@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
+from rich.progress import TimeRemainingColumn
 
 from bayesdamp.calibrate import ranks, recovery
-from bayesdamp.calibrate.problem import failure
 from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
@@ -22,6 +22,7 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.progress import progress_bar
+from bayesdamp.pipeline.tasks import Product, perform
 from bayesdamp.pipeline.workers import pool_of
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
@@ -55,8 +56,8 @@ class Series:
         key = task_key("calibration", self.kind, self.model, first, asked, _named(study))
         return f"{self.name}/{first:06d}", key
 
-    def compute(self, study: Study, first: int) -> CellResult:
-        """The chunk that starts at a record, without its name."""
+    def compute(self, study: Study, first: int) -> Product:
+        """The chunk that starts at a record."""
         if self.kind == "ranks":
             return ranks.ranked(study, self.model, first)
         return recovery.recovered(study, self.kind, first)
@@ -85,7 +86,7 @@ def gather(
     """
     workers = workers or cores()
     found: dict[str, list[CellResult]] = {s.name: [] for s in wanted}
-    with progress_bar(console) as progress, pool_of(workers, None) as pool:
+    with progress_bar(console, TimeRemainingColumn()) as progress, pool_of(workers, None) as pool:
         bars = {s.name: progress.add_task(s.name, total=s.wanted) for s in wanted}
 
         def advance(series: Series, result: CellResult) -> None:
@@ -129,18 +130,12 @@ def _run(
 ) -> dict[tuple[Series, int], CellResult]:
     found: dict[tuple[Series, int], CellResult] = {}
     folder = store.folder.resolve()
-    for one in wave:
-        stored = _stored(study, store, *one)
-        if stored is not None:
-            found[one] = stored
-            advance(one[0], stored)
-    missing = [one for one in wave if one not in found]
     if pool is None:
-        for one in missing:
+        for one in wave:
             found[one] = _chunk(study, folder, *one)
             advance(one[0], found[one])
         return found
-    futures = {pool.submit(_chunk, study, folder, *one): one for one in missing}
+    futures = {pool.submit(_chunk, study, folder, *one): one for one in wave}
     try:
         for future in as_completed(futures):
             one = futures[future]
@@ -153,22 +148,11 @@ def _run(
     return found
 
 
-def _stored(study: Study, store: Store, series: Series, first: int) -> CellResult | None:
-    name, key = series.cell(study, first)
-    try:
-        found = store.read(name)
-    except KeyError:
-        return None
-    return found if found.key == key and not is_failed(found) else None
-
-
 def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult:
-    """Compute and store one chunk; a fault of the program is stored as one."""
+    """Return one chunk, computed and stored where the folder lacks it."""
     use(study.plugins)
-    name, key = series.cell(study, first)
-    try:
-        result = replace(series.compute(study, first), name=name, key=key)
-    except Exception as fault:
-        result = CellResult(name, key, outcome=failure(fault))
-    Store(folder).write(result)
-    return result
+    store, (name, key) = Store(folder), series.cell(study, first)
+    stored = store.find(name)
+    if stored is None or stored.key != key or is_failed(stored):
+        perform(store, name, key, lambda: series.compute(study, first))
+    return store.read(name)

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import typer
 
 from bayesdamp.machine.cache import cache_folder
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from bayesdamp.config import Study
+    from bayesdamp.pipeline import Depth
 
 
 MOST_QUESTIONS = 100
@@ -24,20 +29,14 @@ def run_folder(out: Path | None, name: str) -> Path:
     """A run's folder. Raises InputError where a file has its name."""
     folder = out if out is not None else Path("reports") / name
     try:
-        present = next(
-            place for place in (folder, *folder.absolute().parents) if os.path.lexists(place.absolute())
-        )
-        if not present.is_dir():
-            what = "a link that leads nowhere" if present.is_symlink() and not present.exists() else "a file"
-            raise InputError(
-                f"--out: is {str(folder)!r}, and {present} is {what}; it must be a folder, or a new name"
-            )
-        os.lstat(folder)
-    except FileNotFoundError:
-        return folder
+        present = next(place for place in (folder, *folder.absolute().parents) if os.path.lexists(place))
     except OSError as error:
         what = (error.strerror or str(error)).lower()
         raise InputError(f"--out: is {str(folder)!r}, {what}; it must be a folder, or a new name") from None
+    if not present.is_dir():
+        raise InputError(
+            f"--out: is {str(folder)!r}, and {present} is not a folder; it must be a folder, or a new name"
+        )
     return folder
 
 
@@ -74,9 +73,37 @@ def compiles_first() -> str:
     return "compiling the equations of motion for this machine, once: about a minute more than later"
 
 
-def units_of(study: Study) -> dict[str, str]:
-    """The unit that each record came in, by its signal's name."""
-    return {spec.name: spec.source.unit for spec in study.signals}
+def run_asked(
+    study: Study,
+    folder: Path,
+    depth: Depth,
+    finish: Callable[[Path, Console], None],
+    *,
+    as_json: bool,
+    **how: Any,
+) -> int:
+    """Run a study and print its verdicts as they are there; the exit status.
+
+    finish: prints what there is to say of the run's folder at the end; not where verdicts are printed as_json. how: as
+    of `run_study`.
+    """
+    from rich.console import Console
+
+    from bayesdamp.pipeline import run_study
+    from bayesdamp.report.terminal import Lasting, Told
+
+    if not how["quiet"] and not all(s.is_envelope for s in study.signals) and (once := compiles_first()):
+        typer.echo(once, err=True)
+    shown = Lasting()
+    told = Told(shown, {spec.name: spec.source.unit for spec in study.signals})
+    answered = None if as_json or len(study.signals) > FIRST_WORDS else told
+    status = run_study(study, folder, console=Console(stderr=True), depth=depth, answered=answered, **how)
+    if as_json:
+        path = folder / "verdict.json"
+        typer.echo(path.read_text(encoding="utf-8").rstrip("\n") if path.is_file() else "[]")
+    else:
+        finish(folder, shown)
+    return status
 
 
 def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:

@@ -131,7 +131,7 @@ def chosen_envelopes(
     unit
         Of the readings; None where the files are to say it.
     **options
-        As of `Asked`: time, angle, rate, frequency, start, stop.
+        As in a [[signal]]: time, angle, rate, frequency, start, stop.
 
     Raises
     ------
@@ -139,14 +139,13 @@ def chosen_envelopes(
         Where none can be read.
     """
     from bayesdamp.config import Recording  # imports slowly
-    from bayesdamp.config.compare import Asked
     from bayesdamp.pipeline.envelopes import read_recording
 
     def readable(path: Path) -> Asked:
         # Not checked as a study's table, whose keys nobody has written here.
         source = Recording.model_construct(file=path.name, path=path.resolve(), unit=unit or "", **options)
         read_recording(source, path.name)
-        return Asked(path, unit=unit, quantity="envelope", **options)
+        return {"file": str(path), "unit": unit, "quantity": "envelope", **options}
 
     return read_each(paths, readable)
 
@@ -203,7 +202,10 @@ def _chosen(path: Path, options: Options, cleaned: bool) -> tuple[list[Found], l
             if finding.kind in QUESTIONS:
                 raise InputError(f"{path.name}: {finding}")
     if several:
-        said.append(f"{path.name}: {len(found)} records: {_labels(found)}")
+        names, more = [one.label for one in found[:4]], len(found) - 4
+        said.append(
+            f"{path.name}: {len(found)} records: {'; '.join(names)}{f' and {more} more' if more > 0 else ''}"
+        )
     if found[0].choice:
         said.append(f"{path.name}: {found[0].choice}")
     if found[0].raw.began:
@@ -211,11 +213,6 @@ def _chosen(path: Path, options: Options, cleaned: bool) -> tuple[list[Found], l
     said += doubts(path, found, (Kind.CONSTANT,))
     doubted = doubts(path, found, [kind for kind in Kind if kind is not Kind.CONSTANT])
     return [replace(one, several=several) for one in found], doubted, said
-
-
-def _labels(found: Sequence[Found]) -> str:
-    names = [one.label for one in found]
-    return "; ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def doubts(path: Path, found: Sequence[Found], kinds: Iterable[Kind] = Kind) -> list[str]:
@@ -240,22 +237,18 @@ def _specimen(one: Found, found: Sequence[Found]) -> str:
 
 def as_signals(found: Sequence[Found], options: Options) -> list[Asked]:
     """Records as a study's [[signal]] says them."""
-    from bayesdamp.config.compare import Asked  # imports slowly: what is wrong with a file is told before
-
     o = options
+    reading = {"clock": o.clock, "start": o.start, "stop": o.stop, "time_unit": o.time_unit}
     return [
-        Asked(
-            one.path,
-            *one.raw.columns,
-            o.rate,
-            one.unit,
-            one.quantity,
-            o.clock,
-            o.start,
-            o.stop,
-            time_unit=o.time_unit,
-            label=_own_label(one, found) if one.several else "",
-            specimen=_specimen(one, found) if one.several and one.raw.repeat else "",
-        )
+        {
+            "file": str(one.path),
+            **dict(zip(("time", "angle"), one.raw.columns, strict=True)),
+            "rate": o.rate,
+            "unit": one.unit,
+            "quantity": one.quantity,
+            **reading,
+            "label": _own_label(one, found) if one.several else "",
+            "specimen": _specimen(one, found) if one.several and one.raw.repeat else "",
+        }
         for one in found
     ]

@@ -6,36 +6,26 @@ import json
 import shlex
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from bayesdamp.config.compare import Asked, comparison_tables
 from bayesdamp.config.load import resolve_study
+from bayesdamp.config.sections import (
+    EstimatorsTable,
+    EvidenceTable,
+    Header,
+    ModelsTable,
+    PosteriorTable,
+    Section,
+    SignalTable,
+)
 
-_COMMENTS = {
-    "seed": "every random number follows from it",
-    "time": "the column of times, by name or number from 1",
-    "angle": "the recorded quantity's column, whatever it is",
-    "rate": "sampling rate in Hz, in place of a column of times",
-    "time_unit": "the unit of the times",
-    "unit": "of the displacement itself, also where its velocity or acceleration is recorded",
-    "quantity": '"angle" (the displacement), "velocity" or "acceleration"',
-    "clock": '"auto", "as_logged", or "uniform": rebuilt from stamps that come in bursts',
-    "start": 'a time in s, or "auto": after the release',
-    "stop": 'a time in s, or "auto": before rest',
-    "least_noise": "noise that is added to a record that has none, as a share of its amplitude",
-    "restoring": "the laws to compare; leave those out that your rig cannot have",
-    "system": 'what is known, as in { restoring = "pendulum", stiffness = 20.1 }; all else is inferred',
-    "specimen": "records of one specimen are fitted jointly",
-    "compare": '"all" damping sums, or a list such as ["viscous", "viscous+coulomb"]',
-    "prune": "log Bayes factor to the best (nats, Laplace) from which a damping model is pruned",
-    "noise": 'a noise model, or "auto": chosen for each record',
-    "best": "how many damping models are sampled",
-    "deviation": 'may laws hold approximately: "none", "law", or "auto": in the answer on measured records alone',
-    "sensor": "linearity error of the sensor: no damping ratio is known better",
-    "methods": "of the evidence",
-    "referee": 'nested sampling as a check: "auto" (where the others disagree), "always" or "never"',
+_SECTIONS: dict[str, type[Section]] = {
+    "estimators": EstimatorsTable,
+    "models": ModelsTable,
+    "posterior": PosteriorTable,
+    "evidence": EvidenceTable,
 }
 _TABLES = {
     "estimators": 'Estimates beside the comparison; use = "all" runs the eleven methods.',
@@ -48,22 +38,28 @@ _TABLES = {
 def study_text(records: Sequence[Asked], out: Path) -> str:
     """The study of records whose files lie beside `out`, where it will be written. Raises InputError and StudyError
     where the study would not be one."""
-    tables = comparison_tables([replace(asked, path=Path(asked.path.name)) for asked in records])
-    typed, of = _commented(shlex.quote(out.name)), _commented(records[0].path.name)
+    tables = comparison_tables([{**asked, "file": Path(asked["file"]).name} for asked in records])
+    typed, of = _commented(shlex.quote(out.name)), _commented(Path(records[0]["file"]).name)
     lines = [
         f"# A study of {of}, as `bayesdamp compare --exact` would do it. Change what is wrong, then",
         f"#   bayesdamp check {typed}    reads it and says what is wrong with it",
         f"#   bayesdamp study {typed}    runs it, in minutes; with --quick the answer alone, in seconds",
         "",
     ]
-    lines += [_line(key, value) for key, value in tables.items() if not isinstance(value, dict | list)]
+    lines += [
+        _line(Header, key, value) for key, value in tables.items() if not isinstance(value, dict | list)
+    ]
     for signal in tables["signal"]:
         given = signal | {key: signal.get(key, "auto") for key in ("clock", "start", "stop")}
-        lines += ["", "[[signal]]", *(_line(key, value) for key, value in _ordered(given).items())]
+        lines += [
+            "",
+            "[[signal]]",
+            *(_line(SignalTable, key, value) for key, value in _ordered(given).items()),
+        ]
     for name, table in tables.items():
         if isinstance(table, dict):
             lines += ["", f"# {_TABLES.get(name, '')}".rstrip("# "), f"[{name}]"]
-            lines += [_line(key, value) for key, value in table.items()]
+            lines += [_line(_SECTIONS[name], key, value) for key, value in table.items()]
     text = "\n".join(lines) + "\n"
     resolve_study(tomllib.loads(text), out)
     return text
@@ -79,9 +75,9 @@ def _ordered(signal: Mapping[str, Any]) -> dict[str, Any]:
     return {k: v for k, v in signal.items() if k not in last} | {k: signal[k] for k in last if k in signal}
 
 
-def _line(key: str, value: object) -> str:
+def _line(section: type[Section], key: str, value: object) -> str:
     text = f"{key} = {written(value)}"
-    return f"{text:<48} # {_COMMENTS[key]}" if key in _COMMENTS else text
+    return f"{text:<48} # {section.model_fields[key].description}"
 
 
 def written(value: object) -> str:

@@ -5,25 +5,25 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bayesdamp.config.checks import StudyError
-from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
     from bayesdamp.config.study import Study
-    from bayesdamp.plugins import PluginModule
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What a run was asked. tables: those of its study file; beside: the folder in which its files are looked for."""
+    """What a run was asked. tables: those of its study file; beside: the folder in which its files are looked for;
+    plugins: files of the user's modules by their digests."""
 
     tables: Mapping[str, Any]
     beside: Path
+    plugins: Mapping[str, str]
 
 
 def asked(study: Study, folder: Path) -> dict[str, Any]:
@@ -51,35 +51,14 @@ def read_asked(path: Path) -> Asked:
         raise StudyError("", "there is no such file; give a study file (TOML), or a run's run.json") from None
     except (OSError, ValueError, RecursionError):
         raise StudyError("", "is no JSON; give a study file (TOML), or a run's run.json") from None
-    found = run.get("asked") if isinstance(run, dict) else None
-    if not isinstance(found, dict) or not isinstance(found.get("tables"), dict):
+    try:
+        tables, beside = {"name": run.get("name"), **run["asked"]["tables"]}, run["asked"].get("beside", ".")
+        inputs = dict(run.get("inputs", {}))
+        plugins = {one["sha256"]: one["file"] for one in run.get("study", {}).get("plugins", ())}
+    except (AttributeError, KeyError, TypeError, ValueError):
         what = "does not hold the study that it was made from"
-        raise StudyError("", f"{what}; give that study file (TOML), or a run.json of this version")
-    inputs, had = run.get("inputs", {}), _plugins(run)
-    if not isinstance(inputs, dict) or had is None:
-        what = "its inputs or its study.plugins are not as a run writes them"
-        raise StudyError("", f"{what}; give the study file (TOML), or a run's run.json as it was")
-    tables = {"name": run.get("name"), **found["tables"]}
-    return Asked(tables, _folder(path.parent, str(found.get("beside", ".")), inputs))
-
-
-def same_plugins(path: Path, modules: Sequence[PluginModule]) -> None:
-    """Raises InputError where a run had plug-ins that are not among these as they were."""
-    for one in _plugins(json.loads(path.read_text(encoding="utf-8"))) or ():
-        if one["sha256"] not in {m.digest for m in modules}:
-            raise InputError(
-                f"the run had the plug-in {one['file']}, which is missing or has changed; give it with --plugin"
-            )
-
-
-def _plugins(run: Mapping[str, Any]) -> list[Mapping[str, str]] | None:
-    """The file and the digest of each plug-in that a run had; None where it does not say so."""
-    study = run.get("study", {})
-    had = study.get("plugins", []) if isinstance(study, dict) else None
-    whole = isinstance(had, list) and all(
-        isinstance(one, dict) and {"file", "sha256"} <= one.keys() for one in had
-    )
-    return had if whole else None
+        raise StudyError("", f"{what}; give that study file (TOML), or a run.json of this version") from None
+    return Asked(tables, _folder(path.parent, str(beside), inputs), plugins)
 
 
 def _folder(folder: Path, beside: str, inputs: Mapping[str, str]) -> Path:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,32 +30,13 @@ likelihood, and nothing could be weighed."""
 METHODS = ("laplace", "importance", "bridge")
 JOINT_METHODS = ("laplace", "importance")
 """Of the records one by one, where they are fitted jointly."""
-_NOT_READ = ("path", "label", "specimen")
 SPECIMEN = "specimen"
 """The name of the one specimen that all records are of."""
 
 
-@dataclass(frozen=True)
-class Asked:
-    """One record's file and how to read it, as a study's [[signal]] says it.
-
-    label: which of the file's records it is, where there are several; specimen: what it is one of the repeats of,
-    where the file says so. unit: None where an envelope's file is to say it; frequency: of an envelope's oscillation.
-    """
-
-    path: Path
-    time: str | int | None = None
-    angle: str | int | None = None
-    rate: float | None = None
-    unit: str | None = "rad"
-    quantity: str = "angle"
-    clock: str = "auto"
-    start: float | str = "auto"
-    stop: float | str = "auto"
-    time_unit: str | None = None
-    frequency: float | None = None
-    label: str = ""
-    specimen: str = ""
+Asked = Mapping[str, Any]
+"""A record's file and how to read it, with the keys of a study's [[signal]] (None is no value), and a label where the
+file has several records. Without a unit an envelope's file says it; a motion is then in rad."""
 
 
 def laws_for(unit: str) -> tuple[str, ...]:
@@ -102,19 +82,23 @@ def comparison_tables(
     """
     if repeats and len(records) < 2:
         raise InputError("--repeats: there is one record; give two or more of one specimen")
-    names = _names([f"{asked.path.stem} {asked.label}".strip() for asked in records])
+    names = _names([f"{Path(r['file']).stem} {r.get('label', '')}".strip() for r in records])
     signals = [_signal(asked, name, tuple(restoring)) for asked, name in zip(records, names, strict=True)]
     if len(records) > 1:
         for signal, asked in zip(signals, records, strict=True):
-            if repeats or asked.quantity != "envelope":
-                signal["specimen"] = SPECIMEN if repeats else _name(asked.specimen) or signal["name"]
+            if repeats or asked.get("quantity") != "envelope":
+                signal["specimen"] = (
+                    SPECIMEN if repeats else _name(asked.get("specimen", "")) or signal["name"]
+                )
     # The joint fit reads the answers: draws of each record by itself, and evidence from these, would be read by nobody.
     samplers, methods = ([], JOINT_METHODS) if repeats else (["nuts"], METHODS)
     return {
         "version": 1,
         "name": _question(records, names),
         "seed": seed,
-        "description": f"Which damping has {', '.join(dict.fromkeys(a.path.name for a in records))}?"[:200],
+        "description": f"Which damping has {', '.join(dict.fromkeys(Path(r['file']).name for r in records))}?"[
+            :200
+        ],
         "signal": signals,
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or _sums(), "prune": PRUNE},
@@ -135,18 +119,18 @@ def _question(records: Sequence[Asked], names: Sequence[str]) -> str:
     """A name for them all: of their one file, else of the first and how many follow."""
     if len(names) == 1:
         return names[0]
-    if len({asked.path for asked in records}) == 1:
-        return f"{_name(records[0].path.stem) or 'record'}-{len(names)}-records"
+    if len({asked["file"] for asked in records}) == 1:
+        return f"{_name(Path(records[0]['file']).stem) or 'record'}-{len(names)}-records"
     return f"{names[0]}-and-{len(names) - 1}-more"
 
 
 def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, Any]:
-    given = {k: v for k, v in vars(asked).items() if k not in _NOT_READ and v is not None}
-    given = {"name": name, "file": str(asked.path), **given}
-    if asked.quantity == "envelope":
-        return given
-    laws = restoring or laws_for(asked.unit or "rad")
+    given = {k: v for k, v in asked.items() if k not in ("label", "specimen") and v is not None}
+    if asked.get("quantity") == "envelope":
+        return {"name": name, **given}
+    laws = restoring or laws_for(asked.get("unit", "rad"))
     return {
+        "name": name,
         **given,
         "least_noise": LEAST_NOISE,
         "restoring": list(laws),

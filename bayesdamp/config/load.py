@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from bayesdamp.config.again import read_asked, same_plugins
+from bayesdamp.config.again import read_asked
 from bayesdamp.config.checks import (
     StudyError,
     as_input_error,
@@ -68,8 +68,6 @@ def _read(path: Path) -> dict[str, Any]:
         raw = tomllib.loads(read_plain(path))
     except FileNotFoundError:
         raise StudyError("", "there is no such file; give the path of a study file (TOML)") from None
-    except UnicodeDecodeError as error:
-        raise StudyError("", f"byte {error.start} is no UTF-8; a study file is UTF-8 text (TOML)") from None
     except OSError as error:
         raise StudyError(
             "", f"cannot be read: {(error.strerror or str(error)).lower()}; give a study file (TOML)"
@@ -79,12 +77,11 @@ def _read(path: Path) -> dict[str, Any]:
         raise StudyError(
             place or "", f"is not TOML: {what[:1].lower()}{what[1:]}; write key = value"
         ) from None
-    except RecursionError:
-        raise StudyError(
-            "", "has lists or tables in each other too deeply; a study has three levels"
-        ) from None
-    except ValueError as error:  # an integer of more digits than Python reads
-        raise StudyError("", f"holds a number that cannot be read ({error}); write a shorter one") from None
+    except (
+        ValueError,
+        RecursionError,
+    ) as error:  # another encoding, an endless number, tables a thousand deep
+        raise StudyError("", f"is not TOML in UTF-8 that can be read ({error}); write key = value") from None
     if not raw:
         raise StudyError("", "is empty; a study starts with version = 1 and has at least one [[signal]]")
     return raw
@@ -169,17 +166,6 @@ def _variant(name: str, method: object) -> str:
     return method
 
 
-def _published(
-    file: str | None, folder: Path, signals: tuple[SignalSpec, ...], estimators: Estimators
-) -> tuple[Published, ...]:
-    from bayesdamp.estimators import ESTIMATORS
-
-    if file is None:
-        return ()
-    known = [*ESTIMATORS.names(), *estimators.variants]
-    return read_published(folder / file, [s.name for s in signals], known)
-
-
 def _models(raw: object) -> Models:
     from bayesdamp.physics.damping import TERMS, all_sums
 
@@ -245,7 +231,10 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
             return resolve_study(_read(path), path, plugins)
         asked = read_asked(path)
         study = resolve_study(dict(asked.tables), asked.beside / path.name, plugins)
-        same_plugins(path, study.plugins)
+        missing = asked.plugins.keys() - {m.digest for m in study.plugins}
+        if missing:
+            what = f"the run had the plug-in {asked.plugins[min(missing)]}, which is missing or has changed"
+            raise InputError(f"{what}; give it with --plugin")
         return study
     except (StudyError, InputError) as error:
         raise as_input_error(path, error) from None
@@ -257,6 +246,8 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     plugins: modules besides those that it names; all of these, and no others, are in use from here on.
     Raises StudyError and InputError without the file's name.
     """
+    from bayesdamp.estimators import ESTIMATORS
+
     header = _header(raw)
     modules = tuple(dict.fromkeys((*_plugins(raw.get("plugins", {}), path.parent), *plugins)))
     use(modules)
@@ -264,6 +255,10 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     models = _models(raw.get("models", {}))
     signals = _signals(raw, path.parent, models.restoring)
     estimators = _estimators(raw.get("estimators", {}))
+    published: tuple[Published, ...] = ()
+    if header.published is not None:
+        methods = [*ESTIMATORS.names(), *estimators.variants]
+        published = read_published(path.parent / header.published, [s.name for s in signals], methods)
     study = Study(
         source=path,
         name=name,
@@ -274,7 +269,7 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
         evidence=_evidence(raw.get("evidence", {})),
         seed=header.seed,
         description=header.description,
-        published=_published(header.published, path.parent, signals, estimators),
+        published=published,
         calibration=_with_samplers(CalibrationTable, raw.get("calibration", {}), "calibration"),
         recovery=section(RecoveryTable, raw.get("recovery", {}), "recovery"),
         plugins=modules,

@@ -84,7 +84,7 @@ class FileTable(Section):
     )
     rate: float | None = Field(None, gt=0, description="the sampling rate in Hz, a positive number")
     clock: Literal["auto", "as_logged", "uniform"] = Field(
-        "auto", description='"auto", "as_logged" or "uniform"'
+        "auto", description='"auto", "as_logged" or "uniform" (rebuilt from stamps that come in bursts)'
     )
     run: Annotated[int, Field(ge=0, le=COLUMN * COLUMN)] | Annotated[str, Field(min_length=1)] | None = Field(
         None, description="the number of one of the file's runs, or its label in quotes"
@@ -93,8 +93,8 @@ class FileTable(Section):
     time_unit: Literal["s", "ms", "us", "ns", "ps", "min", "h", "d"] | None = Field(
         None, description='the unit of the times: "s", "ms", "us", "ns", "ps", "min", "h" or "d"'
     )
-    start: float | Literal["auto"] = Field("auto", description='a time in s, or "auto"')
-    stop: float | Literal["auto"] = Field("auto", description='a time in s, or "auto"')
+    start: float | Literal["auto"] = Field("auto", description='a time in s, or "auto" (after the release)')
+    stop: float | Literal["auto"] = Field("auto", description='a time in s, or "auto" (before rest)')
     least_noise: float = Field(
         0.0, ge=0, lt=1, description="a share of the amplitude: noise that is added where the record has none"
     )
@@ -107,7 +107,9 @@ class SignalTable(FileTable):
         pattern=NAME, max_length=64, description="a name in quotes: at most 64 letters, digits, - and _"
     )
     simulate: dict[str, Any] | None = Field(None, description="a table such as { viscous = 0.05, ... }")
-    system: dict[str, Any] = Field({}, description='a table such as { stiffness = "free" }')
+    system: dict[str, Any] = Field(
+        {}, description='a table of what is known, such as { restoring = "pendulum", stiffness = 20.1 }'
+    )
     compare: Annotated[Names, Field(min_length=1)] | None = Field(
         None, description="a list of one or more models for this signal, in place of [models]'s"
     )
@@ -212,7 +214,9 @@ class EvidenceTable(Section):
     """[evidence]: which methods, and when nested sampling is called as a referee."""
 
     methods: Names = Field(("importance", "bridge"), description="a list of methods' names")
-    referee: Literal["auto", "always", "never"] = Field("auto", description='"auto", "always" or "never"')
+    referee: Literal["auto", "always", "never"] = Field(
+        "auto", description='"auto" (nested sampling where the methods disagree), "always" or "never"'
+    )
 
 
 class CalibrationTable(Section):

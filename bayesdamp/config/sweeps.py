@@ -10,7 +10,6 @@ from typing import Any
 
 from bayesdamp.config.checks import StudyError, below, section, shown
 from bayesdamp.config.sections import SignalTable, SweepTable
-from bayesdamp.plugins import nearest
 
 MOST = 100_000
 """Signals that the sweeps of a study may make (conventional)."""
@@ -51,13 +50,8 @@ def _check(sweep: SweepTable, key: str, signals: list[dict[str, Any]]) -> None:
     head, _, tail = sweep.key.partition(".")
     right = (bool(tail) and "." not in tail) if head in _TABLES else (head in _FILE_KEYS and not tail)
     if not right:
-        hint = nearest(sweep.key, [n for n in _FILE_KEYS if any(_touches(n, one) for one in signals)])
-        clause = (
-            hint
-            if "did you mean" in hint
-            else '; it must be like "simulate.noise_sd", "system.gravity" or "start"'
-        )
-        raise StudyError(below(key, "key"), f"is {shown(sweep.key)}, which is no key of a signal{clause}")
+        right = 'it must be like "simulate.noise_sd", "system.gravity" or "start"'
+        raise StudyError(below(key, "key"), f"is {shown(sweep.key)}, which is no key of a signal; {right}")
     if not any(_touches(sweep.key, signal) for signal in signals):
         raise StudyError(
             below(key, "key"), f"is {shown(sweep.key)}, which no signal has; sweep a key that one has"

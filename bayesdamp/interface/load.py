@@ -10,18 +10,10 @@ from bayesdamp.interface.parts.result import read
 from bayesdamp.plugins import nearest
 from bayesdamp.types import InputError
 
-HOME = {
-    "Record": "records.record",
-    "Signal": "records.signal",
-    "Model": "model",
-    "Estimate": "estimate",
-    "Fit": "fit",
-    "Posterior": "posterior",
-    "Evidence": "evidence",
-    "Comparison": "comparison",
-    "Prediction": "prediction",
-}
-"""Where each kind of result is, in this package."""
+KINDS = (
+    "Record", "Signal", "Model", "Estimate", "Fit", "Posterior", "Evidence", "Comparison", "Prediction",
+)  # fmt: skip
+"""The public names of the results that are saved."""
 
 
 def load(path: str | Path) -> Any:
@@ -40,8 +32,8 @@ def load(path: str | Path) -> Any:
         return Verdict.load(path)
 
     def class_of(kind: str) -> Any:
-        if kind not in HOME:
-            raise InputError(f"{path}: holds a {kind!r}, which is not known here{nearest(kind, list(HOME))}")
-        return getattr(import_module(f"bayesdamp.interface.{HOME[kind]}"), kind)
+        if kind not in KINDS:
+            raise InputError(f"{path}: holds a {kind!r}, which is not known here{nearest(kind, list(KINDS))}")
+        return getattr(import_module("bayesdamp"), kind)
 
     return read(path, class_of)

@@ -25,7 +25,7 @@ from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.estimates import EstimateContent
 from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.store.contents.posteriors import PosteriorContent
-from bayesdamp.store.described import read_description
+from bayesdamp.store.files import read_description
 from bayesdamp.store.places import Place
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError
@@ -167,8 +167,6 @@ class Run(Shown):
     def load(cls, path: str | Path) -> Self:
         """The run in a folder. Raises InputError where there is none."""
         folder = Path(path)
-        if not (folder / "run.json").is_file():
-            raise InputError(f"{folder}: holds no run; give the folder that run_study or the command wrote")
         name = (read_description(folder).get("study") or {}).get("name")
         if name is None:
             raise InputError(

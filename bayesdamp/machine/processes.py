@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from importlib import import_module
 from typing import Any
 
 from bayesdamp.machine.signals import kill_as_interrupt
@@ -52,8 +51,8 @@ class Processes(Executor):
 
 
 @contextmanager
-def processes(workers: int, module: str = "") -> Iterator[Processes]:
-    """Spawned processes; each begins at once to import a module where one is named.
+def processes(workers: int) -> Iterator[Processes]:
+    """Spawned processes.
 
     Spawned, not forked (a library may have started threads), and one thread each: the processes share the cores.
     """
@@ -62,8 +61,6 @@ def processes(workers: int, module: str = "") -> Iterator[Processes]:
     pool = Processes(workers)
     with kill_as_interrupt():
         try:
-            for _ in range(workers if module else 0):
-                pool.submit(_import, module)
             yield pool
         finally:
             pool.end()
@@ -82,7 +79,3 @@ def _begin(parent: int) -> None:
     gc.set_threshold(GARBAGE)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
     threading.Thread(target=watch, daemon=True).start()
-
-
-def _import(module: str) -> None:
-    import_module(module)

@@ -235,10 +235,14 @@ def _stored(weighing: Weighing, verdict: Verdict, arrays: Mapping[str, np.ndarra
             posteriors.append({**name, **{k: v for k, v in vars(drawn).items() if k != "draws"}})
         if r.about is not None and r.weighed is not None:
             laws.append({**name, "found": split(found_of(weighing, r), further, found_name(**name))})
+    refused = [
+        WeighedCandidate("+".join(c.damping), c.restoring, outcome=why) for c, why in weighing.refused.items()
+    ]
+    rivals = [r for r in weighing.forms if _counts(weighing, r)]
     content = {
         "verdict": verdict.to_dict(),
-        "candidates": _rows(weighing),
-        "rivals": _rivals(weighing),
+        "candidates": [*(_row(r) for r in weighing.results if _counts(weighing, r)), *refused],
+        "rivals": [replace(_row(r), place="+".join(place_of(r.candidate.damping))) for r in rivals],
         "fits": fits,
         "priors": priors,
         "posteriors": posteriors,
@@ -334,22 +338,6 @@ def _not_weighed(weighing: Weighing) -> list[str]:
     weighed = {r.candidate.damping for r in weighing.results}
     why = {c.damping: said for c, said in weighing.refused.items() if c.damping not in weighed}
     return [f"{'+'.join(terms)} was not weighed: {said}." for terms, said in why.items()]
-
-
-def _rows(weighing: Weighing) -> list[WeighedCandidate]:
-    rows = [_row(r) for r in weighing.results if _counts(weighing, r)]
-    refused = [
-        WeighedCandidate("+".join(c.damping), c.restoring, outcome=why) for c, why in weighing.refused.items()
-    ]
-    return [*rows, *refused]
-
-
-def _rivals(weighing: Weighing) -> list[WeighedCandidate]:
-    return [
-        replace(_row(r), place="+".join(place_of(r.candidate.damping)))
-        for r in weighing.forms
-        if _counts(weighing, r)
-    ]
 
 
 def _runs(weighing: Weighing, found: Findings, approximate: bool) -> dict[str, np.ndarray]:

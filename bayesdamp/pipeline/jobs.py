@@ -37,13 +37,6 @@ class Depth(StrEnum):
 
 
 @dataclass(frozen=True)
-class Cell:
-    """One unit of work, by its name, such as `posterior/bench/0/viscous/nuts`."""
-
-    name: str
-
-
-@dataclass(frozen=True)
 class Job:
     """What one worker does in a row: a record itself (model None), one candidate's branch on it, or, once all of these
     are done, what joins them: an
@@ -60,14 +53,11 @@ class Job:
     part: str | None = None
 
 
-def cells(study: Study) -> list[Cell]:
-    """Every cell of a study, in an order in which they could run. Nothing is computed."""
+def cells(study: Study) -> list[str]:
+    """The names of a study's cells, in an order in which they could run. Nothing is computed."""
     use(study.plugins)
     store = Store(Path("."))
-    found: list[Cell] = []
-    for job in jobs_of(study):
-        found += [Cell(name) for name in work_of(study, store, job)]
-    return found
+    return [name for job in jobs_of(study) for name in work_of(study, store, job)]
 
 
 def within(job: Job, depth: Depth) -> bool:
@@ -182,11 +172,7 @@ def _staged(study: Study, store: Store) -> Iterator[list[Job]]:
                     found.append(job)
         return found
 
-    # With one law alone there is none to leave out, and its candidates need not wait for one another.
-    short = left_by(Contest.listed, "look")
-    heads = {(c.spec.name, c.repeat): c.heads for c in contests if len(c.spec.restoring) > 1}
-    yield [job for job in short if job.model in heads.get((job.signal, job.repeat), (job.model,))]
-    yield left_by(Contest.laws_left, "look")
+    yield left_by(Contest.listed, "look")
     yield left_by(Contest.candidates_left, "weigh")
     last: list[Job] = []
     for part, chosen in (("sample", Contest.best_of), ("depend", Contest.likely)):

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Set
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from bayesdamp.formatting import duration
 from bayesdamp.types import candidate_parts
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress as Bar
+    from rich.progress import ProgressColumn
 
     from bayesdamp.config import Study
     from bayesdamp.pipeline.jobs import Job
@@ -24,18 +28,16 @@ DOING = {
     "depend": "trying other priors and half the record with",
 }
 """What is done with damping models, by the part of a job."""
+TYPICAL = {
+    "read": 0.4, "answer": 2.0, "sampled": 2.0, "model": 10.0, "average": 0.5,
+    "specimen": 2.0, "population": 5.0, "": 3.0
+}  # fmt: skip
+"""Seconds of a job of each kind, and of drawing the report, as the shipped studies take them on one core."""
 
 
-def words_of(study: Study, jobs: list[Job], others: Set[tuple[str, int]] = frozenset()) -> str:
-    """Return a stage of a study in words. others: records, as (signal, repeat), that are known to be no free decay, of
-    which nothing is weighed."""
+def words_of(study: Study, jobs: list[Job]) -> str:
+    """Return a stage of a study in words."""
     job, whole = jobs[0], len(jobs)
-    if job.part in ("answer", "sampled"):
-        weighed = [j for j in jobs if (j.signal, j.repeat) not in others]
-        if not weighed:
-            it = "what moves" if whole == 1 else f"what moves in {counted(whole, 'record')}"
-            return f"measuring {it}: no free decay, so no damping model is weighed"
-        jobs = weighed
     records = counted(len({(j.signal, j.repeat) for j in jobs}), "record")
     if job.part == "read":
         return f"{READING} {records}"
@@ -43,10 +45,10 @@ def words_of(study: Study, jobs: list[Job], others: Set[tuple[str, int]] = froze
         specs = [s for s in study.signals if s.name in {j.signal for j in jobs}]
         sums = counted(max(len(study.dampings(s)) for s in specs), "damping model")
         laws = max(len(s.restoring) for s in specs)
-        under = f" under {counted(laws, 'restoring law')}" if laws else ""  # an envelope has none
-        return f"weighing {sums}{under}{f' for {records}' if len(jobs) > 1 else ''}"
+        under = f" and {counted(laws, 'restoring law')}" if laws else ""  # an envelope has none
+        return f"measuring the damping of {records} with {sums}{under}"
     if job.part == "sampled":
-        return f"sampling the likeliest damping models of {records}"
+        return f"checking the answer on {records} by sampling"
     if job.joined:
         return {
             "average": "averaging over damping models",
@@ -63,38 +65,59 @@ def counted(number: int, what: str) -> str:
 
 
 class Progress:
-    """One step after the other: on a terminal a bar with the time that the step has left, elsewhere a line a step."""
+    """One step after the other: on a terminal a bar with the time that the whole run has left, elsewhere a line a step.
 
-    def __init__(self, bar: Bar) -> None:
-        self._bar = bar
-        self._task = bar.add_task("", total=None)
+    jobs: of the whole run.
+    """
 
-    def begin(self, words: str, jobs: int) -> None:
+    def __init__(self, bar: Bar, jobs: Sequence[Job] = ()) -> None:
+        self._bar, self._kind, self._last = bar, "", 0.0
+        self._task = bar.add_task("", total=None, left="")
+        self._waiting = Counter(map(_kind_of, jobs))
+        self._done, self._seconds = Counter[str](), defaultdict[str, float](float)
+
+    def begin(self, words: str, jobs: Sequence[Job]) -> None:
         """Show the next step."""
-        self._bar.reset(self._task, description=words, total=jobs)
+        self._kind, self._last = _kind_of(jobs[0]) if jobs else "", time.monotonic()
+        self._waiting[self._kind] = max(self._waiting[self._kind], len(jobs))
+        self._bar.reset(self._task, description=words, total=max(1, len(jobs)))
         if not self._bar.console.is_terminal and not words.startswith(READING):
             self._bar.console.print(words, soft_wrap=True, highlight=False, markup=False)
 
     def advance(self) -> None:
         """Show that one job of the step is done."""
-        self._bar.advance(self._task)
+        now = time.monotonic()
+        self._seconds[self._kind] += now - self._last
+        self._last = now
+        self._done[self._kind] += 1
+        self._waiting[self._kind] = max(0, self._waiting[self._kind] - 1)
+        self._bar.update(self._task, advance=1, left=f"{duration(self.left)} left")
+
+    @property
+    def left(self) -> float:
+        """Seconds that the rest of the run takes: jobs as long as those of their kind took, or in proportion to
+        `TYPICAL` where none has been done."""
+        pace = sum(self._seconds.values()) / sum(TYPICAL[k] * n for k, n in self._done.items())
+        mean = {k: self._seconds[k] / n for k, n in self._done.items()}
+        return sum(n * mean.get(k, pace * TYPICAL[k]) for k, n in self._waiting.items())
 
 
-def progress_bar(console: Console) -> Bar:
-    """Return the bar of steps, or of several things that go on at once."""
+def _kind_of(job: Job) -> str:
+    """Return the kind of a job, whose jobs take about as long as each other."""
+    return job.joined or ("model" if job.model else str(job.part))
+
+
+def progress_bar(console: Console, *columns: ProgressColumn) -> Bar:
+    """Return the bar of steps, or of several things that go on at once; columns: behind the others."""
     # Not for workers, which show nothing.
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
-    columns = (BarColumn(bar_width=20), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     return Bar(
         TextColumn("{task.description}"),
+        BarColumn(bar_width=20),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
         *columns,
         console=console,
         transient=True,
@@ -103,7 +126,9 @@ def progress_bar(console: Console) -> Bar:
 
 
 @contextmanager
-def progress_on(console: Console) -> Iterator[Progress]:
-    """Show progress while the context lasts; nothing on a quiet console."""
-    with progress_bar(console) as bar:
-        yield Progress(bar)
+def progress_on(console: Console, jobs: Sequence[Job] = ()) -> Iterator[Progress]:
+    """Show progress of a run's jobs while the context lasts; nothing on a quiet console."""
+    from rich.progress import TextColumn
+
+    with progress_bar(console, TextColumn("{task.fields[left]}")) as bar:
+        yield Progress(bar, jobs)

@@ -1,9 +1,9 @@
-"""What a study leaves out as it goes: laws and candidates far behind, and posteriors of all but the best."""
+"""What a study leaves out as it goes: candidates far behind, and posteriors of all but the best."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.outcomes import Status, status_of
@@ -13,13 +13,9 @@ from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.types import OK, candidate_parts
 
-LAW_MARGIN = 40.0
-"""Nats beyond `prune` by which a law's richest damping must be behind before its other dampings are left out. Each of
-them fits no better; what it can gain is the Occam factors of the terms it lacks, some ten nats each at most."""
 FAR = 5.0
 """Nats behind the best, beyond which a candidate that is not sampled is not looked at under other circumstances."""
 FAR_AT_ONCE = Status.PRUNED.because("far behind in the first weighing")
-LAW_FAR = Status.PRUNED.because("its restoring law is far behind with all damping terms already")
 NOT_SAMPLED = Status.NOT_SAMPLED.because("not among the best by evidence")
 
 
@@ -29,16 +25,6 @@ class Contest:
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
         self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
         self.names, self.limit = study.compare(spec), study.models.prune
-
-    @property
-    def heads(self) -> tuple[str, ...]:
-        """The candidate of each law with the most damping terms."""
-        found: dict[str, str] = {}
-        for name in self.names:
-            damping, law = candidate_parts(name)
-            if law not in found or damping.count("+") > found[law].count("+"):
-                found[law] = name
-        return tuple(found.values())
 
     def listed(self) -> dict[str, str]:
         """All candidates, each with why the first weighing leaves it out, or an empty sentence."""
@@ -53,27 +39,10 @@ class Contest:
             found[name] = FAR_AT_ONCE if out else ""
         return found
 
-    def laws_left(self) -> dict[str, str]:
-        """Candidates other than the heads, each with why its law is out of the question, or an empty sentence."""
-        logs = self._looked(self.heads)
-        best = max(logs.values(), default=math.nan)
-        by_law = {candidate_parts(head)[1]: head for head in self.heads}
-        found = {}
-        for name in (n for n in self.names if n not in self.heads):
-            damping, law = candidate_parts(name)
-            behind = best - logs.get(by_law[law], math.nan)
-            covered = set(damping.split("+")) <= set(candidate_parts(by_law[law])[0].split("+"))
-            if self._outcome(name, "laplace") == FAR_AT_ONCE:
-                found[name] = FAR_AT_ONCE
-            elif self.limit is not None and covered and behind > self.limit + LAW_MARGIN:
-                found[name] = LAW_FAR
-            else:
-                found[name] = ""
-        return found
-
     def candidates_left(self) -> dict[str, str]:
         """All candidates, each with why it is not weighed further, or an empty sentence."""
-        logs = self._looked(self.names)
+        logs = {name: self._log_evidence(name, "laplace") for name in self.names}
+        logs = {name: value for name, value in logs.items() if math.isfinite(value)}
         best = max(logs.values(), default=math.nan)
         found = {}
         for name in self.names:
@@ -126,11 +95,6 @@ class Contest:
         said = [self._outcome(name, method) for method in self.study.evidence.methods if method != "laplace"]
         return any(status_of(one) not in (Status.OK, Status.NOT_SAMPLED, Status.PRUNED) for one in said)
 
-    def _looked(self, names: Iterable[str]) -> dict[str, float]:
-        """Laplace's log evidence of the candidates that have one."""
-        logs = {name: self._log_evidence(name, "laplace") for name in names}
-        return {name: value for name, value in logs.items() if math.isfinite(value)}
-
     def _cell(self, name: str, method: str) -> CellResult | None:
         return self.store.find(f"evidence/{self.spec.name}/{self.repeat}/{name}/{method}")
 
@@ -139,9 +103,8 @@ class Contest:
         return OK if cell is None else cell.outcome
 
     def _log_evidence(self, name: str, method: str) -> float:
-        cell = self._cell(name, method)
-        found = None if cell is None else EvidenceContent.of(cell).evidence
-        return math.nan if found is None else found.log_evidence
+        content = EvidenceContent.maybe(self._cell(name, method))
+        return content.evidence.log_evidence if content and content.evidence else math.nan
 
 
 def set_aside(store: Store, cells: Mapping[str, str], why: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import pickle
 import threading
 from collections.abc import Callable, Collection
@@ -33,18 +32,14 @@ from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.reference import reference_of
 from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
-from bayesdamp.store.beside import no_room
 from bayesdamp.store.places import Place
-from bayesdamp.types import OK, InputError
-from bayesdamp.verdict.parts import Grade
+from bayesdamp.types import InputError
 from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 DONE, WRONG_CELLS = 0, 3
-FEW = 5
-"""Records that are looked at before they are said to be weighed: a tenth of a second each."""
 _ONE_AT_A_TIME = threading.Lock()
 """A process has one job under way, also where a Dask worker has several threads."""
 
@@ -56,7 +51,6 @@ def run_study(
     scheduler: str | None = None,
     fresh: bool = False,
     console: Console | None = None,
-    pool: Executor | None = None,
     depth: Depth = Depth.WHOLE,
     answered: Callable[[Verdict], None] | None = None,
     quiet: bool = False,
@@ -66,7 +60,7 @@ def run_study(
     depth: where to stop; answered: told of each record's verdict as soon as it is there, and again once its motions
     are sampled; quiet: without progress, but not without what failed.
     workers: processes on this machine, None for as many as there are cores; scheduler: address of a Dask
-    scheduler in their place; pool: where jobs run, in place of either.
+    scheduler in their place.
     Raises InputError where the input is wrong; every record is read before anything is written.
     """
     from rich.console import Console
@@ -83,14 +77,13 @@ def run_study(
         workers = workers or max(1, min(cores(), side_by_side(jobs, depth)))
         names = [name for job in wanted for name in work_of(study, store, job)]
         shown = Console(quiet=True) if quiet else console
-        with progress_on(shown) as progress, pool_of(workers, scheduler, pool, console.print) as pool:
+        with progress_on(shown, wanted) as progress, pool_of(workers, scheduler, console.print) as pool:
             if pool is not None and depth is Depth.WHOLE:
                 pool.submit(_prepare)
                 threading.Thread(target=_prepare, daemon=True).start()
             for stage in stages(study, store, depth):
                 if stage:
-                    others = _no_free_decays(study, store, stage)
-                    progress.begin(words_of(study, stage, others), len(stage))
+                    progress.begin(words_of(study, stage), stage)
                 _run_jobs(study, store, stage, pool, lambda _: progress.advance())
                 if stage and stage[0].part == "read" and not answers(study):
                     _tell(study, store, answered)
@@ -99,7 +92,7 @@ def run_study(
                     _tell(study, current, answered)
                     if depth is not Depth.ANSWER:  # an answer is kept whatever becomes of the proof
                         write_verdicts(study, current)
-            progress.begin("drawing the report", 1)
+            progress.begin("drawing the report", ())
             write_tables(study, Store(out, _current(study, store)))
             _render(out, None if scheduler else pool)
         cells = ((n, store.find(n)) for n in names)
@@ -107,21 +100,6 @@ def run_study(
         for name, outcome in failed:
             console.print(f"{name}: {outcome}", style="red", highlight=False)
         return WRONG_CELLS if failed else DONE
-
-
-def _no_free_decays(study: Study, store: Store, stage: list[Job]) -> set[tuple[str, int]]:
-    """The records of a stage that are no free decay, as far as it takes no time to know."""
-    if stage[0].part == SAMPLED:
-        return {(j.signal, j.repeat) for j in stage if _is_none(verdict_of(store, j.signal, j.repeat))}
-    if stage[0].part != ANSWERED or len(stage) > FEW:
-        return set()
-    cells = [(j, cell) for j in stage if (cell := store.find(f"signal/{j.signal}/{j.repeat}")) is not None]
-    good = [(j, cell) for j, cell in cells if cell.outcome == OK]
-    return {(j.signal, j.repeat) for j, cell in good if no_free_decay(signal_of(cell)) is not None}
-
-
-def _is_none(verdict: Verdict | None) -> bool:
-    return verdict is not None and verdict.grade is Grade.NO_FREE_DECAY
 
 
 def read_records(study: Study) -> None:
@@ -150,48 +128,29 @@ def read_records(study: Study) -> None:
 
 
 def _run_job(
-    study: Study, folder: Path, job: Job, given_up: Collection[str] = (), code: str = ""
+    study: Study | bytes, folder: Path, job: Job, given_up: Collection[str] = (), code: str = ""
 ) -> list[str]:
     """Compute the cells of a job that the folder lacks; a cell that fails is stored with what went wrong.
 
+    study: pickled once for all jobs where they run elsewhere (one of a thousand records takes 30 ms each time).
     given_up: cells that are not to be tried again. code: the digest of the package that asks, where that is another
     process; results of other code would stand under its keys.
     """
     if code and code != package_digest():
         raise InputError("a worker runs another version of bayesdamp than this command; restart the workers")
+    study = _unpickled(study) if isinstance(study, bytes) else study
+    store, done = Store(folder), []
     # One thread for sums of linear algebra: their order, and the last digits, would depend on how many there are.
     with _ONE_AT_A_TIME, threadpool_limits(1, "blas"):
         use(study.plugins)
-        return _computed(study, folder, job, given_up)
-
-
-def _run_pickled(pickled: bytes, folder: Path, job: Job, given_up: Collection[str], code: str) -> list[str]:
-    """Run a job of a study that was pickled once for all jobs: one of a thousand records takes 30 ms each time."""
-    return _run_job(_unpickled(pickled), folder, job, given_up, code)
-
-
-@lru_cache(maxsize=1)
-def _unpickled(pickled: bytes) -> Study:
-    return pickle.loads(pickled)
-
-
-def _computed(study: Study, folder: Path, job: Job, given_up: Collection[str]) -> list[str]:
-    store = Store(folder)
-    done = []
-    for name, (key, make) in work_of(study, store, job).items():
-        if name not in given_up and not _done(store, name, key):
-            try:
+        for name, (key, make) in work_of(study, store, job).items():
+            if name not in given_up and not _done(store, name, key):
                 perform(store, name, key, make)
-            except (InputError, KeyboardInterrupt):
-                raise
-            except Exception as fault:
-                if no_room(fault) or os.environ.get("BAYESDAMP_DEBUG"):
-                    raise
-                first = str(fault).strip().splitlines()
-                text = Status.FAILED.because(f"{type(fault).__name__}: {first[0] if first else ''}")
-                store.write(CellResult(name, key, outcome=text))
-        done.append(name)
+            done.append(name)
     return done
+
+
+_unpickled: Callable[[bytes], Study] = lru_cache(maxsize=1)(pickle.loads)
 
 
 def _done(store: Store, name: str, key: str) -> bool:
@@ -240,7 +199,7 @@ def _run_jobs(
     spread(
         jobs,
         pool,
-        lambda job, given_up: pool.submit(_run_pickled, pickled, folder, job, given_up, code),
+        lambda job, given_up: pool.submit(_run_job, pickled, folder, job, given_up, code),
         under_way,
         give_up,
         advance,
@@ -267,12 +226,13 @@ def _render(out: Path, pool: Executor | None) -> None:
 def _current(study: Study, store: Store) -> dict[str, str]:
     """Name to key of the stored cells that answer this study; those of an earlier question are not among them."""
     found = {}
-    stored = store.names()
+    names = [(name, Place.of(name).kind) for name in store.names()]
+    stored = [name for name, kind in names if kind not in ("signal", ANSWERED, SAMPLED)]
     for job in jobs_of(study):
         # Keys of candidates cost more than all else here, and most runs have none of their cells.
         path = f"{job.signal}/{job.repeat}/{job.model or ''}"
         of_candidates = job.model is not None or job.joined == "average"
-        if of_candidates and not any(path in f"{name}/" for name in stored if _of_candidate(name)):
+        if of_candidates and not any(path in f"{name}/" for name in stored):
             continue
         for name, (key, _) in work_of(study, store, job).items():
             try:
@@ -282,8 +242,3 @@ def _current(study: Study, store: Store) -> dict[str, str]:
             if own in (key, digest(outcome, key)):
                 found[name] = own
     return found
-
-
-def _of_candidate(name: str) -> bool:
-    """Whether a cell is one of a candidate, or of the average over them."""
-    return Place.of(name).kind not in ("signal", ANSWERED, SAMPLED)

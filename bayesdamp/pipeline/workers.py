@@ -12,18 +12,14 @@ from bayesdamp.pipeline.cluster import cluster
 
 @contextmanager
 def pool_of(
-    workers: int,
-    scheduler: str | None,
-    running: Executor | None = None,
-    say: Callable[[str], None] = lambda _: None,
+    workers: int, scheduler: str | None, say: Callable[[str], None] = lambda _: None
 ) -> Iterator[Executor | None]:
     """Where jobs run: spawned processes on this machine, or those of a Dask scheduler; None for this process.
 
-    running: a pool that is there already; say: told of a scheduler that has no workers. Raises InputError where there
-    is no scheduler.
+    say: told of a scheduler that has no workers. Raises InputError where there is no scheduler.
     """
-    if running is not None or (workers == 1 and scheduler is None):
-        yield running
+    if workers == 1 and scheduler is None:
+        yield None
         return
     with processes(workers) if scheduler is None else cluster(scheduler, say) as pool:
         yield pool

@@ -28,9 +28,9 @@ def no_room(error: BaseException) -> bool:
 def beside(path: Path, content: bytes) -> Iterator[Path]:
     """The content on the disk under a name beside its own, for the caller to move.
 
-    Creates the folders above it. On failure the name and those folders are gone again; an OSError names `path`.
+    Creates the folders above it. On failure the name is gone again; an OSError names `path`.
     """
-    partial, missing = temporary(path), _missing(path.parent)
+    partial = temporary(path)
     try:
         with naming(path):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -42,9 +42,6 @@ def beside(path: Path, content: bytes) -> Iterator[Path]:
     except BaseException:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
-        for folder in missing:  # the innermost first; one that another process uses is not empty
-            with suppress(OSError):
-                folder.rmdir()
         raise
 
 
@@ -57,16 +54,6 @@ def naming(path: Path) -> Iterator[None]:
         if error.errno is None:
             raise
         raise OSError(error.errno, error.strerror, str(path)) from error
-
-
-def _missing(folder: Path) -> list[Path]:
-    """The folders that are not there, the innermost first."""
-    found = []
-    for place in (folder, *folder.parents):
-        if os.path.lexists(place):
-            break
-        found.append(place)
-    return found
 
 
 def create(path: Path, content: bytes) -> None:

@@ -18,7 +18,10 @@ import numpy as np
 from bayesdamp.serial import split
 from bayesdamp.store import folders
 from bayesdamp.store.beside import beside
+from bayesdamp.types import InputError
 
+SCHEMA = 1
+"""Version of the tables, written in run.json: it goes up when a column is renamed, removed, or means something else."""
 BROKEN = (
     zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, KeyError, ValueError, TypeError, AttributeError,
     NotImplementedError, RuntimeError, OverflowError, MemoryError,
@@ -78,3 +81,22 @@ def unpacked(path: Path, first: str) -> tuple[dict[str, Any], dict[str, np.ndarr
             label: np.lib.format.read_array(io.BytesIO(archive.read(f"{i}.npy")), allow_pickle=False)
             for i, label in enumerate(head["arrays"])
         }
+
+
+def read_description(folder: Path) -> dict[str, Any]:
+    """Return what run.json says of the run in a folder; any key may be missing.
+
+    Raises InputError where there is none, where it is not JSON, and where another version of the tables wrote it.
+    """
+    path = folder / "run.json"
+    if not path.is_file():
+        raise InputError(f"{folder}: no run.json here; give the folder of a run, such as reports/<name>")
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, OSError, RecursionError) as fault:
+        raise InputError(f"{path}: cannot be read ({fault}); run the study again") from fault
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: holds no description of a run; run the study again")
+    if found.get("schema", SCHEMA) != SCHEMA:
+        raise InputError(f"{path}: was written by another version of bayesdamp; run the study again")
+    return found

@@ -39,7 +39,8 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
         if taken and not _has_run(folder):
             what = f"holds {taken[0]!r}, which no run of bayesdamp wrote"
             raise InputError(f"{folder}: {what}; {_ELSEWHERE}, or move it away")
-        write_new(folder / MARK, SIGNED)
+        with suppress(FileExistsError):
+            create(folder / MARK, SIGNED.encode())
     if not _signed(folder / MARK):
         raise InputError(f"{folder / MARK}: is not the mark of a run; {_ELSEWHERE}, or remove it")
     for entry in (folder / name for name in sorted({*FILES, *tables} - {LOCK})):
@@ -53,12 +54,6 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
                 raise InputError(
                     f"{entry}: is a link, where a run's own files belong; {_ELSEWHERE}, or remove it"
                 )
-
-
-def write_new(path: Path, text: str) -> None:
-    """Write a file that is not there; one that is stays as it is."""
-    with suppress(FileExistsError):
-        create(path, text.encode())
 
 
 def _signed(path: Path) -> bool:
@@ -104,7 +99,7 @@ def sweep(folder: Path) -> None:
 
 
 def remove_cells(folder: Path) -> None:
-    """Remove the cells of a run, and the folders that are empty by that; what else lies among them stays."""
+    """Remove the cells of a run; what else lies among them stays."""
     cells = folder / "cells"
     found = list(_entries(cells))
     if not _signed(folder / MARK) or any(path.is_symlink() for path in found):
@@ -112,7 +107,6 @@ def remove_cells(folder: Path) -> None:
     for path in found:
         if path.suffix == ".npz" and _is_cell_of(cells, path):
             path.unlink(missing_ok=True)
-            _remove_empty(path.parent, cells)
 
 
 def _is_cell_of(cells: Path, path: Path) -> bool:
@@ -123,16 +117,6 @@ def _is_cell_of(cells: Path, path: Path) -> bool:
         return False
     with path.open("rb") as handle:
         return handle.read(_ZIP + len(begins))[_ZIP:] == begins
-
-
-def _remove_empty(folder: Path, top: Path) -> None:
-    """Remove a folder and those above it up to `top`, as far as they are empty."""
-    for place in (folder, *folder.parents):
-        if os.listdir(place):
-            return
-        place.rmdir()
-        if place == top:
-            return
 
 
 def remove_listed(folder: Path, listed: Iterable[str]) -> None:

@@ -7,20 +7,20 @@ import importlib.metadata
 import platform
 import re
 import subprocess
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from bayesdamp.machine.threads import cores
 
 
-def provenance(inputs: Iterable[Path] = (), packages: Iterable[str] = ()) -> dict[str, Any]:
+def provenance(inputs: Mapping[str, Path] | None = None, packages: Iterable[str] = ()) -> dict[str, Any]:
     """What run.json says of the program and its inputs.
 
-    inputs: files whose SHA-256 is noted.
+    inputs: files whose SHA-256 is noted, by the names that they are noted under.
     packages: names of distributions; by default all that bayesdamp requires.
     Returns versions {package: version}, revision, machine {system, processor, cpus, python} and
-    inputs {path: hash}.
+    inputs {name: hash}.
     """
     return {
         "versions": _versions(packages),
@@ -31,7 +31,7 @@ def provenance(inputs: Iterable[Path] = (), packages: Iterable[str] = ()) -> dic
             "cpus": cores(),
             "python": platform.python_version(),
         },
-        "inputs": {str(p): sha256(p) for p in inputs},
+        "inputs": {name: sha256(path) for name, path in (inputs or {}).items()},
     }
 
 

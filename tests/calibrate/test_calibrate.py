@@ -16,9 +16,11 @@ from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise.gaussian import Gaussian
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.report import render
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.calibration import RanksContent, RecoveryContent
 from bayesdamp.types import InputError
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
@@ -193,7 +195,7 @@ def synthetic(scale: float, calls: list[int], refuse: bool = False):
             "ranks": place,
             "below": place / 255,
         }
-        return CellResult("", "", meta, arrays)
+        return Product(RanksContent.of_meta(meta), arrays)
 
     return ranked
 
@@ -349,7 +351,7 @@ def invented(sharper: float):
             "design": design,
             "loss": np.ones(size),
         }
-        return CellResult("", "", meta, arrays)
+        return Product(RecoveryContent.of_meta(meta), arrays)
 
     return recovered
 

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
@@ -41,11 +40,6 @@ LAW = ["--restoring", "horizontal_pendulum", "--duration", "10"]
 SET = [*LAW, "--set", "stiffness=20,gravity=1,theta0=0.3", "--set", "spring_angle=0"]
 
 
-@dataclass(frozen=True)
-class FakeCell:
-    name: str
-
-
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
@@ -58,7 +52,7 @@ def study_module(monkeypatch: pytest.MonkeyPatch, run_study: Callable[..., int])
     fake = ModuleType("bayesdamp.pipeline")
     fake.run_study = run_study  # type: ignore[attr-defined]
     fake.Depth = Depth  # type: ignore[attr-defined]
-    fake.cells = lambda study: [FakeCell("signal/one"), FakeCell("posterior/one/nuts")]  # type: ignore[attr-defined]
+    fake.cells = lambda study: ["signal/one", "posterior/one/nuts"]  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "bayesdamp.pipeline", fake)
 
 
@@ -88,7 +82,7 @@ WRONG = {
     "bad option": (["check", "option.toml"], "did you mean 'variant'?"),
     "out is a file": (
         ["study", "good.toml", "--out", "bad.toml"],
-        "--out: is 'bad.toml', and bad.toml is a file; it must be",
+        "--out: is 'bad.toml', and bad.toml is not a folder; it must be",
     ),
     "no run": (["report", "nowhere"], "nowhere: there is no such folder; give the folder of a run"),
     "empty run": (["report", "."], "run.json"),

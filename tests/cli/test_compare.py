@@ -12,7 +12,7 @@ import pytest
 from bayesdamp.cli import main
 from bayesdamp.cli.asked import own_folder
 from bayesdamp.config.again import asked
-from bayesdamp.config.compare import Asked, comparison, laws_for
+from bayesdamp.config.compare import comparison, laws_for
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.records.stated_columns import choose_columns
@@ -40,7 +40,7 @@ def test_two_columns_are_times_and_values(tmp_path) -> None:
 
 
 def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -> None:
-    study = comparison([Asked(write(tmp_path / "a.csv"), "t", "angle")])
+    study = comparison([{"file": str(write(tmp_path / "a.csv")), "time": "t", "angle": "angle"}])
     spec = study.signals[0]
     assert len(study.compare(spec)) == 7 * len(laws_for("rad")) == 28
     assert not spec.system.known
@@ -53,7 +53,12 @@ def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -
     assert all(not system.known for system in spec.alternatives)
     assert "pendulum" in laws_for("deg")
     assert set(laws_for("mm")) == {"linear", "duffing"}
-    again = comparison([Asked(tmp_path / "a.csv", "t", "angle"), Asked(tmp_path / "a.csv", "t", "angle")])
+    again = comparison(
+        [
+            {"file": str(tmp_path / "a.csv"), "time": "t", "angle": "angle"},
+            {"file": str(tmp_path / "a.csv"), "time": "t", "angle": "angle"},
+        ]
+    )
     assert len({s.name for s in again.signals}) == 2
 
 
@@ -121,7 +126,7 @@ def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, 
 
 def test_two_questions_share_no_folder_that_nobody_chose(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    asked_for = [Asked(write(tmp_path / "a.csv"), "t", "angle")]
+    asked_for = [{"file": str(write(tmp_path / "a.csv")), "time": "t", "angle": "angle"}]
     first, other = comparison(asked_for), comparison(asked_for, damping=["viscous", "coulomb"])
     assert own_folder(first) == own_folder(other) == Path("reports/a")
     write_json(Path("reports/a/run.json"), {"asked": asked(first, Path("reports/a"))})
@@ -131,7 +136,9 @@ def test_two_questions_share_no_folder_that_nobody_chose(tmp_path, monkeypatch) 
     assert own_folder(other) == Path("reports/a-3")
     elsewhere = tmp_path / "elsewhere" / "a.csv"
     elsewhere.parent.mkdir()
-    assert own_folder(comparison([Asked(write(elsewhere), "t", "angle")])) == Path("reports/a-3")
+    assert own_folder(comparison([{"file": str(write(elsewhere)), "time": "t", "angle": "angle"}])) == Path(
+        "reports/a-3"
+    )
 
 
 CLOSED = """
@@ -170,7 +177,6 @@ def test_the_run_is_told_of_the_scheduler(tmp_path, monkeypatch) -> None:
     for where in ("tcp://127.0.0.1:1", None):
         assert main([*words, *(["--scheduler", where] if where else [])]) == 2
         assert given["scheduler"] == where
-        assert given["pool"] is None
 
 
 def test_a_missing_file_is_one_line(tmp_path, capsys) -> None:
@@ -187,7 +193,7 @@ def test_a_record_without_noise_gets_some_and_says_so(tmp_path) -> None:
     np.savetxt(tmp_path / "noisy.csv", np.stack([t, y], axis=1), delimiter=",", header="t,angle", comments="")
     found = {}
     for name in ("clean", "noisy"):
-        study = comparison([Asked(tmp_path / f"{name}.csv", "t", "angle")])
+        study = comparison([{"file": str(tmp_path / f"{name}.csv"), "time": "t", "angle": "angle"}])
         cell = SignalCell(study, study.signals[0], 0, Store(tmp_path / "out"))
         perform(cell.store, cell.name, cell.key, cell.product)
         found[name] = Store(tmp_path / "out").read(cell.name)

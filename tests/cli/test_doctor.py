@@ -21,10 +21,10 @@ def test_a_fault_in_one_check_is_its_finding(
     def broken() -> doctor.Finding:
         raise OSError("no such library")
 
-    monkeypatch.setattr(doctor.findings, "__defaults__", ((doctor.python, broken),))
+    monkeypatch.setattr(doctor.findings, "__defaults__", ((doctor.machine, broken),))
     assert main(["doctor"]) == 1
     first, second = capsys.readouterr().out.splitlines()
-    assert first.startswith("ok  python")
+    assert first.startswith("ok  machine")
     assert second == "NO  broken     OSError: no such library"
 
 

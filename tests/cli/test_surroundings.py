@@ -88,12 +88,12 @@ def test_a_name_that_no_text_can_hold(folder: Path, capsys: pytest.CaptureFixtur
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-def test_a_link_that_leads_nowhere_is_called_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_link_that_leads_nowhere_is_not_a_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "link").symlink_to("gone")
     assert main(["compare", "ok.csv", "--out", "link"]) == 2
-    assert "link is a link that leads nowhere" in one_line(capsys)
+    assert "link is not a folder" in one_line(capsys)
     assert main(["compare", "ok.csv", "--out", "ok.csv"]) == 2
-    assert "ok.csv is a file" in one_line(capsys)  # the control
+    assert "ok.csv is not a folder" in one_line(capsys)  # the control
 
 
 def test_claims_are_judged_by_a_run_of_the_paper_s_study(

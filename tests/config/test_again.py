@@ -64,7 +64,7 @@ def remembered(study: Path, out: Path) -> Path:
     loaded = load_study(study)
     from bayesdamp.store import provenance
 
-    inputs = {"rig.csv": next(iter(provenance([study.with_name("rig.csv")])["inputs"].values()))}
+    inputs = provenance({"rig.csv": study.with_name("rig.csv")})["inputs"]
     out.mkdir()
     path = out / "run.json"
     known = {"name": loaded.name, "study": loaded.resolved(), "asked": asked(loaded, out), "inputs": inputs}

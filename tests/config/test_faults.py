@@ -333,7 +333,7 @@ def test_files_that_are_no_study(tmp_path: Path) -> None:
             load_study(path)
     latin = tmp_path / "latin.toml"
     latin.write_bytes("name = 'Müller'".encode("latin-1"))
-    with pytest.raises(InputError, match="is no UTF-8"):
+    with pytest.raises(InputError, match="is not TOML in UTF-8"):
         load_study(latin)
 
 

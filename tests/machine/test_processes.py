@@ -31,17 +31,6 @@ def alive(pid: int) -> bool:
     return Path(f"/proc/{pid}").exists()
 
 
-def loaded(name: str) -> bool:
-    return name in sys.modules
-
-
-def test_a_module_is_there_before_it_is_asked_for() -> None:
-    with processes(1, "wave") as pool:
-        assert pool.submit(loaded, "wave").result(timeout=60)
-    with processes(1) as pool:
-        assert not pool.submit(loaded, "wave").result(timeout=60)
-
-
 def test_the_environment_is_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
     before = dict(os.environ)

@@ -75,7 +75,7 @@ def test_one_law_leaves_all_names_and_keys_as_they_were(tmp_path) -> None:
         tmp_path, TWO_LAWS.replace('["linear", "duffing"]', '["linear"]').replace("cubic = 1.0\n", "")
     )
     assert plain.compare(plain.signals[0]) == named.compare(named.signals[0]) == ("viscous", "coulomb")
-    assert [c.name for c in cells(plain)] == [c.name for c in cells(named)]
+    assert cells(plain) == cells(named)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.config.compare import Asked, comparison
+from bayesdamp.config.compare import comparison
 from bayesdamp.inference.fit import search
 from bayesdamp.inference.fit.maximise import maximise
 from bayesdamp.inference.fit.mode import Mode
@@ -42,7 +42,9 @@ def record(tmp_path_factory) -> Record:
         t.size
     )
     np.savetxt(folder / "tower.csv", np.c_[t, y], delimiter=",", header="t,a", comments="")
-    study = comparison([Asked(folder / "tower.csv", "t", "a", quantity="acceleration")])
+    study = comparison(
+        [{"file": str(folder / "tower.csv"), "time": "t", "angle": "a", "quantity": "acceleration"}]
+    )
     store = Store(folder / "out")
     cell = SignalCell(study, study.signals[0], 0, store)
     perform(cell.store, cell.name, cell.key, cell.product)

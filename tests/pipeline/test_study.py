@@ -154,7 +154,7 @@ def test_step_errors_are_within_the_budget(run):
 
 
 def test_cells_are_listed_without_running(run, tmp_path):
-    listed = {c.name for c in cells(load_study(write(tmp_path)))}
+    listed = set(cells(load_study(write(tmp_path))))
     assert listed == set(Store(run).names())
     assert not (tmp_path / "cells").exists()
 

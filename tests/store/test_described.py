@@ -9,7 +9,7 @@ import pytest
 
 import bayesdamp as bd
 from bayesdamp.cli import main
-from bayesdamp.store.described import read_description
+from bayesdamp.store.files import read_description
 from bayesdamp.store.folders import MARK, SIGNED
 from bayesdamp.types import InputError
 
@@ -22,24 +22,7 @@ NO_RUN = {
     "[]": "holds no description of a run",
     "3": "holds no description of a run",
     "null": "holds no description of a run",
-    '{"name": 3}': "name must be text",
-    '{"study": 3}': "study must be a table",
-    '{"study": {"signals": 3}}': "study.signals must be a list",
-    '{"study": {"signals": [1]}}': "study.signals[0] must be a table",
-    '{"study": {"signals": [{}]}}': "study.signals[0].name is missing",
-    '{"study": {"signals": [{"name": "a", "source": {"damping": 3}}]}}': "source.damping must be a list",
-    '{"study": {"published": [1]}}': "study.published[0] must be a table",
-    '{"study": {"published": [{"estimator": "a", "signal": "a", "error_pct": "1"}]}}': "[0].time is missing",
-    '{"study": {"posterior": 3}}': "study.posterior must be a table",
-    '{"signals": [1]}': "signals must be a table",
-    '{"signals": {"a": 3}}': "signals.a must be a table",
-    '{"signals": {"a": {"notes": 3}}}': "signals.a.notes must be a list",
-    '{"signals": {"a": {"notes": [null]}}}': "signals.a.notes[0] must be text",
-    '{"models": 3}': "models must be a list",
-    '{"models": [{}]}': "models[0] must be text",
-    '{"cells": 3}': "cells must be a table",
-    '{"priors": {"a": 3}}': "priors.a must be a table",
-    '{"damping": {"viscous": {}}}': "damping.viscous.parameter is missing",
+    '{"schema": 2}': "was written by another version of bayesdamp",
 }
 NO_QUESTION = [
     '{"asked": {"tables": {}}, "inputs": [1]}',
@@ -112,11 +95,6 @@ def test_what_asks_again_refuses_what_is_no_run(
 def test_what_a_run_wrote_is_read(path: Path) -> None:
     """The negative control: runs of earlier versions among them."""
     assert read_description(path.parent) == json.loads(path.read_text(encoding="utf-8"))
-
-
-def test_null_stands_for_a_key_that_is_missing(tmp_path: Path) -> None:
-    text = '{"study": null, "models": null, "signals": {"a": {"unit": null, "of a later version": 3}}}'
-    assert read_description(written(tmp_path / "run", text)) == json.loads(text)
 
 
 def test_claims_judge_by_the_shipped_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -32,7 +32,7 @@ def check(
 
     with in_keys():
         read_records(loaded)
-    counts = Counter(Place.of(cell.name).kind for cell in cells(loaded))
+    counts = Counter(Place.of(name).kind for name in cells(loaded))
     console = Console()
     asked = [(label, ", ".join(names) or "none") for label, names in _asked(loaded)]
     summary = Table(["", "what the study asks for"], asked)

@@ -21,37 +21,21 @@ def claims(
     """Measure each claim of the paper on the eleven estimators, and say whether it holds."""
     from bayesdamp.claims import CLAIMS, judged, written
     from bayesdamp.claims.judge import Runs
+    from bayesdamp.report.results.run import Run
+    from bayesdamp.report.results.sweeping import series
 
     for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
         if folder is not None and not (folder / "run.json").is_file():
             raise InputError(f"{option} {folder}: holds no run; give the folder that bayesdamp study wrote")
     page = SingleFile(out, CLAIMS_PAGE, "--out")
     page.check()
-    if paper is not None:
-        _require_the_paper_s(paper)
-    for folder in noise or ():
-        _require_series(folder)
     runs = Runs(paper, tuple(noise or ()))
+    if runs.compared is not None and not (runs.compared.published and runs.compared.errors):
+        what = "is no run of the paper's study (studies/paper.toml)"
+        raise InputError(f"--paper {paper}: {what}; give the folder of bayesdamp study paper")
+    for folder in noise or ():
+        if not series(Run(folder)):
+            what = "has no errors along noise, sampling or length (studies/noise*.toml)"
+            raise InputError(f"--noise {folder}: {what}; give the folder of bayesdamp study noise")
     page.write(written(judged(CLAIMS, runs), runs))
     typer.echo(out)
-
-
-def _require_the_paper_s(folder: Path) -> None:
-    """Raises InputError where a run has no figures of the paper to be held against."""
-    from bayesdamp.report.results.comparing import compared
-    from bayesdamp.report.results.run import Run
-
-    found = compared(Run(folder))
-    if not (found.published and found.errors):
-        what = "is no run of the paper's study (studies/paper.toml)"
-        raise InputError(f"--paper {folder}: {what}; give the folder of bayesdamp study paper")
-
-
-def _require_series(folder: Path) -> None:
-    """Raises InputError where a run has no errors along noise, sampling or length."""
-    from bayesdamp.report.results.run import Run
-    from bayesdamp.report.results.sweeping import series
-
-    if not series(Run(folder)):
-        what = "has no errors along noise, sampling or length (studies/noise*.toml)"
-        raise InputError(f"--noise {folder}: {what}; give the folder of bayesdamp study noise")

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -13,17 +11,13 @@ import typer
 from bayesdamp.cli import options as o
 from bayesdamp.cli.asked import (
     FIRST_WORDS,
-    compiles_first,
     describable,
     own_folder,
+    run_asked,
     run_folder,
-    units_of,
 )
 from bayesdamp.cli.border import one_line, say
 from bayesdamp.cli.options import READING, RUNNING, WEIGHED
-from bayesdamp.cli.verdicts import verdicts_json
-from bayesdamp.machine.processes import processes
-from bayesdamp.machine.threads import cores
 from bayesdamp.types import InputError
 
 ALONE = 6
@@ -149,53 +143,32 @@ def compare(
             words = [*selection.doubted, *first, *asked, *selection.said]
     # One record is answered by threads of this process: others would only begin to wait.
     alone = len(signals) <= (ALONE if envelopes else 1) and not exact and scheduler is None
-    with _early_processes(1 if alone or scheduler else workers, sums, restoring or ()) as pool:
-        from rich.console import Console
+    from bayesdamp.config.compare import comparison
 
-        from bayesdamp.config.compare import comparison
-
-        made = comparison(
-            signals,
-            restoring=restoring or (),
-            damping=sums,
-            noise=noise,
-            seed=seed,
-            repeats=repeats,
-            plugins=plugins,
-            deviation=deviation,
-            sensor=sensor,
-        )
-        for line in words:
-            typer.echo(line, err=True)
-        folder = run_folder(out, made.name) if out is not None else own_folder(made)
-        if folder.name != made.name and out is None and not quiet:
-            before = folder.with_name(made.name)
-            typer.echo(f"{before} has the answer to another question; this one goes to {folder}", err=True)
-        if not (envelopes or quiet) and (once := compiles_first()):
-            typer.echo(once, err=True)
-        from bayesdamp.pipeline import Depth, run_study
-
-        console = Console(stderr=True)
-        from bayesdamp.report.terminal import Lasting, Told, conclude
-
-        shown = Lasting()
-        depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
-        status = run_study(
-            made, folder, workers=1 if alone else workers, scheduler=scheduler, fresh=fresh, console=console, pool=pool,
-            depth=depth,
-            answered=None if as_json or len(signals) > FIRST_WORDS else Told(shown, units_of(made)), quiet=quiet,
-        )  # fmt: skip
-    if as_json:
-        typer.echo(verdicts_json(folder))
-    else:
-        conclude(folder, shown)
-    return _status(status, failed)
-
-
-def _status(status: int, failed: Sequence[InputError]) -> int:
-    """Say which of several files were not answered, a line each; the exit status."""
+    made = comparison(
+        signals,
+        restoring=restoring or (),
+        damping=sums,
+        noise=noise,
+        seed=seed,
+        repeats=repeats,
+        plugins=plugins,
+        deviation=deviation,
+        sensor=sensor,
+    )
+    for line in words:
+        typer.echo(line, err=True)
+    folder = run_folder(out, made.name) if out is not None else own_folder(made)
+    if folder.name != made.name and out is None and not quiet:
+        before = folder.with_name(made.name)
+        typer.echo(f"{before} has the answer to another question; this one goes to {folder}", err=True)
+    from bayesdamp.pipeline import Depth
     from bayesdamp.pipeline.run import WRONG_CELLS
+    from bayesdamp.report.terminal import conclude
 
+    depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
+    how = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
+    status = run_asked(made, folder, depth, conclude, as_json=as_json, **how)
     for error in failed:
         say(one_line(f"failed: {error}"))
     return WRONG_CELLS if failed else status
@@ -206,16 +179,3 @@ def _refuse_for_envelopes(given: Mapping[str, object]) -> None:
     for name, value in given.items():
         if value:
             raise InputError(f"--{name}: does not apply to envelope records; remove it")
-
-
-@contextmanager
-def _early_processes(
-    workers: int | None, damping: Sequence[str], restoring: Sequence[str]
-) -> Iterator[Executor | None]:
-    """Processes that begin while the command is still read; None where one model needs none."""
-    workers = workers or cores()
-    if workers == 1 or len(damping) == len(restoring) == 1:
-        yield None
-    else:
-        with processes(workers, "bayesdamp.pipeline") as pool:
-            yield pool

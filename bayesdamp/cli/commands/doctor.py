@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
-from pathlib import Path
 
 import typer
 
 from bayesdamp.machine.cache import cache_folder
 
-PYTHON = (3, 11)
 LEAST_MEMORY = 2.0
 """GiB: twice the 0.95 that a quick comparison of 2,001 samples on two processes takes (measured)."""
 TRUTH, WITHIN = 0.05, 0.1
@@ -29,14 +26,6 @@ class Finding:
     what: str
     well: bool
     said: str
-
-
-def python() -> Finding:
-    """Whether Python's version is one that is tested."""
-    own = ".".join(map(str, sys.version_info[:3]))
-    least = ".".join(map(str, PYTHON))
-    well = sys.version_info >= PYTHON
-    return Finding("python", well, own if well else f"{own}; {least} or later is needed")
 
 
 def packages() -> Finding:
@@ -97,18 +86,6 @@ def machine() -> Finding:
     return Finding("machine", well, said if well else f"{said}; {LEAST_MEMORY:g} are needed")
 
 
-def fonts() -> Finding:
-    """The signs that figures need, in the font that they are drawn with."""
-    from matplotlib import font_manager
-    from matplotlib.ft2font import FT2Font
-
-    path = font_manager.findfont("DejaVu Sans")
-    missing = [sign for sign in "θωζµ²·−≤" if not FT2Font(path).get_char_index(ord(sign))]
-    well = not missing
-    said = Path(path).name if well else f"{Path(path).name} has no {' '.join(missing)}; install DejaVu Sans"
-    return Finding("fonts", well, said)
-
-
 def answer() -> Finding:
     """A small record with a known truth, answered."""
     import bayesdamp as bd
@@ -123,7 +100,7 @@ def answer() -> Finding:
     return Finding("answer", well, f"{found.sentence or 'none'} ({took:.1f} s)")
 
 
-CHECKS: tuple[Callable[[], Finding], ...] = (python, packages, machine, fonts, cache, kernels, answer)
+CHECKS: tuple[Callable[[], Finding], ...] = (packages, machine, cache, kernels, answer)
 
 
 def findings(checks: tuple[Callable[[], Finding], ...] = CHECKS) -> Iterator[Finding]:
@@ -136,7 +113,7 @@ def findings(checks: tuple[Callable[[], Finding], ...] = CHECKS) -> Iterator[Fin
 
 
 def doctor() -> int:
-    """Check the installation: versions, cache, compiled kernels, machine, fonts, and a small record answered."""
+    """Check the installation: versions, cache, compiled kernels, machine, and a small record answered."""
     well = True
     for one in findings():
         typer.echo(f"{'ok' if one.well else 'NO':<4}{one.what:<10} {one.said}")

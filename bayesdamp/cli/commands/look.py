@@ -85,11 +85,6 @@ def look(
     return 0
 
 
-def _width(console: Console) -> int:
-    """Characters of a plot's rows; a terminal may say that it has none."""
-    return max(NARROWEST, min(console.width, 100) - 2)
-
-
 def _show_file(console: Console, file: Path, held: Contents) -> None:
     from bayesdamp.cli.looking.said import described
 
@@ -109,4 +104,5 @@ def _show_record(console: Console, one: Shown, is_drawn: bool) -> None:
     for line in one.lines:
         console.print(f"  {line}", markup=False, highlight=False)
     if is_drawn:
-        console.print(plot(one.t, one.y, one.kept, _width(console)))
+        # a terminal may say that it has no width
+        console.print(plot(one.t, one.y, one.kept, max(NARROWEST, min(console.width, 100) - 2)))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.asked import FIRST_WORDS, compiles_first, read_study, run_folder, units_of
-from bayesdamp.cli.verdicts import verdicts_json
+from bayesdamp.cli.asked import read_study, run_asked, run_folder
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 def study(
@@ -29,33 +31,20 @@ def study(
     as_json: o.AsJson = False,
 ) -> int:
     """Run what a study still lacks, and write its report."""
-    from rich.console import Console
-
     loaded = read_study(file, plugin)
     folder = run_folder(out, loaded.name)
-    if (once := compiles_first()) and not quiet:
-        typer.echo(once, err=True)
     from bayesdamp.config import in_keys
-    from bayesdamp.pipeline import Depth, run_study
-    from bayesdamp.report.terminal import Lasting, Told, beware
+    from bayesdamp.pipeline import Depth
 
-    shown = Lasting()
+    depth = Depth.ANSWER if quick else Depth.WHOLE
+    how = {"workers": workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet, "as_json": as_json}
     with in_keys():
-        status = run_study(
-            loaded,
-            folder,
-            workers=workers,
-            scheduler=scheduler,
-            fresh=fresh,
-            console=Console(stderr=True),
-            depth=Depth.ANSWER if quick else Depth.WHOLE,
-            answered=None if as_json or len(loaded.signals) > FIRST_WORDS else Told(shown, units_of(loaded)),
-            quiet=quiet,
-        )
-    report = folder / "report.html"
-    if as_json:
-        typer.echo(verdicts_json(folder))
-    elif report.is_file():
+        return run_asked(loaded, folder, depth, _finish, **how)
+
+
+def _finish(folder: Path, shown: Console) -> None:
+    from bayesdamp.report.terminal import beware
+
+    if (report := folder / "report.html").is_file():
         beware(folder, shown)
         typer.echo(report)
-    return status

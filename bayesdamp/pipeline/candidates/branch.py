@@ -82,15 +82,6 @@ class Branch:
         return self.record.target(self.terms, self.restoring, self.noise, epsilon=self.epsilon)
 
     @cached_property
-    def restored_mode(self) -> Mode:
-        """The mode of this candidate. Raises Refusal where there is none."""
-        found = self.store.read(f"mode/{self.path}")
-        if found.outcome != OK:
-            raise Refusal(following(found.name, found.outcome))
-        stored = join(StoredMode, ModeContent.of(found).stored, found.arrays, "stored")
-        return restore_mode(self.target, stored)
-
-    @cached_property
     def law(self) -> Single | None:
         """The candidate as the answer's search left it, where laws may hold approximately. Raises Refusal where there
         is none."""
@@ -99,10 +90,17 @@ class Branch:
         found = law_of(self.store, self.spec.name, self.repeat, "+".join(self.terms), self.restoring)
         return put_together(self.record.signal, self.restoring, found)
 
-    @property
+    @cached_property
     def density(self) -> Mode:
         """The density that is sampled and integrated, about its mode. Raises Refusal where there is none."""
-        return self.restored_mode if self.law is None else self.law.mode
+        if self.law is not None:
+            return self.law.mode
+        found = self.store.read(f"mode/{self.path}")
+        if found.outcome != OK:
+            raise Refusal(following(found.name, found.outcome))
+        return restore_mode(
+            self.target, join(StoredMode, ModeContent.of(found).stored, found.arrays, "stored")
+        )
 
     @property
     def many(self) -> bool:

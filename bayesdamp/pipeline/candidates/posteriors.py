@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -48,7 +47,7 @@ def compute_posterior(branch: Branch, sampler: str, seed: int) -> Product:
         whole = replace(found, names=(*found.names, *SIZES), draws=draws)
     folder = branch.store.folder
     file = folder / "posterior" / f"{branch.path.replace('/', '.')}.{sampler}.nc"
-    save_whole(whole, file)
+    write_bytes(file, diagnostics.saved(whole))
     motions = _motions(branch, {n: found.draws[..., i] for i, n in enumerate(found.names)})
     content = replace(
         _content(branch, found, motions),
@@ -137,8 +136,3 @@ def _curves(branch: Branch, motions: Motions, u: np.ndarray | None) -> dict[str,
     whole = np.all([np.all(np.isfinite(c), axis=0) for c in found.values()], axis=0)
     band = {f"curve/{n}": c[: len(LEVELS), whole] for n, c in found.items()}
     return {"amplitudes": grid[whole], **band, f"spread/{CURVE}": found[CURVE][len(LEVELS) :, whole]}
-
-
-def save_whole(posterior: Posterior, file: Path) -> None:
-    """Write a posterior's netCDF in one step, so that a kill leaves no part of it."""
-    write_bytes(file, diagnostics.saved(posterior))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
@@ -13,10 +12,10 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.records.answering import ANSWERED, answer_cell
 from bayesdamp.store import CellResult, Store, provenance
-from bayesdamp.store.columns import SCHEMA
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.records import RecordContent
+from bayesdamp.store.files import SCHEMA
 from bayesdamp.types import OK, candidate_name
 
 Row = dict[str, Any]
@@ -24,13 +23,9 @@ Row = dict[str, Any]
 
 def run_info(study: Study, store: Store) -> Row:
     """The content of a run's run.json, from its cells."""
-    files = [s.source.path for s in study.signals if isinstance(s.source, Recording)]
-    about, seconds, priors, budget = {}, {}, {}, {}
+    files = {s.source.file: s.source.path for s in study.signals if isinstance(s.source, Recording)}
+    about, priors, budget = {}, {}, {}
     assumed: dict[str, None] = {}
-    for name in store.names():
-        cell = store.find(name)
-        if cell:
-            seconds[name] = cell.seconds
     for spec in study.signals:
         if spec.is_envelope:
             answered = store.find(f"{ANSWERED}/{spec.name}/0")
@@ -50,7 +45,14 @@ def run_info(study: Study, store: Store) -> Row:
         seen = _first_seen(store, spec) or cell
         content = RecordContent.of(cell)
         answer = AnswerContent.maybe(store.find(f"{ANSWERED}/{spec.name}/0"))
-        oscillation = RecordContent.of(seen) if seen.outcome == OK else None
+        oscillation: Row = {}
+        if seen.outcome == OK:
+            known = RecordContent.of(seen)
+            oscillation = {
+                "epsilon_note": known.epsilon_note,
+                "reference": known.scales,
+                "features": known.features,
+            }
         about[spec.name] = {
             **content.provenance,
             "unit": spec.source.unit,
@@ -60,19 +62,13 @@ def run_info(study: Study, store: Store) -> Row:
             "outcome": seen.outcome,
             "bound": dict(content.bound),
             **({"noise": answer.noise} if answer and len(answer.noises) > 1 else {}),
-            **(_scales(oscillation) if oscillation else {}),
+            **oscillation,
         }
         cells = {m: store.find(f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
         modes = {m: ModeContent.of(c) if c.outcome == OK else None for m, c in cells.items() if c}
         stored = {m: dict(mode.priors) if mode else {} for m, mode in modes.items()}
         priors[spec.name] = stored or _answered_priors(store, spec)
         budget[spec.name] = {m: dict(mode.error_budget) if mode else {} for m, mode in modes.items()}
-    found = provenance(files)
-    found["inputs"] = {
-        s.source.file: found["inputs"][str(s.source.path)]
-        for s in study.signals
-        if isinstance(s.source, Recording)
-    }
     return {
         "name": study.name,
         "description": study.description,
@@ -80,8 +76,8 @@ def run_info(study: Study, store: Store) -> Row:
         "study": study.resolved(),
         "asked": asked(study, store.folder),
         "schema": SCHEMA,
-        **found,
-        "seconds": seconds,
+        **provenance(files),
+        "seconds": {name: cell.seconds for name in store.names() if (cell := store.find(name))},
         **({"cells": dict(store.only)} if store.only is not None else {}),
         "signals": about,
         "priors": priors,
@@ -95,15 +91,6 @@ def run_info(study: Study, store: Store) -> Row:
         },
         "error_budget": budget,
         "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals if not s.is_envelope},
-    }
-
-
-def _scales(content: RecordContent) -> Row:
-    """What a record with an oscillation has beside its provenance."""
-    return {
-        "epsilon_note": content.epsilon_note,
-        "reference": asdict(content.scales),
-        "features": asdict(content.features) if content.features else {},
     }
 
 

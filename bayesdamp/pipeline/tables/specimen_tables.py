@@ -24,11 +24,8 @@ def write_specimen_tables(study: Study, store: Store) -> None:
     """Both tables, where the study names specimens."""
     if not study.specimens:
         return
-    for name, rows in (
-        ("specimens.csv", _specimens(study, store)),
-        ("population.csv", _populations(study, store)),
-    ):
-        write_table(store.folder / name, SPECIMEN_TABLES[name], rows)
+    for (name, columns), rows_of in zip(SPECIMEN_TABLES.items(), (_specimens, _populations), strict=True):
+        write_table(store.folder / name, columns, rows_of(study, store))
 
 
 def _head(specimen: Specimen, candidate: str) -> Row:

@@ -38,13 +38,9 @@ def write_tables(study: Study, store: Store) -> None:
 
     store: which sees no cells but those of this study.
     """
-    for name, rows in (
-        ("estimates.csv", _estimates(study, store)),
-        ("posteriors.csv", _posteriors(study, store)),
-        ("evidence.csv", _evidence(study, store)),
-        ("fits.csv", _fits(study, store)),
-    ):
-        write_table(store.folder / name, TABLES[name], rows)
+    makers = (_estimates, _posteriors, _evidence, _fits)
+    for (name, columns), rows_of in zip(TABLES.items(), makers, strict=True):
+        write_table(store.folder / name, columns, rows_of(study, store))
     write_specimen_tables(study, store)
     write_verdicts(study, store)
     write_json(store.folder / "run.json", run_info(study, store))

@@ -18,8 +18,8 @@ from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Sampler, Settings, nuts
 from bayesdamp.inference.samplers._no_u_turn import Chain
 from bayesdamp.inference.samplers.nuts import Nuts
-from bayesdamp.pipeline.candidates.posteriors import save_whole
 from bayesdamp.priors import LogNormal
+from bayesdamp.store import write_bytes
 from bayesdamp.types import OK, Posterior, Seed
 from tests.inference import problems
 
@@ -185,9 +185,9 @@ def test_draws_that_find_no_room_leave_nothing(tmp_path, monkeypatch):
     with monkeypatch.context() as disk:
         disk.setattr(os, "fsync", full)
         with pytest.raises(OSError, match="No space left"):
-            save_whole(found, tmp_path / "posterior" / "draws.nc")
-    assert not list(tmp_path.iterdir())
-    save_whole(found, tmp_path / "posterior" / "draws.nc")
+            write_bytes(tmp_path / "posterior" / "draws.nc", diagnostics.saved(found))
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+    write_bytes(tmp_path / "posterior" / "draws.nc", diagnostics.saved(found))
     assert (tmp_path / "posterior" / "draws.nc").stat().st_size > 1000
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.config import load_study
-from bayesdamp.config.compare import SPECIMEN, Asked, comparison
+from bayesdamp.config.compare import SPECIMEN, comparison
 from bayesdamp.pipeline import cells
 from bayesdamp.types import InputError
 
@@ -59,7 +59,7 @@ def write(folder: Path, records=RECORDS, more: str = "") -> Path:
 
 
 def test_cells_are_listed(tmp_path):
-    names = {c.name for c in cells(load_study(write(tmp_path)))}
+    names = set(cells(load_study(write(tmp_path))))
     assert {"joint/a", "joint/b", "population/specimens"} <= names
     assert "joint/c" not in names
 
@@ -68,7 +68,7 @@ def test_a_study_without_specimens_has_none_of_this(tmp_path):
     text = (HEAD + signals(RECORDS[:2]) + REST).replace('specimen = "a"\n', "")
     (tmp_path / "s.toml").write_text(text, encoding="utf-8")
     study = load_study(tmp_path / "s.toml")
-    assert not any(c.name.startswith(("joint/", "population/")) for c in cells(study))
+    assert not any(c.startswith(("joint/", "population/")) for c in cells(study))
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, capsys):
         path.write_text(
             "t,angle\n" + "\n".join(f"{i / 50},{0.3 - 0.1 * (i % 5)}" for i in range(50)), encoding="utf-8"
         )
-    asked = [Asked(p, "t", "angle") for p in paths]
+    asked = [{"file": str(p), "time": "t", "angle": "angle"} for p in paths]
     assert set(comparison(asked).specimens) == {"a", "b"}
     together = comparison(asked, repeats=True)
     assert set(together.specimens) == {SPECIMEN}
@@ -112,14 +112,14 @@ def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, capsys):
 
 def test_of_repeats_no_record_is_sampled_by_itself(tmp_path):
     """Negative control: records that stand each for itself have draws, and are predicted from their halves."""
-    asked = [Asked(tmp_path / f"{name}.csv", "t", "angle") for name in "ab"]
+    asked = [{"file": str(tmp_path / f"{name}.csv"), "time": "t", "angle": "angle"} for name in "ab"]
     for one in asked:
-        one.path.write_text("t,angle\n0,0\n", encoding="utf-8")
+        Path(one["file"]).write_text("t,angle\n0,0\n", encoding="utf-8")
     wanted = {"posterior", "bridge", "half", "noises"}
 
     def found(repeats: bool) -> set[str]:
         made = comparison(asked, repeats=repeats)
-        return {part for cell in cells(made) for part in cell.name.split("/")} & {
+        return {part for cell in cells(made) for part in cell.split("/")} & {
             *wanted,
             "mode",
             "importance",
