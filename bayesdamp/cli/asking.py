@@ -46,15 +46,6 @@ class Found:
         run = f"run {self.raw.run}" if self.raw.run else ""
         return ", ".join(filter(None, (run, self.raw.channel)))
 
-    @property
-    def choice(self) -> str:
-        """Why these columns, empty where there was no choice or a finding names all that was left out."""
-        choice = self.raw.choice
-        said = any(finding.kind is Kind.CONSTANT for finding in self.findings)
-        return (
-            "" if choice is None or (said and choice.changing == 1 and not choice.left_out) else str(choice)
-        )
-
 
 def found_records(path: Path, options: Options, *, cleaned: bool = True) -> list[Found]:
     """The records in a file. cleaned: whether to look for the free decay in each. Raises InputError."""
@@ -204,8 +195,8 @@ def _chosen(path: Path, options: Options, cleaned: bool) -> tuple[list[Found], l
                 raise InputError(f"{path.name}: {finding}")
     if several:
         said.append(f"{path.name}: {len(found)} records: {_labels(found)}")
-    if found[0].choice:
-        said.append(f"{path.name}: {found[0].choice}")
+    if found[0].raw.choice:
+        said.append(f"{path.name}: {found[0].raw.choice}")
     if found[0].raw.began:
         said.append(f"{path.name}: {FROM_FIRST} ({found[0].raw.began:.15g} s).")
     said += doubts(path, found, (Kind.CONSTANT,))

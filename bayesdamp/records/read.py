@@ -10,7 +10,6 @@ import numpy as np
 
 from bayesdamp.provenance import Fact, Provenance
 from bayesdamp.records.columns.choosing import LEAST, Series, series, with_own_clocks
-from bayesdamp.records.columns.gravity import TWICE, Pull, pull
 from bayesdamp.records.columns.names import parted, seconds_of_unit, unit_said
 from bayesdamp.records.columns.swings import LARGEST
 from bayesdamp.records.files.contents import Column, Contents
@@ -142,7 +141,7 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         said_by = "given" if time_unit is not None else "file" if stated else ""
     base, run = parted(value)
     provenance = Provenance(
-        warnings=(*found.warnings, *([TWICE] if pull(value) is Pull.FOLLOWS else [])),
+        warnings=found.warnings,
         notes=tuple(notes),
         header_lines=(found.first_line or 1) - 1,
         facts=found.facts,

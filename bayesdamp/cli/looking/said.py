@@ -81,7 +81,7 @@ def _sentences(one: Found) -> list[str]:
 
     about = one.raw.provenance if one.signal is None else one.signal.provenance
     # `reading` says where times and values are, but not why these.
-    notes = (*filter(None, [one.choice]), *(text for text in about.notes if text not in one.raw.why))
+    notes = (*filter(None, [one.raw.choice]), *(text for text in about.notes if text not in one.raw.why))
     about = replace(about, notes=notes)
     if one.signal is None:
         alone = [MAYBE_ENVELOPE] if one.raw.y.min() >= 0 else []

@@ -96,12 +96,6 @@ def names_index(column: Column) -> bool:
     return bool(_INDEX.match(parted(column)[0].rpartition(".")[2].strip()))
 
 
-def numbered_alike(columns: Sequence[Column]) -> bool:
-    """Whether the names of columns differ in a number alone, as `ch1` and `ch2` do."""
-    kinds = {re.sub(r"\d+", "#", parted(column)[0].casefold()) for column in columns}
-    return len(kinds) == 1 and "#" in kinds.pop() and len({column.name for column in columns}) == len(columns)
-
-
 def shown(columns: Sequence[Column], column: Column) -> str:
     """A column's name in quotes, or its number from 1 where it has none."""
     if column.name:
