@@ -102,7 +102,7 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
                 first = first_words(seen.signal).in_unit(UNITS[one.unit])
                 said.append(f"{whose}: {first.sentence()}")
                 about = seen.signal.provenance
-                others = other_decays(about.pieces, about.start, about.start + float(seen.signal.t[-1]))
+                others = other_decays(about.decays, about.start, about.start + float(seen.signal.t[-1]))
                 said += [f"{whose}: {others}"] if others else []
         elif one.raw.y.min() >= 0:
             said.append(f"{one.path.name}: {MAYBE_ENVELOPE}")

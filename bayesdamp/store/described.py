@@ -29,7 +29,7 @@ _RECORD = {
     "unit": str,
     "quantity": ("angle", "velocity", "acceleration", "envelope"),
     **{name: [str] for name in ("warnings", "notes", "restoring", "constant_columns")},
-    "pieces": [_TABLE],
+    "decays": [_TABLE],
     "outcome": str,
     "bound": _TABLE,
     "reference": _TABLE,

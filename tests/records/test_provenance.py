@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from bayesdamp.provenance import Piece, Provenance
+from bayesdamp.provenance import FreeDecay, Provenance
 
 WHOLE = Provenance(
     warnings=("no unit is said.",),
@@ -20,7 +20,7 @@ WHOLE = Provenance(
     start=1.5,
     stop=9.0,
     offset=0.01,
-    pieces=(Piece(0.0, 1.5, "held", "it does not move."),),
+    decays=(FreeDecay(1.5, 9.0), FreeDecay(12.0, 20.0)),
     many_turns="",
     more={"format": "text", "samples": 100},
 )

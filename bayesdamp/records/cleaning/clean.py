@@ -135,7 +135,7 @@ def clean(
         start=float(t[0]),
         stop=float(t[-1]),
         offset=offset,
-        pieces=tuple(window.pieces),
+        decays=window.decays,
         many_turns=many_turns,
         more={
             **raw.provenance.more,

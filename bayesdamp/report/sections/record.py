@@ -68,7 +68,7 @@ def _one(run: Run, signal: str) -> Markup:
         caption = f"{signal}: the record as it was read."
         figures.append(
             run.drawings.add(
-                f"raw-{signal}", caption, lambda: raw(raw_t, raw_y, start, stop, axis, origin.pieces)
+                f"raw-{signal}", caption, lambda: raw(raw_t, raw_y, start, stop, axis, origin.decays)
             )
         )
     caption = f"{signal}: the record as used" + (
