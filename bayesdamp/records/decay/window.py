@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter
 
 from bayesdamp.provenance import FreeDecay
 from bayesdamp.records.decay.continuation import Reach, Reason, Swings, reach
-from bayesdamp.records.decay.stretches import RISE, across_holes, stretches, unsteadiness, worth
+from bayesdamp.records.decay.stretches import RISE, stretches, unsteadiness, worth
 from bayesdamp.records.oscillation.holes import without_edges
 from bayesdamp.records.oscillation.rough import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_periods, samples_a_cycle
@@ -132,7 +132,7 @@ def free_decay(
     if seek_start:
         floor = 2 * found.noise + step
         before = float(found.decay.times[head - 1]) if head else None
-        first = _start(series, Swings(t, y, _before_a_hole(decay), floor), why, before, notes)
+        first = _start(series, Swings(t, y, decay, floor), why, before, notes)
     if seek_stop:
         last, why_stop = _stop(series, decay, found)
         if why_stop:
@@ -266,7 +266,7 @@ def _unsteadiness(turns: Turning, found: list[tuple[int, int]], best: tuple[int,
 
 def _head(t: np.ndarray, y: np.ndarray, found: _Found, step: float) -> tuple[int, Reason | None]:
     """(turning points to leave out, in what the last of them breaks) at the head of the best stretch."""
-    swings = Swings(t, y, _before_a_hole(found.decay), 2 * found.noise + step)
+    swings = Swings(t, y, found.decay, 2 * found.noise + step)
     most = min(HEAD, swings.gaps.size // 2)
     why: Reason | None = None
     for i in range(min(_onset(found), most), most + 1):
@@ -291,12 +291,6 @@ def _onset(found: _Found) -> int:
             break
         grown += 1
     return max(grown - 1, 0)
-
-
-def _before_a_hole(turns: Turning) -> Turning:
-    """The turning points up to the first hole, behind which others are missing; all where these are too few."""
-    across = across_holes(turns.times)
-    return turns.cut(0, int(across[0]) + 1) if across.size and across[0] >= LEAST_BEFORE else turns
 
 
 def _start(
