@@ -24,9 +24,7 @@ class RawRecord:
     columns: what to ask for to get these columns again: (times or None, values), by name or number from 1.
     repeat: whether the file says that it is one of several runs of one thing. choice: the sentence on the choice among
     the file's columns, empty where there was none. why: those of the notes that say where times and values are.
-    own_rate: that of the file's own times in Hz, where a rate was given in their place and they do not just count the
-    samples. began: the file's time in s of the first sample, where it counts from an epoch and t from that sample;
-    else 0.
+    began: the file's time in s of the first sample, where it counts from an epoch and t from that sample; else 0.
     """
 
     t: np.ndarray | None
@@ -42,5 +40,4 @@ class RawRecord:
     repeat: bool = False
     choice: str = ""
     why: tuple[str, ...] = ()
-    own_rate: float | None = None
     began: float = 0.0

@@ -23,7 +23,7 @@ from bayesdamp.records.columns.names import (
 )
 from bayesdamp.records.columns.swings import LARGEST, Swing, proportional, swing
 from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
+from bayesdamp.records.files.facts import sampling_rate
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -54,7 +54,7 @@ LEFT_OUT = 6
 class Series:
     """The columns of one record. rate: in Hz, where there is no column of times; why: sentences on what was chosen;
     choice: the sentence on these columns, empty where there were no others; still: names of other columns that do not
-    change; aside: the times that a given rate replaces."""
+    change."""
 
     value: Column
     time: Column | None = None
@@ -63,7 +63,6 @@ class Series:
     why: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
     choice: str = ""
-    aside: Column | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,15 +74,12 @@ class _Block:
     time: Column | None
     rate: float | None
     why: tuple[str, ...] = ()
-    aside: Column | None = None
 
     def record(self, value: Column, choice: str = "", still: tuple[str, ...] = ()) -> Series:
         """Return the record of one of the columns."""
-        time, aside = (None if c is value else c for c in (self.time, self.aside))
+        time = None if self.time is value else self.time
         why = (*self.why, choice) if choice else self.why
-        return Series(
-            value, time, None if time is not None else self.rate, self.run, why, still, choice, aside
-        )
+        return Series(value, time, None if time is not None else self.rate, self.run, why, still, choice)
 
 
 def series(
@@ -150,7 +146,7 @@ def _block(found: Contents, run: str, group: str, timed: list[Column], rate: flo
     columns = tuple(c for c in found.columns if c.group == group and parted(c)[1] in (run, ""))
     own = tuple(c for c in columns if parted(c)[1] == run) if run else columns
     if rate is not None:
-        return _Block(run, own, None, rate, aside=_time_column(own) or _time_column(columns))
+        return _Block(run, own, None, rate)
     if timed:
         mine = [c for c in timed if parted(c)[1] == run] or timed
         return _Block(run, own, mine[0], None)
@@ -278,15 +274,6 @@ def _with_clock(record: Series, found: Contents) -> Series:
     if record.value.rate is not None:
         note = f"The file gives the sampling rate: {record.value.rate:.9g} Hz."
         return replace(record, rate=record.value.rate, why=(*record.why, note))
-    doubtful = doubtful_rate(found.facts)
-    if doubtful is not None:
-        written, rates = doubtful
-        either = " or ".join(f"{rate:.9g}" for rate in rates)
-        raise InputError(
-            f"its head says {written[:80]!r}, which may be {either} Hz: give the rate",
-            arguments=["rate"],
-            likely=_likely_rate(found),
-        )
     if len(found.columns) == 1:
         raise InputError(
             "no time given, and its one column holds the values: export the times, or give the rate in Hz",
@@ -296,12 +283,6 @@ def _with_clock(record: Series, found: Contents) -> Series:
         f"no time given: name the time column or give the rate in Hz; columns are {listed(found.columns)}",
         arguments=["time", "rate"],
     )
-
-
-def _likely_rate(found: Contents) -> dict[str, str]:
-    """The first reading of a rate in the head that has two; empty where there is none."""
-    doubtful = doubtful_rate(found.facts)
-    return {"rate": f"{doubtful[1][0]:.9g}"} if doubtful is not None else {}
 
 
 def _with_named_time(block: _Block) -> _Block:
@@ -359,7 +340,7 @@ def _plain(found: Contents, records: list[Series]) -> None:
             f"has {len(found.columns)} columns{no_times}, and {names}{more} may each be the record; give the name or "
             f"number of one, or of several channels{also}; columns are {listed(found.columns)}",
             arguments=["value", "channels", *(["time", "rate"] if clockless else [])],
-            likely={"value": some[0].name or shown(found.columns, some[0]), **_likely_rate(found)},
+            likely={"value": some[0].name or shown(found.columns, some[0])},
         )
 
 

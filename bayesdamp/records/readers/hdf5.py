@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.files.conventions import unpacked
 from bayesdamp.records.files.facts import kept
 from bayesdamp.records.files.limits import allowed
 from bayesdamp.records.files.tree import DEEPEST, Walk, described
 from bayesdamp.types import InputError
 
 _MAGIC = b"\x89HDF\r\n\x1a\n"
+_PACKED, _MISSING = ("scale_factor", "add_offset"), ("_FillValue", "missing_value")
+"""Attributes by which netCDF, and what xarray writes, packs numbers and marks missing ones (CF-1.11, 2.5.1 and 8.1)."""
 
 
 class Hdf5Reader(Reader):
@@ -39,7 +40,7 @@ class Hdf5Reader(Reader):
         with h5py.File(path, "r") as file:
             tree = _Tree(h5py, walk, "MATLAB_version" in file.attrs or _matlab(path))
             tree.visit("", file, "", 0)
-        return walk.contents("MATLAB 7.3" if _matlab(path) else "HDF5", notes=tuple(tree.notes))
+        return walk.contents("MATLAB 7.3" if _matlab(path) else "HDF5")
 
 
 def _matlab(path: Path) -> bool:
@@ -53,7 +54,6 @@ class _Tree:
     def __init__(self, h5py: Any, walk: Walk, matlab: bool) -> None:
         self.h5py, self.walk, self.matlab = h5py, walk, matlab
         self.total = 0
-        self.notes: list[str] = []
 
     def visit(self, path: str, item: Any, run: str, depth: int) -> None:
         if depth > DEEPEST:
@@ -98,14 +98,16 @@ class _Tree:
             return
         said = described(kept(self._facts(path, item)))
         before = len(self.walk.columns)
-        array, done, holes = unpacked(np.asarray(data), item.attrs)
+        array = np.asarray(data)
+        if any(name in item.attrs for name in _PACKED) and array.size > 1:
+            what = f"the numbers of {path[:60]!r} are packed ({', '.join(_PACKED)}); unpack them, with xarray say"
+            raise InputError(what)
+        for name in _MISSING:
+            if name in item.attrs and array.dtype.kind in "fiu":
+                array = np.where(array == item.attrs[name], np.nan, array)
         self.walk.add(path, array.T if self.matlab else array, run, depth)
-        new = self.walk.columns[before:]
-        if done and new:
-            self.notes.append(f"{path[:60]!r}: {done}.")
         if any(said.values()):
-            new = [replace(c, **said) for c in new]
-        self.walk.columns[before:] = [replace(c, empty=np.isnan(c.values)) for c in new] if holes else new
+            self.walk.columns[before:] = [replace(c, **said) for c in self.walk.columns[before:]]
 
 
 def _plain(value: Any) -> Any:
