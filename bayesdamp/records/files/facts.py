@@ -54,10 +54,10 @@ def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
             found[cells[0]] = cells[1]
         elif len(before) == len(cells) > 1 and numbers and not any(map(_NUMBER.fullmatch, before)):
             found |= dict(zip(before, cells, strict=True))
+        elif re.search(r"\bunits?$", cells[0], re.IGNORECASE) and len(set(filter(None, cells[1:]))) == 1:
+            found[cells[0]] = max(cells[1:]).rpartition(":")[2]
         elif pair and not (len(cells) > 2 and numbers > 1):
             found[pair[1].strip('"')] = pair[2].strip('"')
-        elif len(cells) == 2 and cells[1] and re.search(r"\bunits?$", cells[0], re.IGNORECASE):
-            found[cells[0]] = cells[1]
         elif 2 <= len(cells) <= 3 and numbers == 1 and _NUMBER.fullmatch(cells[1]):
             found[cells[0]] = " ".join(cells[1:])
         before = cells
