@@ -26,8 +26,7 @@ class Provenance:
     says the unit of the times, "given", "file", or nobody; first_line: line of the file (from 1) with the first row of
     numbers; constant_columns: what was left out. unit: of UNITS, in which the record came. start, stop: of what was
     kept, s of the record's own times; offset: what was taken off all values (unit of the signal's y); decays: all free
-    decays of the record, the one that was kept among them; many_turns: that of the warnings which doubts swings of many
-    turns. more: numbers and words that only run.json takes.
+    decays of the record, the one that was kept among them. more: numbers and words that only run.json takes.
     """
 
     warnings: tuple[str, ...] = ()
@@ -44,7 +43,6 @@ class Provenance:
     stop: float | None = None
     offset: float = 0.0
     decays: tuple[FreeDecay, ...] = ()
-    many_turns: str = ""
     more: Mapping[str, Any] = field(default_factory=dict)
 
     @property

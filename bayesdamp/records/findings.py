@@ -15,11 +15,8 @@ from bayesdamp.records.files.facts import sampling_rate
 from bayesdamp.records.files.named_units import SECONDS, seconds_in
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import HALF_TURN, half_swing
-from bayesdamp.records.wrapped import turn_of
 from bayesdamp.units import UNITS
 
-MANY_TURNS = 3.0
-"""Turns to either side beyond which hardly anything swings."""
 _ASSUMED = {
     "deg": ("degrees", "--unit rad, mm, V ... where they are not"),
     "counts": ("a signal of unknown scale, in counts", "--unit deg, rad, mm, V ... where that is known"),
@@ -51,13 +48,11 @@ class Kind(Enum):
     """What is doubted."""
 
     DEGREES = "a unit that was assumed"
-    TURNS = "swings of many turns"
     PERIOD = "a rate that makes the period absurd"
     RATE = "a rate that differs from the file's"
     TIME_UNIT = "times in another unit than s"
     SAMPLE_NUMBERS = "numbers of samples taken for times"
     UNIT = "a unit that is not one of a displacement"
-    WRAPPED = "an angle that jumps by a turn"
     CONSTANT = "columns that do not change"
 
 
@@ -90,11 +85,10 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     # What is wrong with times that go back is said when they are used.
     rises = raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0))
     doubts = (
-        _turns(raw, unit, quantity, given),
+        _assumed(raw, unit, quantity, given),
         None if given or unit != "rad" else _unit(raw),
         rises and (_times(raw, seen) or _too_fast(raw, unit, quantity, given, seen)),
         *_rates(raw, seen),
-        _wrapped(raw, unit, quantity),
         _constant(raw),
     )
     return tuple(doubt for doubt in doubts if doubt)
@@ -107,7 +101,7 @@ def question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding |
     return next((doubt for doubt in found if doubt.kind in QUESTIONS), None)
 
 
-def _turns(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
+def _assumed(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
     if quantity != "angle" or (raw.unit and raw.unit not in UNITS):
         return None
     size = half_swing(raw)
@@ -116,10 +110,6 @@ def _turns(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | N
         why = f"no unit is said, and its values reach {size:.3g}: {turns:.2g} turns to either side if radians"
         what, option = _ASSUMED[unit]
         return Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit", unit))
-    turns = size * UNITS[unit].factor / (2 * math.pi)
-    if UNITS[unit].base == "rad" and turns > MANY_TURNS:
-        sentence = f"it swings by {turns:.2g} turns to either side; is its unit {unit}?"
-        return Finding(Kind.TURNS, sentence, "--unit deg, counts, V, mm ...", ("unit", "deg"))
     return None
 
 
@@ -205,16 +195,6 @@ def _rates(raw: RawRecord, seen: Swing) -> Iterator[Finding]:
     if used is not None and stated is not None and abs(used / stated[0] - 1) > DIFFER:
         sentence = f"its file says {stated[0]:.6g} Hz, and it is read at {used:.6g} Hz"
         yield Finding(Kind.RATE, sentence, f"--rate {stated[0]:.6g} takes the file's")
-
-
-def _wrapped(raw: RawRecord, unit: str, quantity: str) -> Finding | None:
-    turn, many = turn_of(raw, unit, quantity)
-    if not many:
-        return None
-    sentence = (
-        f"it jumps by a turn ({turn:.6g}) {many} times: it is an angle that was wrapped, and is unwrapped"
-    )
-    return Finding(Kind.WRAPPED, sentence, "--unit V, mm ... where it is not an angle")
 
 
 def _constant(raw: RawRecord) -> Finding | None:

@@ -16,7 +16,7 @@ T = np.arange(600) / 50
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 NOISE = 0.01 * np.random.default_rng(1).standard_normal(T.size)
 DEG = 57 * Y + 50 * NOISE
-BOTH = [Kind.DEGREES, Kind.WRAPPED]
+BOTH = [Kind.DEGREES]
 
 CASES = {
     # names, times, values, options of reading, unit asked for, kinds, what the option says
@@ -24,11 +24,11 @@ CASES = {
     "degrees": ("t,angle", T, 50 * Y, {}, None, [Kind.DEGREES], "--unit rad"),
     "counts": ("t,angle", T, 5000 * Y, {}, None, [Kind.DEGREES], "--unit deg"),
     "rad, asked": ("t,angle", T, 50 * Y, {}, "rad", [], ""),
-    "many turns, asked": ("t,angle", T, 500 * Y, {}, "rad", [Kind.TURNS], "--unit deg"),
+    "many turns, asked": ("t,angle", T, 500 * Y, {}, "rad", [], ""),
     "degrees, said": ("t,angle (deg)", T, 50 * Y, {}, None, [], ""),
     "degrees, asked": ("t,angle", T, 50 * Y, {}, "deg", [], ""),
     "over the top in rad": ("t,angle (rad)", T, 15 * Y, {}, None, [], ""),
-    "many turns": ("t,angle (rad)", T, 100 * Y, {}, None, [Kind.TURNS], "--unit"),
+    "many turns": ("t,angle (rad)", T, 100 * Y, {}, None, [], ""),
     "velocity": ("t,gyro (rad/s)", T, 50 * Y, {}, None, [], ""),
     "metres": ("t,x (m)", T, 50 * Y, {}, None, [], ""),
     "ms": ("t,angle", 1e3 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit ms"),
@@ -71,11 +71,11 @@ CASES = {
     "all above 0, undamped": ("t,angle", T, 0.3 + 0.3 * np.cos(6 * T), {}, None, [], ""),
     "an envelope": ("t,angle", T, np.hypot(Y, 0.05 * np.sin(6 * T)), {}, None, [], ""),
     "pulses": ("t,angle", T, np.exp(-0.1 * T) * (np.cos(6 * T) > 0.9), {}, None, [], ""),
-    "wrapped, said": ("t,angle (deg)", T, DEG % 360, {}, None, [Kind.WRAPPED], "is not an angle"),
-    "wrapped about 180": ("t,angle (deg)", T, (DEG + 360) % 360 - 180, {}, None, [Kind.WRAPPED], "is not an angle"),
-    "wrapped, in rad": ("t,angle", T, (Y + NOISE) % (2 * np.pi), {}, None, [Kind.WRAPPED], "is not an angle"),
+    "wrapped, said": ("t,angle (deg)", T, DEG % 360, {}, None, [], ""),
+    "wrapped about 180": ("t,angle (deg)", T, (DEG + 360) % 360 - 180, {}, None, [], ""),
+    "wrapped, in rad": ("t,angle", T, (Y + NOISE) % (2 * np.pi), {}, None, [], ""),
     "wrapped, no unit": ("t,angle", T, DEG % 360, {}, None, BOTH, ""),
-    "wrapped, asked": ("t,angle", T, DEG % 360, {}, "deg", [Kind.WRAPPED], "is not an angle"),
+    "wrapped, asked": ("t,angle", T, DEG % 360, {}, "deg", [], ""),
     "unwrapped": ("t,angle (deg)", T, DEG + 360, {}, None, [], ""),
     "wide, not wrapped": ("t,angle (deg)", T, 10 * DEG, {}, None, [], ""),
     "a turn of volts": ("t,U (V)", T, DEG % 360, {}, None, [], ""),

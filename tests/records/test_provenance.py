@@ -21,7 +21,6 @@ WHOLE = Provenance(
     stop=9.0,
     offset=0.01,
     decays=(FreeDecay(1.5, 9.0), FreeDecay(12.0, 20.0)),
-    many_turns="",
     more={"format": "text", "samples": 100},
 )
 
@@ -34,7 +33,6 @@ def test_it_is_the_same_after_a_file() -> None:
 def test_run_json_has_all_side_by_side() -> None:
     found = WHOLE.to_dict()
     assert (found["format"], found["start"], found["notes"]) == ("text", 1.5, ["Kept are 100 samples."])
-    assert "many_turns" not in found
     assert Provenance().to_dict()["warnings"] == []
 
 

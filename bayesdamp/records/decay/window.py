@@ -319,16 +319,9 @@ def _start(
     if at == decay.times[0] and touched and _moves(series, at - MARGIN * gap, at, float(swings.ranges[0])):
         at = float(decay.times[1])  # a hand that brings it to its turning point may not let go there
     first = int(np.searchsorted(t, at - 1e-12))
-    told = {
-        "period": "lasts longer or shorter than the later ones foretell",
-        "amplitude": "is larger or smaller than the later ones foretell",
-        "midline": "goes about another midline than the later ones",
-        "shape": "has another shape than the later ones",
-        None: "does not continue the later ones",
-    }[why]
     notes.append(
         f"The start ({t[first]:.6g} s, sample {first} from 0) is {what}: "
-        f"what is before it is rest, a hand or a disturbed release, and its last swing {told}."
+        "what is before it is rest, a hand or a disturbed release, which the later swings do not continue."
     )
     return first
 
