@@ -49,7 +49,6 @@ CASES = {
     "no unit in brackets": ("time (UTC),angle", T, Y, {}, None, [], ""),
     "datenum": ("time,angle", 738000 + T / 86400, Y, {}, None, [Kind.TIME_UNIT], "--time-unit d"),
     "a spreadsheet's days": ("date,angle", 45000 + T / 86400, Y, {}, None, [Kind.TIME_UNIT], "--time-unit d"),
-    "datenum, said": ("datenum,angle", 738000 + T / 86400, Y, {}, None, [], ""),
     "days, asked": ("time,angle", 45000 + T / 86400, Y, {"time_unit": "d"}, None, [], ""),
     "seconds of a day": ("time,angle", 45000 + T, Y, {}, None, [], ""),
     "fast, from 0": ("time,angle", T / 86400, Y, {}, None, [], ""),

@@ -9,14 +9,12 @@ from difflib import get_close_matches
 from bayesdamp.records.files.contents import Column
 from bayesdamp.records.files.named_units import (
     TIMES,
-    counts_days,
     quantity_of,
     seconds_in,
     seconds_written,
     unit_and_quantity,
     unit_written,
 )
-from bayesdamp.records.files.stamps import DAY
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -60,8 +58,6 @@ def parted(column: Column) -> tuple[str, str]:
 def seconds_of_unit(column: Column) -> float | None:
     """Seconds in the unit that a column of times says, in its name or beside it; None where it says none."""
     said = seconds_in(parted(column)[0]) or seconds_written(column.unit)
-    if said is None and counts_days(parted(column)[0]):
-        return DAY
     return 1.0 if said is None and _SECONDS.match(column.name) else said
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.files.facts import kept
 from bayesdamp.records.files.limits import allowed
-from bayesdamp.records.files.tree import DEEPEST, Walk, described
+from bayesdamp.records.files.tree import DEEPEST, Walk, described, plain
 from bayesdamp.types import InputError
 
 _MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -69,7 +69,7 @@ class _Tree:
 
     def _facts(self, path: str, item: Any) -> dict[str, Any]:
         found = {
-            str(name): _plain(value) for name, value in item.attrs.items() if not name.startswith("MATLAB")
+            str(name): plain(value) for name, value in item.attrs.items() if not name.startswith("MATLAB")
         }
         self.walk.facts |= {f"{path}.{name}" if path else name: value for name, value in found.items()}
         return found
@@ -89,9 +89,9 @@ class _Tree:
         data = item[()]
         if self.h5py.check_string_dtype(item.dtype) is not None:
             if np.size(data) == 1:
-                self.walk.facts[path] = str(_plain(np.ravel(data)[0]))
+                self.walk.facts[path] = str(plain(np.ravel(data)[0]))
             return
-        if _plain(item.attrs.get("MATLAB_class", "")) == "char":
+        if plain(item.attrs.get("MATLAB_class", "")) == "char":
             self.walk.facts[path] = "".join(chr(c) for c in np.ravel(data)[:200])
             return
         if "MATLAB_empty" in item.attrs:
@@ -108,15 +108,6 @@ class _Tree:
         self.walk.add(path, array.T if self.matlab else array, run, depth)
         if any(said.values()):
             self.walk.columns[before:] = [replace(c, **said) for c in self.walk.columns[before:]]
-
-
-def _plain(value: Any) -> Any:
-    """An attribute as a number or a word, where it is one."""
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace")
-    if isinstance(value, np.ndarray) and value.size == 1:
-        return _plain(value.ravel()[0])
-    return value.item() if isinstance(value, np.generic) else value
 
 
 PLUGIN = Hdf5Reader()
