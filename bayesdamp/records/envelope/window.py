@@ -25,6 +25,8 @@ POINTS = 600
 """Blocks that a record is looked at in."""
 COARSE = 72
 """Blocks among which the straightest descent is sought."""
+LOST = 0.4
+"""Share of the straightest descent that has to be left behind the start."""
 SURE_DROP = 8.0
 """dB of descent that cannot be without a decay."""
 SPARSE = 60
@@ -39,8 +41,13 @@ AHEAD = 2
 """Lengths of short lines ahead over which the usual misfit is taken: it grows towards the floor."""
 SLOWEST, FASTEST = 0.4, 5.0
 """Shares of the rate after it beyond which a fall is none of the decay."""
+FLAT = 0.2
+"""Share of the rate before it at which a level falls no more."""
 WILD, WILD_OVER = 2.5, 15
 """dB of scatter from one block to the next, over so many, at which a level is a floor's (of random phase: 5.6)."""
+LAST, ROUGHER = 8, 3.0
+"""Readings at least at a record's end that are looked at for what is steeper there; times the roughness of a decay's
+first eighth that a floor, which scatters by 5.6 dB where it is of random phase, has at least."""
 SMOOTH = 7
 """Blocks over which the level is smoothed where it is held against the floor's."""
 LEVEL = 0.15
@@ -80,6 +87,9 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
         raise Refusal(f"the level falls by {max(core, 0):.1f} dB, {LEAST_DROP:g} are needed")
     begin, broken = _followed_back(tb, yb, first, last)
     end, floor = _followed_on(t, y, begin, tb, yb, edges)
+    if core > SURE_DROP and (fall(yb, begin, end) < LEAST_DROP or fall(yb, begin, last) < LOST * core):
+        begin, broken = first, first > 0  # the short lines were told from none
+        end, floor = _followed_on(t, y, begin, tb, yb, edges)
     begun = start_by_a_law(t, y, tb, yb, edges, begin, end)
     if begun != begin:
         behind, lower = _followed_on(t, y, begun, tb, yb, edges)
@@ -247,8 +257,15 @@ def _followed_on(
         rest = np.exp(2.0 * np.interp(t[behind], tb[begin:], x))
         took = float(tb[seen] - tb[begin])
         known = seen_floor(t[behind], power, rest, float(x[0] - x[seen - begin]) / took if took > 0 else 0.0)
+    else:
+        flat = _flat_end(tb[begin:], yb[begin:] - scale)
+        if flat > 0:
+            floor, seen = max(floor, flat), count - 1
+            known = SeenFloor(floor)
     end = min(count, begin + _calm(yb[begin:]))
     if seen == count and floor < 10.0 ** (-ABOVE_FLOOR / 10.0) * np.exp(2.0 * x[-1]):
+        return end, None
+    if _steepens(t, y, int(edges[begin]), int(edges[seen]), stop):
         return end, None
     limit = 10.0 ** (ABOVE_FLOOR / 10.0) * floor
     above = np.flatnonzero(np.exp(2.0 * x) < limit)
@@ -258,6 +275,38 @@ def _followed_on(
         below = np.flatnonzero(smooth - scale < 10.0 * np.log10(limit) - 3.0)
         end = begin + int(below[0]) + SMOOTH // 2 if below.size else end
     return end, known.scaled(10.0 ** (scale / 10.0))
+
+
+def _steepens(t: np.ndarray, y: np.ndarray, begin: int, seen: int, stop: int) -> bool:
+    """Whether readings from `seen` to `stop`, or the last few, fall faster than those before do and are no rougher than
+    the decay's first eighth, from `begin` on: no floor, but a decay that one power of the amplitude does not follow."""
+    seen = min(seen, stop - LAST)
+    before = slice(max(begin, seen - max(NARROWEST, (seen - begin) // 4)), seen)
+    if before.stop - before.start < LEAST_POINTS:
+        return False
+    slope, usual = (float(np.polyfit(t[one] - t[seen], y[one], 1)[0]) for one in (slice(seen, stop), before))
+    early, late = y[begin : begin + max((seen - begin) // 8, LAST)], y[seen:stop]
+    return slope < usual < 0.0 and _rough(late) < ROUGHER * _rough(early)
+
+
+def _rough(y: np.ndarray) -> float:
+    """Median size of third differences, which a curve hardly has."""
+    return float(np.median(np.abs(np.diff(y, 3))))
+
+
+def _flat_end(t: np.ndarray, y: np.ndarray) -> float:
+    """Mean power of the last tenth or so of a record that falls no more there; 0 where it still does."""
+    part = y.size // 8
+    if part < 3:
+        return 0.0
+    last, before = 10.0 ** (y[-part:] / 10.0), 10.0 ** (y[-2 * part : -part] / 10.0)
+    step = float(t[-part:].mean() - t[-2 * part : -part].mean())
+    half = y.size // 2
+    usual = float(y[:part].mean() - y[half : half + part].mean()) / float(
+        t[half : half + part].mean() - t[:part].mean()
+    )
+    fell = 10.0 * np.log10(before.mean() / last.mean())
+    return float(last.mean()) if fell < FLAT * usual * step else 0.0
 
 
 def _calm(y: np.ndarray) -> int:

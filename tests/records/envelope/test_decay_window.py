@@ -94,6 +94,24 @@ def test_dry_friction_is_followed_back_to_its_release():
         assert found.release - 0.5 < found.t[window.start] < found.release + 5.0
 
 
+def test_the_steep_end_of_friction_is_no_floor():
+    """A power of the amplitude and a floor were fitted to it, and the last 10 dB left out."""
+    record = envelope(
+        lambda x, v: 0.093 * (1 + np.exp(-((v / 1.76) ** 2))) * np.tanh(v / SHARP), [8, 3], noise=0.01
+    )
+    window = find_window(record.t, record.level)
+    assert (window.start, window.stop, window.floor) == (0, record.t.size, None)
+    # Control: with a floor that is one.
+    rng = np.random.default_rng(5)
+    t = np.append(record.t, record.t[-1] + 0.17 * np.arange(1, 120))
+    floor = 0.02 * 10 ** (record.level[0] / 20)
+    noise = floor * (rng.standard_normal(t.size) + 1j * rng.standard_normal(t.size)) / np.sqrt(2)
+    amplitude = np.append(10 ** (record.level / 20), np.zeros(119))
+    found = find_window(t, 20 * np.log10(np.abs(amplitude + noise)))
+    assert found.floor is not None
+    assert found.stop < record.t.size
+
+
 @pytest.mark.parametrize(
     "force",
     [
