@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 from bayesdamp.serial import join
 
-Kind = Literal["at rest", "held", "pushed", "free decay", "sticking", "noise"]
 Fact = str | float
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A piece of a record: start and stop in s of the record's own times, what it is, and why, a sentence."""
+class FreeDecay:
+    """One of the free decays of a record: start and stop in s of the record's own times."""
 
     start: float
     stop: float
-    kind: Kind
-    why: str
 
 
 @dataclass(frozen=True)
@@ -30,9 +27,8 @@ class Provenance:
     skipped. facts: what the file says beside its numbers. time_column, value_column: labels in the file; time_unit: who
     says the unit of the times, "given", "file", or nobody; first_line: line of the file (from 1) with the first row of
     numbers; constant_columns: what was left out. unit: of UNITS, in which the record came. start, stop: of what was
-    kept, s of the record's own times; offset: what was taken off all values (unit of the signal's y); pieces: what the
-    whole record consists of; many_turns: that of the warnings which doubts swings of many turns. more: numbers and
-    words that only run.json takes.
+    kept, s of the record's own times; offset: what was taken off all values (unit of the signal's y); decays: all free
+    decays of the record, the one that was kept among them. more: numbers and words that only run.json takes.
     """
 
     warnings: tuple[str, ...] = ()
@@ -48,8 +44,7 @@ class Provenance:
     start: float = 0.0
     stop: float | None = None
     offset: float = 0.0
-    pieces: tuple[Piece, ...] = ()
-    many_turns: str = ""
+    decays: tuple[FreeDecay, ...] = ()
     more: Mapping[str, Any] = field(default_factory=dict)
 
     @property

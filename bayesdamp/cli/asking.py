@@ -46,15 +46,6 @@ class Found:
         run = f"run {self.raw.run}" if self.raw.run else ""
         return ", ".join(filter(None, (run, self.raw.channel)))
 
-    @property
-    def choice(self) -> str:
-        """Why these columns, empty where there was no choice or a finding names all that was left out."""
-        choice = self.raw.choice
-        said = any(finding.kind is Kind.CONSTANT for finding in self.findings)
-        return (
-            "" if choice is None or (said and choice.changing == 1 and not choice.left_out) else str(choice)
-        )
-
 
 def found_records(path: Path, options: Options, *, cleaned: bool = True) -> list[Found]:
     """The records in a file. cleaned: whether to look for the free decay in each. Raises InputError."""
@@ -111,7 +102,7 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
                 first = first_words(seen.signal).in_unit(UNITS[one.unit])
                 said.append(f"{whose}: {first.sentence()}")
                 about = seen.signal.provenance
-                others = other_decays(about.pieces, about.start, about.start + float(seen.signal.t[-1]))
+                others = other_decays(about.decays, about.start, about.start + float(seen.signal.t[-1]))
                 said += [f"{whose}: {others}"] if others else []
         elif one.raw.y.min() >= 0:
             said.append(f"{one.path.name}: {MAYBE_ENVELOPE}")
@@ -206,8 +197,8 @@ def _chosen(path: Path, options: Options, cleaned: bool) -> tuple[list[Found], l
         said.append(
             f"{path.name}: {len(found)} records: {'; '.join(names)}{f' and {more} more' if more > 0 else ''}"
         )
-    if found[0].choice:
-        said.append(f"{path.name}: {found[0].choice}")
+    if found[0].raw.choice:
+        said.append(f"{path.name}: {found[0].raw.choice}")
     if found[0].raw.began:
         said.append(f"{path.name}: {FROM_FIRST} ({found[0].raw.began:.15g} s).")
     said += doubts(path, found, (Kind.CONSTANT,))

@@ -11,15 +11,12 @@ from enum import Enum
 import numpy as np
 
 from bayesdamp.records.columns.swings import Swing, swing
-from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
-from bayesdamp.records.files.named_units import SECONDS, seconds_in, unit_written
+from bayesdamp.records.files.facts import sampling_rate
+from bayesdamp.records.files.named_units import SECONDS, seconds_in
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import HALF_TURN, half_swing
-from bayesdamp.records.wrapped import turn_of
 from bayesdamp.units import UNITS
 
-MANY_TURNS = 3.0
-"""Turns to either side beyond which hardly anything swings."""
 _ASSUMED = {
     "deg": ("degrees", "--unit rad, mm, V ... where they are not"),
     "counts": ("a signal of unknown scale, in counts", "--unit deg, rad, mm, V ... where that is known"),
@@ -38,17 +35,8 @@ DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
 """Numbers of the days from 1970 to 2060 or so: of spreadsheets and as modified Julian days, of MATLAB, Julian days."""
 SHORT_DAYS = 5e-4
 """A period in s from which down times at such a number are doubted: some 40 s if they are days (conventional)."""
-_BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}\s\d]{0,19})\s*[)\]}]\s*$")
-"""A word in brackets behind the name of times; `probe 1` is none."""
-_POWER = r"(?:\d+(?:\.\d+)?e[+-]?\d+|10\s*(?:\^|\*\*)\s*[+-]?\d+|10[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)"
-_SCALED = re.compile(
-    rf"[(\[{{](?P<text>\s*{_POWER}[\s·*×x]*(?P<behind>[^\W\d][^()\[\]{{}}]*)"
-    rf"|(?P<before>[^()\[\]{{}},]*?)[\s,·*×x/]+(?:{_POWER}|10+)\s*)[)\]}}]",
-    re.IGNORECASE,
-)
-"""A power of ten in the brackets of a unit, or one behind it."""
-LONGEST_LABEL = 200
-"""Characters of a label that are searched."""
+_BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}\s\d]{0,19}|\d[^()\[\]{}]{1,19})\s*[)\]}]\s*$")
+"""A word in brackets behind the name of times, or what begins with a number: `1e-3 s`; `probe 1` is none."""
 _NO_UNITS = ("utc", "gmt", "local", "local time", "elapsed", "relative", "rel", "abs", "absolute", "raw", "x")
 VALID = "ms, us, ns, ps, min, h, d"
 """Units of time to choose from."""
@@ -60,18 +48,15 @@ class Kind(Enum):
     """What is doubted."""
 
     DEGREES = "a unit that was assumed"
-    TURNS = "swings of many turns"
     PERIOD = "a rate that makes the period absurd"
     RATE = "a rate that differs from the file's"
     TIME_UNIT = "times in another unit than s"
     SAMPLE_NUMBERS = "numbers of samples taken for times"
-    UNIT = "a unit that is none of displacement"
-    FACTOR = "a factor in the unit"
-    WRAPPED = "an angle that jumps by a turn"
+    UNIT = "a unit that is not one of a displacement"
     CONSTANT = "columns that do not change"
 
 
-QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS, Kind.FACTOR)
+QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS, Kind.UNIT)
 """Doubts that must be settled before anything is computed: the times or the values may be wrong a thousandfold."""
 
 
@@ -100,12 +85,10 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     # What is wrong with times that go back is said when they are used.
     rises = raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0))
     doubts = (
-        _turns(raw, unit, quantity, given),
-        _unit(raw, unit),
-        _factor(raw, given or unit != "rad")
-        or (rises and (_times(raw, seen) or _too_fast(raw, unit, quantity, given, seen))),
+        _assumed(raw, unit, quantity, given),
+        None if given or unit != "rad" else _unit(raw),
+        rises and (_times(raw, seen) or _too_fast(raw, unit, quantity, given, seen)),
         *_rates(raw, seen),
-        _wrapped(raw, unit, quantity),
         _constant(raw),
     )
     return tuple(doubt for doubt in doubts if doubt)
@@ -118,7 +101,7 @@ def question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding |
     return next((doubt for doubt in found if doubt.kind in QUESTIONS), None)
 
 
-def _turns(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
+def _assumed(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
     if quantity != "angle" or (raw.unit and raw.unit not in UNITS):
         return None
     size = half_swing(raw)
@@ -127,40 +110,15 @@ def _turns(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | N
         why = f"no unit is said, and its values reach {size:.3g}: {turns:.2g} turns to either side if radians"
         what, option = _ASSUMED[unit]
         return Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit", unit))
-    turns = size * UNITS[unit].factor / (2 * math.pi)
-    if UNITS[unit].base == "rad" and turns > MANY_TURNS:
-        sentence = f"it swings by {turns:.2g} turns to either side; is its unit {unit}?"
-        return Finding(Kind.TURNS, sentence, "--unit deg, counts, V, mm ...", ("unit", "deg"))
     return None
 
 
-def _unit(raw: RawRecord, unit: str) -> Finding | None:
-    if not raw.unit or raw.unit in UNITS or _scaled(raw.unit):
+def _unit(raw: RawRecord) -> Finding | None:
+    if not raw.unit or raw.unit in UNITS:
         return None
-    sentence = f"its unit is {raw.unit!r}, which is none of a displacement; it is read as {unit}"
-    return Finding(Kind.UNIT, sentence, "--unit counts for a sensor of unknown scale", ("unit", "counts"))
-
-
-def _scaled(label: str) -> str:
-    """Return the unit with a factor that a label is, or has in brackets, such as `10^-3 m`; empty if there is none."""
-    at = _SCALED.search(f"{label[:LONGEST_LABEL]} ({label[:LONGEST_LABEL]})")
-    unit = "" if at is None else (at["behind"] or at["before"]).strip()
-    written = unit_written(unit)
-    known = unit.lower() in SECONDS or (written is not None and UNITS[written[0]].physical)
-    return at["text"].strip() if at is not None and known else ""
-
-
-def _factor(raw: RawRecord, given: bool) -> Finding | None:
-    """Doubt a factor in the unit of the values or of the times, which is not applied."""
-    about = raw.provenance
-    if not given and (text := _scaled(raw.channel) or _scaled(raw.unit)):
-        sentence = f"the unit of its values has a factor, {text!r}, which is not applied"
-        option = "rescale them, or --unit mm, mrad ... if that is their unit"
-        return Finding(Kind.FACTOR, sentence, option, arguments=("unit",))
-    if raw.t is not None and about.time_unit != "given" and (text := _scaled(about.time_column)):
-        sentence = f"the unit of its times has a factor, {text!r}, which is not applied"
-        return Finding(Kind.FACTOR, sentence, f"rescale them, or --time-unit {VALID}")
-    return None
+    sentence = f"its unit, {raw.unit!r}, is not one of a displacement"
+    option = "--unit counts for a sensor of unknown scale; mm, deg ... if that is its unit"
+    return Finding(Kind.UNIT, sentence, option, ("unit", "counts"), arguments=("unit",))
 
 
 def _times(raw: RawRecord, seen: Swing) -> Finding | None:
@@ -218,7 +176,7 @@ def _too_fast(raw: RawRecord, unit: str, quantity: str, given: bool, seen: Swing
 
 
 def _rates(raw: RawRecord, seen: Swing) -> Iterator[Finding]:
-    """Doubt a rate that makes the period absurd, or that differs from what the file says or from its own times."""
+    """Doubt a rate that makes the period absurd, or that differs from what the file says."""
     if raw.rate is not None and seen.swings:
         period = seen.period / raw.rate
         if raw.rate < 1:
@@ -230,28 +188,13 @@ def _rates(raw: RawRecord, seen: Swing) -> Iterator[Finding]:
         elif not SHORT < period < LONG:
             sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is the rate in Hz?"
             yield Finding(Kind.PERIOD, sentence, "--rate HZ", ("rate", "HZ"))
-    stated, doubtful = sampling_rate(raw.provenance.facts), doubtful_rate(raw.provenance.facts)
-    rates = (stated[0],) if stated else doubtful[1] if doubtful else ()
+    stated = sampling_rate(raw.provenance.facts)
     used = raw.rate
     if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:
         used = (raw.t.size - 1) / float(raw.t[-1] - raw.t[0])
-    if used is not None and rates and all(abs(used / rate - 1) > DIFFER for rate in rates):
-        said = " or ".join(f"{rate:.6g}" for rate in rates)
-        sentence = f"its file says {said} Hz, and it is read at {used:.6g} Hz"
-        yield Finding(Kind.RATE, sentence, f"--rate {rates[0]:.6g} takes the file's")
-    if raw.rate is not None and raw.own_rate is not None and abs(raw.rate / raw.own_rate - 1) > DIFFER:
-        sentence = f"its own times are {raw.own_rate:.6g} Hz, and it is read at {raw.rate:.6g} Hz"
-        yield Finding(Kind.RATE, sentence, "leave --rate out to take them")
-
-
-def _wrapped(raw: RawRecord, unit: str, quantity: str) -> Finding | None:
-    turn, many = turn_of(raw, unit, quantity)
-    if not many:
-        return None
-    sentence = (
-        f"it jumps by a turn ({turn:.6g}) {many} times: it is an angle that was wrapped, and is unwrapped"
-    )
-    return Finding(Kind.WRAPPED, sentence, "--unit V, mm ... where it is not an angle")
+    if used is not None and stated is not None and abs(used / stated[0] - 1) > DIFFER:
+        sentence = f"its file says {stated[0]:.6g} Hz, and it is read at {used:.6g} Hz"
+        yield Finding(Kind.RATE, sentence, f"--rate {stated[0]:.6g} takes the file's")
 
 
 def _constant(raw: RawRecord) -> Finding | None:

@@ -10,7 +10,6 @@ import numpy as np
 
 from bayesdamp.provenance import Fact, Provenance
 from bayesdamp.records.columns.choosing import LEAST, Series, series, with_own_clocks
-from bayesdamp.records.columns.gravity import TWICE, Pull, pull
 from bayesdamp.records.columns.names import parted, seconds_of_unit, unit_said
 from bayesdamp.records.columns.swings import LARGEST
 from bayesdamp.records.files.contents import Column, Contents
@@ -142,7 +141,7 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         said_by = "given" if time_unit is not None else "file" if stated else ""
     base, run = parted(value)
     provenance = Provenance(
-        warnings=(*found.warnings, *([TWICE] if pull(value) is Pull.FOLLOWS else [])),
+        warnings=found.warnings,
         notes=tuple(notes),
         header_lines=(found.first_line or 1) - 1,
         facts=found.facts,
@@ -173,7 +172,6 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         choice=chosen.choice,
         why=chosen.why,
         began=began,
-        own_rate=None if chosen.aside is None else _rate_of(chosen.aside, time_unit),
     )
 
 
@@ -248,16 +246,6 @@ def _typed(column: Column, found: Contents) -> str | int:
     if column.name and sum(c.name == column.name for c in found.columns) == 1:
         return column.name
     return next(i for i, c in enumerate(found.columns, start=1) if c is column)
-
-
-def _rate_of(time: Column, asked: str | None) -> float | None:
-    """Return the rate in Hz of a column of times; None where it counts samples, or is no clock."""
-    t = time.values[np.isfinite(time.values)]
-    step = float(np.median(np.diff(t))) if t.size > 1 else 0.0
-    seconds = SECONDS[asked.lower()] if asked is not None else seconds_of_unit(time)
-    if not step > 0 or (seconds is None and step == 1.0):
-        return None
-    return 1 / (step * (seconds or 1.0))
 
 
 def _in_seconds(t: np.ndarray, time: Column, asked: str | None, notes: list[str]) -> np.ndarray:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bayesdamp.provenance import Provenance
-from bayesdamp.records.columns.choosing import Choice
 
 
 @dataclass(frozen=True)
@@ -23,10 +22,9 @@ class RawRecord:
     unit: the displacement's unit in UNITS that the file or the caller says, else as the file writes it, empty where
     nobody says. quantity: "angle", "velocity", "acceleration", or empty where nobody says.
     columns: what to ask for to get these columns again: (times or None, values), by name or number from 1.
-    repeat: whether the file says that it is one of several runs of one thing. choice: of the file's columns, None where
-    there was none. why: those of the notes that say where times and values are. own_rate: that of the file's own times
-    in Hz, where a rate was given in their place and they do not just count the samples. began: the file's time in s of
-    the first sample, where it counts from an epoch and t from that sample; else 0.
+    repeat: whether the file says that it is one of several runs of one thing. choice: the sentence on the choice among
+    the file's columns, empty where there was none. why: those of the notes that say where times and values are.
+    began: the file's time in s of the first sample, where it counts from an epoch and t from that sample; else 0.
     """
 
     t: np.ndarray | None
@@ -40,7 +38,6 @@ class RawRecord:
     quantity: str = ""
     columns: tuple[str | int | None, str | int | None] = (None, None)
     repeat: bool = False
-    choice: Choice | None = None
+    choice: str = ""
     why: tuple[str, ...] = ()
-    own_rate: float | None = None
     began: float = 0.0

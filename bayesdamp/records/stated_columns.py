@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord
 from bayesdamp.units import UNITS
-
-ColumnName = str | int
 
 HALF_TURN, FULL_TURN = math.pi, 360.0
 """Amplitudes beyond which values of which no unit is said are hardly an angle: in rad (a pendulum goes over the top),
@@ -22,20 +18,6 @@ _ANGLE = re.compile(
     re.IGNORECASE,
 )
 """Names of columns that may hold an angle; so may one without a name."""
-
-
-def choose_columns(
-    path: Path, time: ColumnName | None, value: ColumnName | None, rate: float | None
-) -> tuple[ColumnName | None, ColumnName | None]:
-    """The columns of times (None where a rate stands in) and of values of a file's one record.
-
-    What is given stays, the rest is chosen as `read_records` does. Raises InputError, one line that names the columns,
-    where the choice is not plain.
-    """
-    if value is not None and (time is not None or rate is not None):
-        return time, value
-    found = read_record(path, time=time, value=value, rate=rate).columns
-    return time if time is not None else found[0], value if value is not None else found[1]
 
 
 def resolved_unit(unit: str | None, quantity: str | None, said: str, what: str) -> tuple[str, str]:

@@ -62,6 +62,9 @@ def unwrapped(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
     if not many:
         return raw
     before = raw.provenance
-    note = f"It is an angle that was wrapped: it jumps by a turn ({turn:.6g}) {many} times, and is unwrapped."
+    note = (
+        f"It is an angle that was wrapped: it jumps by a turn ({turn:.6g}) {many} times, and is unwrapped; give its "
+        "unit where it is not an angle."
+    )
     y = np.unwrap(raw.y, period=turn)
     return replace(raw, y=y, provenance=replace(before, notes=(*before.notes, note)))

@@ -15,7 +15,6 @@ from bayesdamp.config.again import asked
 from bayesdamp.config.compare import comparison, laws_for
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.pipeline.tasks import perform
-from bayesdamp.records.stated_columns import choose_columns
 from bayesdamp.store import Store, write_json
 from bayesdamp.types import InputError
 
@@ -28,15 +27,6 @@ def write(path: Path, header: str = "t,angle,other", columns: int = 2) -> Path:
     rows = (",".join(map(str, row)) for row in np.stack([t, y, other], axis=1)[:, :columns])
     path.write_text("\n".join([names, *rows]) + "\n", encoding="utf-8")
     return path
-
-
-def test_two_columns_are_times_and_values(tmp_path) -> None:
-    assert choose_columns(write(tmp_path / "a.csv"), None, None, None) == ("t", "angle")
-    assert choose_columns(tmp_path / "a.csv", None, "angle", None) == ("t", "angle")
-    three = write(tmp_path / "b.csv", columns=3)
-    with pytest.raises(InputError, match="'angle', 'other' may each be the record; give the name"):
-        choose_columns(three, None, None, None)
-    assert choose_columns(three, "1", "3", None) == ("1", "3")
 
 
 def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -> None:

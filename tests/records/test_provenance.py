@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from bayesdamp.provenance import Piece, Provenance
+from bayesdamp.provenance import FreeDecay, Provenance
 
 WHOLE = Provenance(
     warnings=("no unit is said.",),
@@ -20,8 +20,7 @@ WHOLE = Provenance(
     start=1.5,
     stop=9.0,
     offset=0.01,
-    pieces=(Piece(0.0, 1.5, "held", "it does not move."),),
-    many_turns="",
+    decays=(FreeDecay(1.5, 9.0), FreeDecay(12.0, 20.0)),
     more={"format": "text", "samples": 100},
 )
 
@@ -34,7 +33,6 @@ def test_it_is_the_same_after_a_file() -> None:
 def test_run_json_has_all_side_by_side() -> None:
     found = WHOLE.to_dict()
     assert (found["format"], found["start"], found["notes"]) == ("text", 1.5, ["Kept are 100 samples."])
-    assert "many_turns" not in found
     assert Provenance().to_dict()["warnings"] == []
 
 

@@ -77,18 +77,14 @@ def _reading(one: Found) -> str:
 def _sentences(one: Found) -> list[str]:
     """What was done to a record, or why there is no free decay in it; nothing that its findings say."""
     from bayesdamp.cli.asking import MAYBE_ENVELOPE
-    from bayesdamp.records.findings import Kind
 
     about = one.raw.provenance if one.signal is None else one.signal.provenance
     # `reading` says where times and values are, but not why these.
-    notes = (*filter(None, [one.choice]), *(text for text in about.notes if text not in one.raw.why))
+    notes = (*filter(None, [one.raw.choice]), *(text for text in about.notes if text not in one.raw.why))
     about = replace(about, notes=notes)
     if one.signal is None:
         alone = [MAYBE_ENVELOPE] if one.raw.y.min() >= 0 else []
         return [*about.said, f"No free decay: {one.refusal}", *alone]
-    if any(finding.kind in (Kind.DEGREES, Kind.TURNS) for finding in one.findings):
-        # The finding says it with the option to type.
-        about = replace(about, warnings=tuple(text for text in about.warnings if text != about.many_turns))
     return [*about.said, *_holes(one)]
 
 

@@ -63,10 +63,9 @@ class Record(Result):
 
     def _releases(self, run: int) -> tuple[tuple[float, float], ...]:
         try:
-            pieces = self.signal(run).provenance.pieces
+            return tuple((d.start, d.stop) for d in self.signal(run).provenance.decays)
         except InputError:
             return ()
-        return tuple((p.start, p.stop) for p in pieces if p.kind == "free decay")
 
     def signal(
         self,

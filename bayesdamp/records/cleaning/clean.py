@@ -10,7 +10,7 @@ from bayesdamp.plugins import nearest
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.cleaning.offset import sensor_offset
 from bayesdamp.records.cleaning.quantum import recording_step
-from bayesdamp.records.decay.others import no_free_decay, without_ringing
+from bayesdamp.records.decay.others import no_free_decay
 from bayesdamp.records.decay.window import free_decay
 from bayesdamp.records.files.named_units import unit_and_quantity
 from bayesdamp.records.oscillation.anomalies import clipped, rectified, tone_burst
@@ -73,7 +73,6 @@ def clean(
         if start == "auto" and stop == "auto" and tone_burst(t, y):
             raise InputError(TONE_BURST, name)
         window = free_decay(t, y, step, start == "auto", stop == "auto", name)
-        window = without_ringing(t, y, window, start == "auto", stop == "auto")
     first, last = a + window.first, a + window.last
     t, y = times.t[first : last + 1], raw.y[first : last + 1] * scale
     signal = Signal(t - t[0], y, quantity, base, name, step)
@@ -103,13 +102,11 @@ def clean(
             f"{UNITS[unit].of(quantity)}."
         )
     turns = found.amplitude / (2 * np.pi)
-    many_turns = ""
     if base == "rad" and turns > (TURNS if said is None else TURNS_SAID):
-        many_turns = (
+        warnings.append(
             f"it swings by {turns:.2g} turns to either side; if its values are not in {unit} "
             "(but in degrees, or volts), give the unit."
         )
-        warnings.append(many_turns)
     if step:
         notes.append(f"The values lie on steps of {step / scale:.4g} {UNITS[unit].of(quantity)}.")
     if offset:
@@ -135,8 +132,7 @@ def clean(
         start=float(t[0]),
         stop=float(t[-1]),
         offset=offset,
-        pieces=tuple(window.pieces),
-        many_turns=many_turns,
+        decays=window.decays,
         more={
             **raw.provenance.more,
             "quantity": quantity,

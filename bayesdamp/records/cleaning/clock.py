@@ -14,12 +14,10 @@ MANY = 0.05
 EVEN = 1.5
 """Most that the mean step of sorted times is of their median step, and that of their least, where rows are only out of
 order (conventional)."""
-PAUSES, SHORT, SMOOTH, ACROSS = 8, 0.3, 0.5, 1.5
-"""Of stamps in bursts: pauses at least, the median step at most as a share of the mean, the squared step of the values
-at most as a share of that of noise, and across a pause at most as a multiple of that within a burst (conventional)."""
-SWINGS, SURE = 2.0, 5.0
-"""How many times a single step's square the square of a longer one must be, so that these are not both noise, and by
-how many of its standard deviations if the steps were noise (conventional)."""
+PAUSES, SHORT = 8, 0.3
+"""Of stamps in bursts: pauses at least, and the median step at most as a share of the mean (conventional)."""
+MOVES = 2.0
+"""How many times further, squared, values move across a longer step if rows are missing there (conventional)."""
 WHOLE = 1e-3
 """Of the least step, by which others may be off a multiple of it where rows are missing (conventional)."""
 EXACT = 1e-6
@@ -109,9 +107,16 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             _place(raw, first),
             ["clock"],
         )
-    begins = np.arange(raw.y.size) if clock == "as_logged" or repeated else burst_begins(rows, raw.t, raw.y)
-    in_bursts = bool(repeated) or begins.size < raw.y.size
-    if clock == "as_logged" or (clock == "auto" and not in_bursts):
+    begins = np.arange(raw.y.size) if repeated else burst_begins(raw.t)
+    in_bursts = begins.size < raw.y.size
+    if clock == "auto" and in_bursts:
+        raise InputError(
+            f'the time stamps come in bursts of about {raw.y.size / begins.size:.2g}: use the clock "uniform" if the '
+            'samples were taken evenly and only their stamps come late, "as_logged" if they were taken in bursts',
+            name,
+            arguments=["clock"],
+        )
+    if clock == "as_logged" or (clock == "auto" and not repeated):
         return Clock(raw.t, "as_logged", repeated, ())
     step, off = robust_step(rows[begins], raw.t[begins])
     usual = float(np.median(gaps[gaps > 0]))
@@ -123,9 +128,8 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             name,
             arguments=["clock"],
         )
-    what = "The time stamps come in bursts, the values do not" if in_bursts else "As asked"
-    what = f"{share} of the time stamps repeat (they come in bursts)" if repeated else what
-    lie = "bursts begin" if in_bursts and not repeated else "stamps lie"
+    what = f"{share} of the time stamps repeat (they come in bursts)" if repeated else "As asked"
+    lie = "bursts begin" if in_bursts else "stamps lie"
     note = (
         f"{what}: times rebuilt as index × {_step(step)} from the first stamp, "
         f"{raw.t[0]:.10g} s, on; the {lie} within {off:.2g} s of that."
@@ -150,7 +154,7 @@ def _rows_lost(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
         or np.abs(gaps - many * gaps.min()).max() > WHOLE * gaps.min()
     ):
         return False
-    return bool(moves[longer].mean() > SWINGS * moves[~longer].mean())
+    return bool(moves[longer].mean() > MOVES * moves[~longer].mean())
 
 
 def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, float]:
@@ -173,34 +177,16 @@ def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, flo
     return digit, float(step), float(off)
 
 
-def burst_begins(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> np.ndarray:
+def burst_begins(t: np.ndarray) -> np.ndarray:
     """Return the samples that begin a burst of stamps t (n,), all n where the stamps do not come in bursts.
 
-    Most steps of stamps in bursts are much shorter than their mean, the stamps follow the row numbers, and the values y
-    (n,) are evenly sampled: they swing within bursts, and move no further across a pause than there.
+    Most steps of stamps in bursts are much shorter than their mean.
     """
-    gaps, every = np.diff(t), np.arange(t.size)
+    gaps = np.diff(t)
     pauses = gaps > gaps.mean()
     if min(pauses.sum(), (~pauses).sum()) < PAUSES or np.median(gaps) > SHORT * gaps.mean():
-        return every
-    moves = np.diff(y) ** 2
-    near, begins = float(moves[~pauses].mean()), np.r_[0, 1 + np.flatnonzero(pauses)]
-    smooth = moves.mean() < SMOOTH * 2 * np.var(y) and moves[pauses].mean() < ACROSS * near
-    if not smooth or not _swings(y, np.r_[0, np.cumsum(pauses)], near):
-        return every
-    return begins if robust_step(rows, t)[1] < gaps.max() else every
-
-
-def _swings(y: np.ndarray, burst: np.ndarray, near: float) -> bool:
-    """Return whether values y (n,) in bursts of these numbers move further in several rows of one burst than in one,
-    whose mean square is `near`; noise does not."""
-    for rows in 2 ** np.arange(1, int(np.log2(y.size))):
-        moves = (y[rows:] - y[:-rows])[burst[rows:] == burst[:-rows]]
-        if moves.size < PAUSES:
-            break
-        if np.mean(moves**2) > near * max(SWINGS, 1 + SURE * np.sqrt(2 / moves.size)):
-            return True
-    return False
+        return np.arange(t.size)
+    return np.r_[0, 1 + np.flatnonzero(pauses)]
 
 
 def _goes_back(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:

@@ -10,22 +10,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesdamp.records.columns.gravity import Pull, across, pull
 from bayesdamp.records.columns.names import (
     asked_for,
     listed,
     names_index,
     names_time,
-    numbered_alike,
     parted,
     runs_asked,
     seconds_of_unit,
     shown,
     unit_said,
 )
-from bayesdamp.records.columns.swings import Swing, derivative, proportional, swing
+from bayesdamp.records.columns.swings import LARGEST, Swing, proportional, swing
 from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
+from bayesdamp.records.files.facts import sampling_rate
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -41,54 +39,22 @@ _FAR = 10.0
 """Of columns without units, one that swings so many times as much as the next is the record."""
 _PAIRS = 40
 """Columns that are compared with each other; among more than these no choice is plain."""
+_ABOUT_G, _ABOUT_TWICE = 0.25, 0.1
+"""Share by which a mean acceleration may differ from gravity (a wide swing lowers it), and share by which one period,
+known coarsely, may differ from twice another."""
 _MINOR = 1 / 3
 """Of sensors alike, one that swings less than this share of the largest says little that that one does not."""
 
 
 LEFT_OUT = 6
 """Columns that are named of those that are left out."""
-DIES, DIES_FOR_GOOD = "swings and dies down", "swings and dies down for good"
-
-
-@dataclass(frozen=True)
-class Choice:
-    """The column that was taken, or, where several were taken, the names of the columns that were left out.
-
-    taken: its name. why: what only it does. changing: how many columns change, including it. still: how many others do
-    not change. left_out: names of columns that do not swing and die down, where several were taken.
-    """
-
-    taken: str = ""
-    why: str = DIES
-    changing: int = 1
-    still: int = 0
-    left_out: Sequence[str] = ()
-
-    def __str__(self) -> str:
-        """Write it as a sentence."""
-        if self.left_out:
-            names = ", ".join(self.left_out[:LEFT_OUT])
-            return f"Left out are columns that do not swing and die down: {names}."
-        reason = "nothing else goes with these times"
-        if self.changing > 1:
-            reason = (
-                f"of {self.changing} that change it alone {self.why}, but for copies and derivatives of it"
-            )
-        elif self.still:
-            are = (
-                "is only one column that does"
-                if self.still == 1
-                else f"are only {self.still} columns that do"
-            )
-            reason = f"beside it {are} not change"
-        return f"Column {self.taken} is taken: {reason}."
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
     """The columns of one record. rate: in Hz, where there is no column of times; why: sentences on what was chosen;
-    choice: why these columns, where there were others; still: names of columns beside it that do not change; aside: the
-    times that a given rate stands in for."""
+    choice: the sentence on these columns, empty where there were no others; still: names of other columns that do not
+    change."""
 
     value: Column
     time: Column | None = None
@@ -96,8 +62,7 @@ class Series:
     run: str = ""
     why: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
-    choice: Choice | None = None
-    aside: Column | None = None
+    choice: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +73,13 @@ class _Block:
     columns: tuple[Column, ...]
     time: Column | None
     rate: float | None
-    said: tuple[str, ...] = ()
-    aside: Column | None = None
+    why: tuple[str, ...] = ()
+
+    def record(self, value: Column, choice: str = "", still: tuple[str, ...] = ()) -> Series:
+        """Return the record of one of the columns."""
+        time = None if self.time is value else self.time
+        why = (*self.why, choice) if choice else self.why
+        return Series(value, time, None if time is not None else self.rate, self.run, why, still, choice)
 
 
 def series(
@@ -130,9 +100,7 @@ def series(
         blocks = [block for run in kept for block in blocks if block.run == run]
     blocks = [_with_named_time(block) for block in blocks]
     if wanted:
-        chosen = [
-            s for column in wanted for s in _given(found, column, blocks, time is None and rate is None)
-        ]
+        chosen = [s for column in wanted for s in _given(found, column, blocks)]
         if not chosen:
             raise InputError(
                 "the column asked for belongs to none of the runs asked for; leave out one of the two"
@@ -150,25 +118,20 @@ def series(
 
 
 def _not_to_pivot(found: Contents, chosen: list[Series]) -> list[Series]:
-    """Leave out accelerations that may point to a pendulum's pivot. Raises InputError where nothing else is left."""
-    left = [s for s in chosen if pull(s.value) in (None, Pull.CONSTANT)]
+    """Leave out accelerations that contain gravity. Raises InputError where nothing else is left."""
+    left = [s for s in chosen if unit_said(s.value)[1] != "acceleration" or not contains_gravity(s.value)]
     if left:
         return left
     column = chosen[0].value
-    others = [
-        c for c in found.columns if c is not column and unit_said(c) == unit_said(column) and _changes(c)
-    ]
-    swinging = [c for c in others if swing(c.values).swings]
-    axes = (
-        f" ({', '.join(shown(found.columns, c) for c in others[:3])})"
-        if unit_said(column)[0] and others
-        else ""
-    )
+    kind = unit_said(column)
+    axes = [c for c in found.columns if c is not column and kind[0] and unit_said(c) == kind and _changes(c)]
+    named = f" ({', '.join(shown(found.columns, c) for c in axes[:3])})" if axes else ""
+    likely = next((c.name for c in axes if c.name and swing(c.values).swings), "")
     raise InputError(
         f"{shown(found.columns, column)} contains gravity (mean {np.nanmean(column.values):.4g}): on a pendulum it "
-        f"swings at twice the frequency; give the axis along the swing{axes}, or this one if it moves up and down",
+        f"swings at twice the frequency; give the axis along the swing{named}, or this one if it moves up and down",
         arguments=["value"],
-        likely={"value": swinging[0].name} if axes and swinging and swinging[0].name else {},
+        likely={"value": likely} if likely else {},
     )
 
 
@@ -183,7 +146,7 @@ def _block(found: Contents, run: str, group: str, timed: list[Column], rate: flo
     columns = tuple(c for c in found.columns if c.group == group and parted(c)[1] in (run, ""))
     own = tuple(c for c in columns if parted(c)[1] == run) if run else columns
     if rate is not None:
-        return _Block(run, own, None, rate, aside=_time_column(own) or _time_column(columns))
+        return _Block(run, own, None, rate)
     if timed:
         mine = [c for c in timed if parted(c)[1] == run] or timed
         return _Block(run, own, mine[0], None)
@@ -289,43 +252,28 @@ def _counts(y: np.ndarray) -> bool:
     return bool(y.size > 1 and np.all(np.diff(y) == 1))
 
 
-def _given(found: Contents, column: Column, blocks: list[_Block], clockless: bool) -> list[Series]:
+def _given(found: Contents, column: Column, blocks: list[_Block]) -> list[Series]:
     """The record of a column that was asked for."""
     run, group = parted(column)[1], column.group
     home = [b for b in blocks if any(c is column for c in b.columns)]
     home = home or [b for b in blocks if not run and any(c.group == group for c in b.columns)]
     if not home:
         return []
-    block = home[0]
-    time = block.time if block.time is not column else None
-    record = Series(
-        column, time, None if time is not None else block.rate, run, block.said if time is not None else ()
-    )
-    if clockless and time is None and len(found.columns) == 2 and record.rate is None and column.rate is None:
+    record = replace(home[0].record(column), run=run)
+    if record.time is None and record.rate is None and column.rate is None and len(found.columns) == 2:
         other = next(c for c in found.columns if c is not column)
         if other.values.size == column.values.size:
             record = replace(record, time=other)
-    aside = block.aside if block.aside is not column else None
-    return [_with_clock(replace(record, aside=aside), found, block.said)]
+    return [_with_clock(record, found)]
 
 
-def _with_clock(record: Series, found: Contents, said: tuple[str, ...] = ()) -> Series:
+def _with_clock(record: Series, found: Contents) -> Series:
     """The record with its column's own rate where it has no times. Raises InputError where it has no clock at all."""
     if record.time is not None or record.rate is not None:
-        why = record.why or said
-        return replace(record, why=why)
+        return record
     if record.value.rate is not None:
         note = f"The file gives the sampling rate: {record.value.rate:.9g} Hz."
         return replace(record, rate=record.value.rate, why=(*record.why, note))
-    doubtful = doubtful_rate(found.facts)
-    if doubtful is not None:
-        written, rates = doubtful
-        either = " or ".join(f"{rate:.9g}" for rate in rates)
-        raise InputError(
-            f"its head says {written[:80]!r}, which may be {either} Hz: give the rate",
-            arguments=["rate"],
-            likely=_likely_rate(found),
-        )
     if len(found.columns) == 1:
         raise InputError(
             "no time given, and its one column holds the values: export the times, or give the rate in Hz",
@@ -335,12 +283,6 @@ def _with_clock(record: Series, found: Contents, said: tuple[str, ...] = ()) -> 
         f"no time given: name the time column or give the rate in Hz; columns are {listed(found.columns)}",
         arguments=["time", "rate"],
     )
-
-
-def _likely_rate(found: Contents) -> dict[str, str]:
-    """The first reading of a rate in the head that has two; empty where there is none."""
-    doubtful = doubtful_rate(found.facts)
-    return {"rate": f"{doubtful[1][0]:.9g}"} if doubtful is not None else {}
 
 
 def _with_named_time(block: _Block) -> _Block:
@@ -373,15 +315,8 @@ def _same_in_all(found: Contents, blocks: list[_Block]) -> list[Series]:
         if runs:
             named = [c for base in usual for c in block.columns if parted(c)[0] == base]
             some = named or some
-        rate = None if block.time is not None else block.rate
         still = tuple(c.name for c in _rest(block) if c.name and not _changes(c))
-        why = block.said if choice is None else (*block.said, str(choice))
-        records += [
-            Series(
-                c, block.time, rate, block.run, why, still, choice, None if block.aside is c else block.aside
-            )
-            for c in some
-        ]
+        records += [block.record(c, choice, still) for c in some]
     for run in dict.fromkeys(record.run for record in records):
         _plain(found, [record for record in records if record.run == run])
     return records
@@ -394,7 +329,7 @@ def _plain(found: Contents, records: list[Series]) -> None:
     bare = {c.name.removeprefix(f"{c.group}.") for c in some}
     if len(bare) == 1 and len({c.group for c in some}) == len(some):
         return  # the same column of several sheets
-    alike = len(kinds) == 1 and (all(unit for unit, _ in kinds) or numbered_alike(some))
+    alike = len(kinds) == 1 and all(unit for unit, _ in kinds)
     if len(some) > 1 and not (alike or found.channels or found.paired):
         names = ", ".join(shown(found.columns, c) for c in some[:3])
         more = f" and {len(some) - 3} more" if len(some) > 3 else ""
@@ -405,62 +340,73 @@ def _plain(found: Contents, records: list[Series]) -> None:
             f"has {len(found.columns)} columns{no_times}, and {names}{more} may each be the record; give the name or "
             f"number of one, or of several channels{also}; columns are {listed(found.columns)}",
             arguments=["value", "channels", *(["time", "rate"] if clockless else [])],
-            likely={"value": some[0].name or shown(found.columns, some[0]), **_likely_rate(found)},
+            likely={"value": some[0].name or shown(found.columns, some[0])},
         )
 
 
-def _chosen(found: Contents, block: _Block) -> tuple[list[Column], Choice | None]:
+def _chosen(found: Contents, block: _Block) -> tuple[list[Column], str]:
     """The columns of one run that are a record each, and why."""
-    rest = _rest(block)
-    left = _candidates(block) or rest
-    still = sum(bool(c.name or np.isfinite(c.values).any()) for c in rest) - len(left)
-    if len(left) == 1 and (len(found.columns) <= 2 or (len(block.columns) <= 2 and not still)):
-        return left, None
+    left = _candidates(block) or _rest(block)
+    if len(left) == 1:
+        return left, ""
     seen = {id(c): swing(c.values) for c in left}
     moving = [c for c in left if seen[id(c)].swings] or left
     moving = [c for c in moving if seen[id(c)].lasts] or moving
-    if found.channels and not all(unit_said(c)[0] for c in moving):
-        return moving, _because(found, left, moving, still)
-    moving = _lowest_derivative(across(moving, seen))
-    if len(moving) <= _PAIRS:
-        moving = _independent(moving, seen)
-    plain = [c for c in moving if not _DERIVED.search(parted(c)[0])] or moving
-    dying = [c for c in plain if seen[id(c)].dies] or plain
-    if found.channels:
-        return dying, _because(found, left, dying, still)
-    dying = _major(dying, seen)
-    steady = [c for c in dying if not seen[id(c)].grows_again]
-    if 0 < len(steady) < len(dying) and not any(unit_said(c)[0] for c in dying):
-        return steady, _because(found, left, steady, still, DIES_FOR_GOOD)
-    return dying, _because(found, left, dying, still)
+    if not found.channels or all(unit_said(c)[0] for c in moving):
+        moving = _lowest_derivative(_across_gravity(moving, seen))
+        if len(moving) <= _PAIRS:
+            moving = _independent(moving, seen)
+        moving = [c for c in moving if not _DERIVED.search(parted(c)[0])] or moving
+        moving = [c for c in moving if seen[id(c)].dies] or moving
+    if not found.channels:
+        moving = _major(moving, seen)
+        steady = [c for c in moving if not seen[id(c)].grows_again]
+        moving = moving if any(unit_said(c)[0] for c in moving) else steady or moving
+    if len(moving) > 1:
+        out = ", ".join([shown(found.columns, c) for c in left if c not in moving][:LEFT_OUT])
+        return moving, f"Left out are columns that do not swing and die down: {out}." if out else ""
+    taken = shown(found.columns, moving[0])
+    return (
+        moving,
+        f"Column {taken} is taken: of {len(left)} that change, it is the one that swings and dies down.",
+    )
+
+
+def contains_gravity(column: Column) -> bool:
+    """Return whether a column's mean is that of gravity, and nothing says that it is not an acceleration."""
+    gravity, (unit, quantity) = UNITS["g"].factor, unit_said(column)
+    y = column.values[np.isfinite(column.values)]
+    if not y.size or np.abs(y).max() > LARGEST:
+        return False
+    factor = 1.0 if not unit else UNITS[unit].factor if unit in UNITS and UNITS[unit].base == "m" else 0.0
+    may_be = quantity == "acceleration" or not (unit or quantity)
+    return may_be and abs(abs(float(y.mean())) * factor / gravity - 1) < _ABOUT_G
+
+
+def _across_gravity(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
+    """Leave out accelerations that contain gravity where another axis swings at half their frequency.
+
+    The pull of a pendulum's string is largest twice in a cycle.
+    """
+
+    def doubled(column: Column) -> bool:
+        others = [c for c in columns if unit_said(c) == unit_said(column) and not contains_gravity(c)]
+        return any(abs(seen[id(c)].period / seen[id(column)].period / 2 - 1) < _ABOUT_TWICE for c in others)
+
+    return [c for c in columns if not (contains_gravity(c) and doubled(c))]
 
 
 def _independent(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
-    """Without what is another column in another unit, or its derivative where no name says what is which."""
+    """Leave out what is another column in another unit."""
     kept: list[Column] = []
     for column in columns:
         twin = next((b for b in kept if proportional(b.values, column.values)), None)
         if twin is None:
             kept.append(column)
         elif unit_said(twin) == unit_said(column) and seen[id(column)].size > seen[id(twin)].size:
-            kept[kept.index(twin)] = (
-                column  # of one unit, as the axes of a sensor are: the one that shows more
-            )
-
-    def derived(column: Column) -> bool:
-        others = [b for b in kept if b is not column]
-        return any(derivative(b.values, column.values, seen[id(b)].period) for b in others)
-
-    return [c for c in kept if unit_said(c)[1] or not derived(c)] or kept
-
-
-def _because(
-    found: Contents, left: list[Column], kept: list[Column], still: int, why: str = DIES
-) -> Choice | None:
-    if len(kept) > 1:
-        out = tuple(shown(found.columns, c) for c in left if c not in kept)
-        return Choice(left_out=out) if out else None
-    return Choice(shown(found.columns, kept[0]), why, len(left), still)
+            # Of one unit, as the axes of a sensor are: the one that shows more.
+            kept[kept.index(twin)] = column
+    return kept
 
 
 def _lowest_derivative(columns: list[Column]) -> list[Column]:

@@ -9,14 +9,12 @@ from difflib import get_close_matches
 from bayesdamp.records.files.contents import Column
 from bayesdamp.records.files.named_units import (
     TIMES,
-    counts_days,
     quantity_of,
     seconds_in,
     seconds_written,
     unit_and_quantity,
     unit_written,
 )
-from bayesdamp.records.files.stamps import DAY
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -60,8 +58,6 @@ def parted(column: Column) -> tuple[str, str]:
 def seconds_of_unit(column: Column) -> float | None:
     """Seconds in the unit that a column of times says, in its name or beside it; None where it says none."""
     said = seconds_in(parted(column)[0]) or seconds_written(column.unit)
-    if said is None and counts_days(parted(column)[0]):
-        return DAY
     return 1.0 if said is None and _SECONDS.match(column.name) else said
 
 
@@ -94,12 +90,6 @@ def names_time(column: Column) -> bool:
 def names_index(column: Column) -> bool:
     """Whether a column's name says that it counts the samples."""
     return bool(_INDEX.match(parted(column)[0].rpartition(".")[2].strip()))
-
-
-def numbered_alike(columns: Sequence[Column]) -> bool:
-    """Whether the names of columns differ in a number alone, as `ch1` and `ch2` do."""
-    kinds = {re.sub(r"\d+", "#", parted(column)[0].casefold()) for column in columns}
-    return len(kinds) == 1 and "#" in kinds.pop() and len({column.name for column in columns}) == len(columns)
 
 
 def shown(columns: Sequence[Column], column: Column) -> str:

@@ -6,16 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.records.oscillation.spectrum import coarse_period, on_grid
+from bayesdamp.records.oscillation.spectrum import coarse_period
 
-MOST = 4096
-"""Samples that are looked at; longer columns are averaged in blocks."""
 SHARE = 0.3
 """As in `free_decay`: the share of an oscillation in a record."""
 CYCLES = 2.5
 """Periods below which a column drifts rather than swings."""
-LOST = 0.5
-"""Share of the variance below which averages over blocks have lost what swings within a block."""
 FALL = 0.8
 """The swing at the end of a record that dies down is below this share of its largest."""
 AGAIN = 0.2
@@ -26,8 +22,6 @@ ALIKE = 0.9999
 """Correlation of two columns that are one signal in two units."""
 LARGEST = 1e100
 """Of a value that can be computed with: squares of it must not overflow."""
-DERIVED = 0.95
-"""Correlation of a column with the derivative of another that makes it a derivative."""
 
 
 @dataclass(frozen=True)
@@ -72,24 +66,14 @@ def swing(y: np.ndarray) -> Swing:
     if y.size < 10 or not 0 < scale < LARGEST or np.ptp(y) == 0:
         return Swing(np.inf, 0.0, 0.0, 0.0)
     y = y / scale - np.mean(y / scale)
-    whole = y.size
-    spacing, averaged = on_grid(np.arange(whole, dtype=float), y, MOST)
-    if whole > MOST and np.var(averaged) < LOST * np.var(y):
-        begins = range(0, y.size - MOST + 1, MOST)  # the samples in a row that vary most
-        at = max(begins, key=lambda begin: float(np.var(y[begin : begin + MOST])))
-        period, share = coarse_period(np.arange(MOST, dtype=float), y[at : at + MOST])
-        spacing = 1.0
-    else:
-        y = averaged
-        period, share = coarse_period(np.arange(y.size, dtype=float), y)
+    period, share = coarse_period(np.arange(y.size, dtype=float), y)
     width = int(min(max(round(period), 4), y.size // 2))
     windows = y[: y.size // width * width].reshape(-1, width)
     sizes = windows.std(axis=1)
     late = max(sizes.size // 5, 1)
     last = float(np.median(sizes[-late:])) * scale
-    cycles = whole / (period * spacing)
     filled = float(np.sum(sizes**2) ** 2 / np.sum(sizes**4))
-    return Swing(period * spacing, share, float(sizes.max()) * scale, last, cycles, _growth(sizes), filled)
+    return Swing(period, share, float(sizes.max()) * scale, last, y.size / period, _growth(sizes), filled)
 
 
 def _growth(sizes: np.ndarray) -> float:
@@ -103,35 +87,8 @@ def _growth(sizes: np.ndarray) -> float:
 
 def proportional(a: np.ndarray, b: np.ndarray) -> bool:
     """Return whether b (n,) is a (n,) in another unit or with another zero."""
-    return a.size == b.size and abs(_correlation(*_finite(a, b))) > ALIKE
-
-
-def _finite(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the values (n,) at which both are finite."""
-    both = np.isfinite(a) & np.isfinite(b)
-    return a[both], b[both]
-
-
-def derivative(a: np.ndarray, b: np.ndarray, period: float) -> bool:
-    """Whether b (n,) is the derivative of a (n,), which has this period in samples, as far as noise lets one tell.
-
-    Of an oscillation that hardly dies down a is also a derivative of b, but with the other sign.
-    """
     if a.size != b.size:
         return False
-    a, b = _finite(a, b)
-    if a.size < 10:
-        return False
-    block = int(np.clip(period / 30, 1, max(a.size // 20, 1))) if np.isfinite(period) else 1
-    n = a.size // block
-    a, b = (x[: n * block].reshape(n, block).mean(1) for x in (a, b))
-    return _correlation(np.gradient(a), b) > DERIVED
-
-
-def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    if a.size < 10:
-        return 0.0
-    a, b = a / (np.abs(a).max() or 1.0), b / (np.abs(b).max() or 1.0)
-    a, b = a - a.mean(), b - b.mean()
-    norm = float(np.linalg.norm(a) * np.linalg.norm(b))
-    return float(a @ b) / norm if norm > 0 else 0.0
+    both = np.isfinite(a) & np.isfinite(b)
+    with np.errstate(invalid="ignore", divide="ignore"):  # of a constant column
+        return int(both.sum()) >= 10 and bool(abs(np.corrcoef(a[both], b[both])[0, 1]) > ALIKE)

@@ -1,4 +1,4 @@
-"""Whether a swing continues the later ones: amplitude, period, midline and shape, of which no law is assumed."""
+"""Whether a swing continues the later ones: its period, midline and shape, of which no law is assumed."""
 
 from __future__ import annotations
 
@@ -20,9 +20,8 @@ CHANCE = 1e-3
 """How often chance alone may put a swing off the curve of the later ones."""
 TIMES = 5.0
 """Usual misfits of the later swings that the misfit of a swing may be."""
-PERIOD, AMPLITUDE, MIDLINE, SHAPE = 0.02, 0.1, 0.03, 0.01
-"""What a swing may be off where the later ones do not scatter: shares of the period, of the fall of the amplitude in
-a cycle, of the range, and of the amplitude."""
+PERIOD, MIDLINE, SHAPE = 0.02, 0.03, 0.01
+"""What a swing may be off where the later ones do not scatter: shares of the period, of the range, of the amplitude."""
 POWER = 1.2
 """The fall of the log amplitude goes at most with this power of the amplitude, up or down."""
 ALIKE = 0.9
@@ -46,17 +45,15 @@ class Swings:
     _misfits: dict[int, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        values = self.turns.values
         self.gaps = np.diff(self.turns.times)
-        self.ranges = np.abs(np.diff(values))
+        self.ranges = np.abs(np.diff(self.turns.values))
+        values = self.turns.values
         self.midlines = (values[:-2] + 2 * values[1:-1] + values[2:]) / 4
 
     def breaks(self, i: int) -> Reason | None:
         """In what swing i does not continue the later ones; None where it does, or where they are too few to tell."""
         if not self._in_time(i):
             return "period"
-        if not self._falls(i):
-            return "amplitude"
         if not self._in_line(i):
             return "midline"
         return None if self._like_later(i, self.misfit(i)) else "shape"
@@ -72,33 +69,8 @@ class Swings:
         share = PERIOD if later.size >= 6 else 2.5 * PERIOD
         return abs(self.gaps[i] - foretold) <= max(share * usual, blur) + slack
 
-    def _falls(self, i: int) -> bool:
-        """Whether the amplitude falls in the cycle from swing i on as the later swings foretell.
-
-        Either as a power of the amplitude lets it grow or shrink from the next swing's, or on a smooth curve.
-        """
-        ranges = self.ranges[i : i + LATER + 3]
-        if ranges.size < 4:
-            return True
-        falls = np.log(ranges[:-2] / ranges[2:])
-        blur = self.floor / ranges[0]
-        explained = float(np.sqrt(ranges[0] * ranges[2] / ranges[1] / ranges[3])) ** POWER
-        bounds = sorted((falls[1] / explained, falls[1] * explained))
-        slack = (1 if falls.size >= 5 else 2) * AMPLITUDE * abs(falls[1]) + 2 * blur
-        if bounds[0] - slack <= falls[0] <= bounds[1] + slack:
-            return True
-        if falls.size < 5:
-            return False
-        alike = int(np.count_nonzero(ranges[:-2] > ranges[0] * np.exp(-ALIKE)))
-        foretold, slack = _foretold(falls[1 : max(alike, 5)])
-        bends = float(np.median(np.abs(np.diff(falls[1:], 2)))) if falls.size >= 6 else 0.0
-        slack = min(
-            slack, 0.35 * abs(foretold) + 2 * blur + 3 * bends
-        )  # a push among the later ones widens it
-        return abs(falls[0] - foretold) <= max(AMPLITUDE * abs(foretold), blur) + slack
-
     def _in_line(self, i: int) -> bool:
-        """Whether swing i goes about the midline that the later ones foretell."""
+        """Return whether swing i goes about the midline that the later ones foretell."""
         later = self.midlines[i + 1 : i + 1 + LATER]
         if later.size < 3:
             return True

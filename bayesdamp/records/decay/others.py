@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from bayesdamp.records.decay.window import Window
-from bayesdamp.records.oscillation.modes import damped_modes, few_samples
-from bayesdamp.records.oscillation.one import excited, other_than_one, passing
-from bayesdamp.records.oscillation.rough import roughness
+from bayesdamp.records.oscillation.modes import few_samples
+from bayesdamp.records.oscillation.one import excited, other_than_one
 from bayesdamp.records.oscillation.spectrum import coarse_period
 
 LEAST = 0.05
@@ -18,9 +15,6 @@ ANYWHERE = ("steady", "excited")
 """What has no beginning in the record."""
 LATE = 0.5
 """Share of the record from which its largest value comes too late for what follows to be all of it."""
-
-SMOOTH = 1e-5
-"""Noise from sample to sample, as a share of the range, below which a record was filtered."""
 
 
 def no_free_decay(t: np.ndarray, y: np.ndarray, seek_start: bool, seek_stop: bool) -> Window | None:
@@ -41,35 +35,3 @@ def no_free_decay(t: np.ndarray, y: np.ndarray, seek_start: bool, seek_stop: boo
     if found is None or found.size < LEAST:
         return None
     return Window(first, t.size - 1, ("It is no free decay of one oscillator, and is kept whole.",))
-
-
-def without_ringing(
-    t: np.ndarray, y: np.ndarray, window: Window, seek_start: bool, seek_stop: bool
-) -> Window:
-    """Return the window without the ringing of a filter at its ends, where the record was filtered.
-
-    A filter rings about a hit and about the ends of the record. The ringing dies out within a few cycles and is not
-    part of the decay.
-    """
-    first, last = window.first, window.last
-    kept = slice(first, last + 1)
-    period, _ = coarse_period(t[kept], y[kept])
-    if last - first < 20 or roughness(t[kept], y[kept], period) > SMOOTH * float(np.ptp(y[kept])):
-        return window
-    if seek_start and (long := _ringing(t[kept] - t[first], y[kept], period)):
-        first = int(np.searchsorted(t, t[first] + long))
-    kept = slice(first, last + 1)
-    if seek_stop and (long := _ringing(t[last] - t[kept][::-1], y[kept][::-1], period)):
-        last = int(np.searchsorted(t, t[last] - long)) - 1
-    if (first, last) == (window.first, window.last):
-        return window
-    note = f"The record was filtered; the filter's ringing is left out, and {t[first]:.6g} to {t[last]:.6g} s are used."
-    return replace(window, first=first, last=last, notes=(*window.notes, note))
-
-
-def _ringing(t: np.ndarray, y: np.ndarray, period: float) -> float:
-    """Return for how long, in s, values y (n,) at times t (n,), from 0 on, begin with a second oscillation."""
-    if t.size < 20:
-        return 0.0
-    two = damped_modes(*few_samples(t, y, period), 2)
-    return 0.0 if two is None else passing(two, float(t[-1]) / 2)

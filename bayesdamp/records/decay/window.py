@@ -9,14 +9,13 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import median_filter
 
-from bayesdamp.provenance import Piece
+from bayesdamp.provenance import FreeDecay
 from bayesdamp.records.decay.continuation import Reach, Reason, Swings, reach
-from bayesdamp.records.decay.pieces import STILL, pieces_before
-from bayesdamp.records.decay.stretches import RISE, across_holes, stretches, unsteadiness, worth
+from bayesdamp.records.decay.stretches import RISE, stretches, unsteadiness, worth
 from bayesdamp.records.oscillation.holes import without_edges
 from bayesdamp.records.oscillation.rough import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_periods, samples_a_cycle
-from bayesdamp.records.oscillation.turning import Turning, midpoints, thinned, turning_points
+from bayesdamp.records.oscillation.turning import Turning, thinned, turning_points
 from bayesdamp.types import InputError
 
 STEPS = 2.0
@@ -35,6 +34,8 @@ HEAD = 24
 """Swings at the head of a stretch that are set against the later ones, at most half of them."""
 MARGIN = 0.2
 """Share of a swing that is left out after a hand where a start lies in the midst of a swing."""
+STILL = 0.02
+"""Share of the first swing by which a record moves that a hand moves."""
 TOUCHED = 0.25
 """Share of a swing from a turning point within which a hand that still moves may have shifted it."""
 LEAST_BEFORE = 6
@@ -55,12 +56,12 @@ FEW = 30
 
 @dataclass(frozen=True)
 class Window:
-    """First and last sample (counted from 0, both kept), why, in sentences, and all pieces of the record."""
+    """First and last sample (counted from 0, both kept), why, in sentences, and all free decays of the record."""
 
     first: int
     last: int
     notes: tuple[str, ...]
-    pieces: tuple[Piece, ...] = ()
+    decays: tuple[FreeDecay, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -127,20 +128,18 @@ def free_decay(
         why = "amplitude"  # it is cut off from swings before it that are in step with it
     decay = found.turns.cut(found.best[0] + head, found.best[1])
     notes: list[str] = []
-    first, tail = 0, _Tail(t.size - 1, "")
+    first, last = 0, t.size - 1
     if seek_start:
         floor = 2 * found.noise + step
         before = float(found.decay.times[head - 1]) if head else None
-        first = _start(series, Swings(t, y, _before_a_hole(decay), floor), why, before, notes)
+        first = _start(series, Swings(t, y, decay, floor), why, before, notes)
     if seek_stop:
-        tail = _stop(series, decay, found)
-        if tail.why:
-            notes.append(f"The stop ({t[tail.last]:.6g} s, sample {tail.last} from 0) is {tail.why}")
-    last = tail.last
-    smooth = thinned(t, y, found.period)[1][: grid.size]
-    pieces = _pieces(t, grid, smooth, found, decay, first, last, tail, 2 * (step + 4 * found.noise))
-    notes += filter(None, [other_decays(pieces, t[first], t[last])])
-    return Window(first, last, tuple(notes), tuple(pieces))
+        last, why_stop = _stop(series, decay, found)
+        if why_stop:
+            notes.append(f"The stop ({t[last]:.6g} s, sample {last} from 0) is {why_stop}")
+    decays = _all_decays(t, found, first, last)
+    notes += filter(None, [other_decays(decays, t[first], t[last])])
+    return Window(first, last, tuple(notes), decays)
 
 
 def _check_share(found: _Found, name: str) -> None:
@@ -189,12 +188,12 @@ def _next_release(t: np.ndarray, found: _Found, name: str) -> int:
     return t.size - 1
 
 
-def other_decays(pieces: Sequence[Piece], start: float, stop: float) -> str:
+def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
     """Say which free decays lie outside of the one that is used, start to stop in s; empty where none does."""
-    others = [p for p in pieces if p.kind == "free decay" and (p.stop <= start or p.start >= stop)]
+    others = [d for d in decays if d.stop <= start or d.start >= stop]
     if not others:
         return ""
-    spans = ", ".join(f"{p.start:.4g} to {p.stop:.4g} s" for p in others[:NAMED])
+    spans = ", ".join(f"{d.start:.4g} to {d.stop:.4g} s" for d in others[:NAMED])
     more = len(others) - NAMED
     if len(others) == 1:
         return f"Another free decay is in the record and not used: {spans}; start and stop choose it."
@@ -267,7 +266,7 @@ def _unsteadiness(turns: Turning, found: list[tuple[int, int]], best: tuple[int,
 
 def _head(t: np.ndarray, y: np.ndarray, found: _Found, step: float) -> tuple[int, Reason | None]:
     """(turning points to leave out, in what the last of them breaks) at the head of the best stretch."""
-    swings = Swings(t, y, _before_a_hole(found.decay), 2 * found.noise + step)
+    swings = Swings(t, y, found.decay, 2 * found.noise + step)
     most = min(HEAD, swings.gaps.size // 2)
     why: Reason | None = None
     for i in range(min(_onset(found), most), most + 1):
@@ -292,12 +291,6 @@ def _onset(found: _Found) -> int:
             break
         grown += 1
     return max(grown - 1, 0)
-
-
-def _before_a_hole(turns: Turning) -> Turning:
-    """The turning points up to the first hole, behind which others are missing; all where these are too few."""
-    across = across_holes(turns.times)
-    return turns.cut(0, int(across[0]) + 1) if across.size and across[0] >= LEAST_BEFORE else turns
 
 
 def _start(
@@ -326,16 +319,9 @@ def _start(
     if at == decay.times[0] and touched and _moves(series, at - MARGIN * gap, at, float(swings.ranges[0])):
         at = float(decay.times[1])  # a hand that brings it to its turning point may not let go there
     first = int(np.searchsorted(t, at - 1e-12))
-    told = {
-        "period": "lasts longer or shorter than the later ones foretell",
-        "amplitude": "is larger or smaller than the later ones foretell",
-        "midline": "goes about another midline than the later ones",
-        "shape": "has another shape than the later ones",
-        None: "does not continue the later ones",
-    }[why]
     notes.append(
         f"The start ({t[first]:.6g} s, sample {first} from 0) is {what}: "
-        f"what is before it is rest, a hand or a disturbed release, and its last swing {told}."
+        "what is before it is rest, a hand or a disturbed release, which the later swings do not continue."
     )
     return first
 
@@ -346,18 +332,8 @@ def _moves(series: _Series, begin: float, end: float, swing: float) -> bool:
     return part.size > 1 and float(np.ptp(part)) > STILL * swing + 2 * series.step + ERRORS * series.noise
 
 
-@dataclass(frozen=True)
-class _Tail:
-    """The last sample, why it is that, and whether friction or the noise ends what is seen."""
-
-    last: int
-    why: str
-    sticks: bool = False
-    noise: bool = False
-
-
-def _stop(series: _Series, decay: Turning, found: _Found) -> _Tail:
-    """The last sample of the free decay: the record's, or the last turning point that tells something."""
+def _stop(series: _Series, decay: Turning, found: _Found) -> tuple[int, str]:
+    """Return the last sample of the free decay and why it is that: the record's, or the last clear turning point."""
     t, times, values = series.t, decay.times, decay.values
     k = times.size - 1
     gap = float(np.median(np.diff(times)[-5:]))
@@ -366,25 +342,21 @@ def _stop(series: _Series, decay: Turning, found: _Found) -> _Tail:
     still = max(2 * series.step + 4.5 * series.noise, 0.1 * before)
     left = float(t[-1] - times[k])
     if left > 0.8 * gap and k >= 3 and before > 4 * found.floor and np.abs(after - values[k]).max() <= still:
-        return _Tail(
-            _index(t, times[k - 1]),
-            "the last turning point from which it swings back; in the swing after it it comes to rest, and stays.",
-            sticks=True,
-        )
+        why = "the last turning point from which it swings back; in the swing after it it comes to rest, and stays."
+        return _index(t, times[k - 1]), why
     turned = Turning(-times[::-1], values[::-1], decay.gain[::-1])
     if left <= 1.2 * gap:
         if k < 4 or left < 0.2 * gap or series.turned().reach(turned).whole:
-            return _Tail(t.size - 1, "")
+            return t.size - 1, ""
         return _stopped(series, turned)
     later = series.values[(series.grid > times[k] + gap) & (series.grid < times[k] + 3 * gap)]
     if k >= LEAST_BEFORE and before > 4 * found.floor and float(np.ptp(later)) > 0.25 * before:
         return _stopped(series, turned)
     why = "the last turning point that stands out of noise and rounding; after it the record is at rest or all but."
-    noisy = SIGMAS * found.noise > STEPS * series.step
-    return _Tail(_index(t, times[k]), why, noise=noisy, sticks=not noisy)
+    return _index(t, times[k]), why
 
 
-def _stopped(series: _Series, turned: Turning) -> _Tail:
+def _stopped(series: _Series, turned: Turning) -> tuple[int, str]:
     """Return the end of a free decay that a hand, a hit or a stop ends. turned: its turning points, backwards."""
     gap, swing = float(turned.times[1] - turned.times[0]), abs(float(turned.values[1] - turned.values[0]))
     last, turned_series = float(turned.times[0]), series.turned()
@@ -395,56 +367,20 @@ def _stopped(series: _Series, turned: Turning) -> _Tail:
     why = (
         "the last turning point that nothing has touched; what is after it does not continue the free decay."
     )
-    return _Tail(_index(series.t, at), why)
+    return _index(series.t, at), why
 
 
 def _index(t: np.ndarray, at: float) -> int:
     return int(np.searchsorted(t, at + 1e-12)) - 1
 
 
-def _pieces(
-    t: np.ndarray,
-    grid: np.ndarray,
-    smooth: np.ndarray,
-    found: _Found,
-    decay: Turning,
-    first: int,
-    last: int,
-    tail: _Tail,
-    floor: float,
-) -> list[Piece]:
-    """All pieces of the record in their order in time."""
-    middle, size = (
-        float(np.median(midpoints(decay.values))),
-        0.5 * float(np.abs(np.diff(decay.values[:4])).max()),
-    )
-    kept = Piece(float(t[first]), float(t[last]), "free decay", "Used: each swing continues the later ones.")
-    used = [kept]
+def _all_decays(t: np.ndarray, found: _Found, first: int, last: int) -> tuple[FreeDecay, ...]:
+    """Return the decay from sample `first` to `last` and the others of the record, in their order in time."""
+    decays = [FreeDecay(float(t[first]), float(t[last]))]
     least = OTHER * worth(found.turns, found.best)
     for a, b in found.stretches:
         begin, end = float(found.turns.times[a]), float(found.turns.times[b - 1])
         apart = (a, b) != found.best and (end <= t[first] or begin >= t[last])
         if apart and b - a >= 4 and worth(found.turns, (a, b)) >= least:
-            why = "Not used: it tells less of the damping than the one that is used."
-            used.append(Piece(begin, end, "free decay", why))
-    used.sort(key=lambda piece: piece.start)
-    out: list[Piece] = []
-    at = float(t[0])
-    for piece in [*used, Piece(float(t[-1]), float(t[-1]), "noise", "")]:
-        inside = (grid >= at) & (grid <= piece.start)
-        if piece.start > at + 0.02 * found.period and np.count_nonzero(inside) > 1:
-            ended = bool(out) and out[-1] is kept
-            if ended and tail.noise:
-                out.append(
-                    Piece(at, piece.start, "noise", "Turning points no longer stand out of the noise.")
-                )
-            elif ended and tail.sticks and piece.why == "":
-                why = "Friction or rounding holds it: turning points no longer show."
-                out.append(Piece(at, piece.start, "sticking", why))
-            else:
-                here = pieces_before(grid[inside], smooth[inside], found.period, size, middle, floor)
-                out += [*here[:-1], *(replace(p, stop=piece.start) for p in here[-1:])]
-        if piece.why:
-            out.append(piece)
-        at = max(at, piece.stop)
-    return out
+            decays.append(FreeDecay(begin, end))
+    return tuple(sorted(decays, key=lambda decay: decay.start))

@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.records.envelope.record import DECIBELS, EnvelopeRecord, made_record, unit_in
-from bayesdamp.records.opening.opening import FALLBACK, reader_of
 from bayesdamp.records.read import read_record
-from bayesdamp.records.readers import READERS
 from bayesdamp.types import InputError
 
 HEAD = 8192
@@ -27,7 +25,7 @@ def is_envelope(path: Path, value: Column | None = None, unit: str | None = None
         return unit in DECIBELS
     if isinstance(value, str) and not value.isdigit():
         return unit_in(value) in DECIBELS
-    if not path.is_file() or not _is_text(path):
+    if not path.is_file():
         return False
     with path.open("rb") as file:
         lines = file.read(HEAD).decode("latin-1").splitlines()
@@ -102,14 +100,6 @@ def read_envelope(
         facts,
         about.said,
     )
-
-
-def _is_text(path: Path) -> bool:
-    """Whether a file is a table of text, whose head can be read as it stands."""
-    try:
-        return reader_of(path) is READERS.get(FALLBACK)
-    except InputError:  # told when it is read
-        return False
 
 
 def _frequency(facts: dict[str, str]) -> float | None:

@@ -168,14 +168,8 @@ def _straightest(t: np.ndarray, y: np.ndarray) -> tuple[int, int]:
     tc, power, edges = blocks(t, 10.0 ** ((y - y.max()) / 10.0), COARSE)
     yc = 10.0 * np.log10(power)
     yc = np.maximum(yc, 10.0 * np.log10(power[-max(1, yc.size // 12) :].mean()))
-    tc = tc - tc.mean()
     i, j = np.triu_indices(tc.size + 1, k=min(4, tc.size))
-    given = (np.ones_like(tc), tc, tc * tc, yc, yc * tc, yc * yc)
-    sums = [np.concatenate([[0.0], np.cumsum(one)]) for one in given]
-    n, st, stt, sy, sty, syy = (one[j] - one[i] for one in sums)
-    spread = np.maximum(stt - st * st / n, 1e-300)
-    slope = (sty - st * sy / n) / spread
-    rms = np.sqrt(np.maximum(syy - sy * sy / n - slope * slope * spread, 0.0) / n)
+    slope, rms = _lines(tc, yc, i, j)
     falls = slope * (tc[i] - tc[j - 1])
     best = int(np.argmax(falls - MISFIT_WEIGHT * rms))
     if not falls[best] > 0:
@@ -203,7 +197,8 @@ def _once_back(t: np.ndarray, y: np.ndarray, first: int, last: int) -> tuple[int
     width = max(NARROWEST, round(SHORT * span))
     if span < width + 2:
         return first, first > 0
-    slope, rms = _short_lines(t, y, width)
+    begins = np.arange(t.size - width + 1)
+    slope, rms = _lines(t, y, begins, begins + width)
     behind = max(first + 2, min(first + 3 * span // 5, last - width))
     known = slice(min(first + span // 4, behind - 2), behind)
     rate = float(np.median(slope[known]))
@@ -227,29 +222,22 @@ def _once_back(t: np.ndarray, y: np.ndarray, first: int, last: int) -> tuple[int
 
 def _hinge(t: np.ndarray, y: np.ndarray) -> int:
     """The reading from which a second straight line describes readings best, the first one those before it."""
-    t = t - t.mean()
-    given = (np.ones_like(t), t, t * t, y, y * t, y * y)
-    sums = [np.concatenate([[0.0], np.cumsum(one)]) for one in given]
-
-    def left(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        n, st, stt, sy, sty, syy = (one[high] - one[low] for one in sums)
-        spread = np.maximum(stt - st * st / n, 1e-300)
-        return syy - sy * sy / n - (sty - st * sy / n) ** 2 / spread
-
     at = np.arange(3, t.size - 2)
     if at.size == 0:
         return 0
-    whole = left(np.zeros_like(at), at) + left(at, np.full_like(at, t.size))
-    return int(at[np.argmin(whole)])
+    before, after = _lines(t, y, np.zeros_like(at), at)[1], _lines(t, y, at, np.full_like(at, t.size))[1]
+    return int(at[np.argmin(at * before**2 + (t.size - at) * after**2)])
 
 
-def _short_lines(t: np.ndarray, y: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Slope and root mean square misfit of the straight line through each run of so many readings."""
-    times, levels = (np.lib.stride_tricks.sliding_window_view(v, width) for v in (t, y))
-    lag = times - times.mean(axis=1, keepdims=True)
-    off = levels - levels.mean(axis=1, keepdims=True)
-    slope = (lag * off).sum(axis=1) / (lag * lag).sum(axis=1)
-    return slope, np.sqrt(np.mean((off - slope[:, None] * lag) ** 2, axis=1))
+def _lines(t: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return slope and root mean square misfit of straight lines through readings low (k,) to, not with, high (k,)."""
+    t = t - t.mean()
+    terms = (np.ones_like(t), t, t * t, y, y * t, y * y)
+    sums = [np.concatenate([[0.0], np.cumsum(term)]) for term in terms]
+    n, st, stt, sy, sty, syy = (total[high] - total[low] for total in sums)
+    spread = np.maximum(stt - st * st / n, 1e-300)
+    slope = (sty - st * sy / n) / spread
+    return slope, np.sqrt(np.maximum(syy - sy * sy / n - slope * slope * spread, 0.0) / n)
 
 
 def _followed_on(

@@ -54,10 +54,10 @@ def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
             found[cells[0]] = cells[1]
         elif len(before) == len(cells) > 1 and numbers and not any(map(_NUMBER.fullmatch, before)):
             found |= dict(zip(before, cells, strict=True))
+        elif re.search(r"\bunits?$", cells[0], re.IGNORECASE) and len(set(filter(None, cells[1:]))) == 1:
+            found[cells[0]] = max(cells[1:]).rpartition(":")[2]
         elif pair and not (len(cells) > 2 and numbers > 1):
             found[pair[1].strip('"')] = pair[2].strip('"')
-        elif len(cells) == 2 and cells[1] and re.search(r"\bunits?$", cells[0], re.IGNORECASE):
-            found[cells[0]] = cells[1]
         elif 2 <= len(cells) <= 3 and numbers == 1 and _NUMBER.fullmatch(cells[1]):
             found[cells[0]] = " ".join(cells[1:])
         before = cells
@@ -79,53 +79,35 @@ def kept(facts: Mapping[str, object]) -> dict[str, Fact]:
 
 
 def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
-    """(rate in Hz, the fact that says it), None where none does, or several that differ do, or one has two readings."""
+    """Return the rate in Hz and the fact that says it; None where none does, or several that differ do."""
     found: dict[float, str] = {}
     for name, value in facts.items():
-        readings = _rates(name, value)
-        if len(readings) == 1:
-            found.setdefault(float(f"{readings[0]:.9g}"), name)
-    if len(found) != 1:
-        return None
-    ((rate, name),) = found.items()
-    return rate, name
+        if rate := _rate(name, value):
+            found.setdefault(float(f"{rate:.9g}"), name)
+    return next(iter(found.items())) if len(found) == 1 else None
 
 
-def doubtful_rate(facts: Mapping[str, Fact]) -> tuple[str, tuple[float, ...]] | None:
-    """(a rate or an interval as the file writes it, the two rates in Hz that it may be): `sample rate: 50,000 Hz`; None
-    where there is none."""
-    for name, value in facts.items():
-        readings = _rates(name, value)
-        if len(readings) > 1:
-            return f"{name}: {value}", readings
-    return None
-
-
-def _rates(name: str, value: Fact) -> tuple[float, ...]:
-    """The rates in Hz that a fact may mean, none where it is of something else."""
+def _rate(name: str, value: Fact) -> float | None:
+    """Return the rate in Hz that a fact says; None where it is of something else, or its number has two readings."""
     bare, unit = _parted(name)
     is_rate = bool(_RATES.fullmatch(bare))
-    is_step = bool(_STEPS.fullmatch(bare)) or re.split(r"[./]", name)[-1] == _MATLAB_STEP
-    if not (is_rate or is_step):
-        return ()
-    numbers, behind = _read(value) if isinstance(value, str) else ((float(value),), "")
+    if not (is_rate or _STEPS.fullmatch(bare) or re.split(r"[./]", name)[-1] == _MATLAB_STEP):
+        return None
+    number, behind = _read(value) if isinstance(value, str) else (float(value), "")
     unit = re.split("[,;]", behind)[0].strip(" ()[]").lower() or unit
-    if is_rate:
-        found = [number * _HERTZ[unit] for number in numbers if unit in _HERTZ]
-    else:
-        seconds = SECONDS.get(unit or "s")
-        found = [1 / (number * seconds) for number in numbers if seconds is not None and number > 1e-300]
-    return tuple(rate for rate in found if math.isfinite(rate) and rate > 0)
+    factor = _HERTZ.get(unit, 0.0) if is_rate else SECONDS.get(unit or "s", 0.0)
+    if not number * factor > 1e-300:
+        return None
+    rate = number * factor if is_rate else 1 / (number * factor)
+    return rate if math.isfinite(rate) else None
 
 
-def _read(text: str) -> tuple[tuple[float, ...], str]:
-    """(the numbers that a text may begin with, what stands behind)."""
+def _read(text: str) -> tuple[float, str]:
+    """Return the number that a text begins with and what follows; 0 where there is none, or it has two readings."""
     if at := _THOUSANDS.match(text):
-        return (float(at[0].replace(",", "")),), text[at.end() :]
-    if at := _EITHER.match(text):
-        return (float(at[0].replace(",", ".")), float(at[0].replace(",", ""))), text[at.end() :]
-    at = _NUMBER.match(text)
-    return ((float(at[0].replace(",", ".")),), text[at.end() :]) if at else ((), "")
+        return float(at[0].replace(",", "")), text[at.end() :]
+    at = None if _EITHER.match(text) else _NUMBER.match(text)
+    return (float(at[0].replace(",", ".")), text[at.end() :]) if at else (0.0, "")
 
 
 def _parted(name: str) -> tuple[str, str]:

@@ -26,11 +26,6 @@ TIMES = re.compile(
     re.IGNORECASE,
 )
 """What a column of times is named."""
-_DAY_NUMBERS = re.compile(
-    r"\bdate[\s_]*num(ber)?s?$|\b(serial|excel)[\s_]*(date|day|time)|\bday[\s_]*number|\bjulian[\s_]*da(y|te)|^m?jd$",
-    re.IGNORECASE,
-)
-"""Names of times that count days, as MATLAB (`datenum`), spreadsheets and astronomers have them."""
 _OF_TIMES = {said for said, seconds in SECONDS.items() if seconds > 60.0 or seconds < 1e-9}
 """Also symbols and words of something else (a depth, a height, an hour angle, horsepower): units in what is named
 after times alone."""
@@ -66,11 +61,6 @@ def seconds_in(name: str) -> float | None:
 def seconds_written(unit: str) -> float | None:
     """Seconds in a unit of time as a file writes it beside the name: `h`, `ms since 2024-01-01`; None for others."""
     return SECONDS.get(_bare(re.sub(r"\s+since\s.*$", "", unit.strip(" ()[]"))))
-
-
-def counts_days(name: str) -> bool:
-    """Whether a column is named after numbers of days: `datenum`, `Excel time`, `MJD`."""
-    return bool(_DAY_NUMBERS.search(name.rpartition(".")[2].replace("_", " ").strip()))
 
 
 def may_be_unit(cell: str, name: str) -> bool:

@@ -121,3 +121,14 @@ def _single(item: Any) -> Any:
     return (
         item.ravel()[0] if isinstance(item, np.ndarray) and item.dtype == object and item.size == 1 else item
     )
+
+
+def plain(value: Any) -> Any:
+    """Return an attribute as a number or a word, where it is one."""
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    if isinstance(value, np.ndarray) and value.size == 1:
+        return plain(value.ravel()[0])
+    if isinstance(value, np.datetime64):
+        return str(value)
+    return value.item() if isinstance(value, np.generic) else value

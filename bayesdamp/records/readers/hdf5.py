@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.files.conventions import unpacked
 from bayesdamp.records.files.facts import kept
 from bayesdamp.records.files.limits import allowed
-from bayesdamp.records.files.tree import DEEPEST, Walk, described
+from bayesdamp.records.files.tree import DEEPEST, Walk, described, plain
 from bayesdamp.types import InputError
 
 _MAGIC = b"\x89HDF\r\n\x1a\n"
+_PACKED, _MISSING = ("scale_factor", "add_offset"), ("_FillValue", "missing_value")
+"""Attributes by which netCDF, and what xarray writes, packs numbers and marks missing ones (CF-1.11, 2.5.1 and 8.1)."""
 
 
 class Hdf5Reader(Reader):
@@ -39,7 +40,7 @@ class Hdf5Reader(Reader):
         with h5py.File(path, "r") as file:
             tree = _Tree(h5py, walk, "MATLAB_version" in file.attrs or _matlab(path))
             tree.visit("", file, "", 0)
-        return walk.contents("MATLAB 7.3" if _matlab(path) else "HDF5", notes=tuple(tree.notes))
+        return walk.contents("MATLAB 7.3" if _matlab(path) else "HDF5")
 
 
 def _matlab(path: Path) -> bool:
@@ -53,7 +54,6 @@ class _Tree:
     def __init__(self, h5py: Any, walk: Walk, matlab: bool) -> None:
         self.h5py, self.walk, self.matlab = h5py, walk, matlab
         self.total = 0
-        self.notes: list[str] = []
 
     def visit(self, path: str, item: Any, run: str, depth: int) -> None:
         if depth > DEEPEST:
@@ -69,7 +69,7 @@ class _Tree:
 
     def _facts(self, path: str, item: Any) -> dict[str, Any]:
         found = {
-            str(name): _plain(value) for name, value in item.attrs.items() if not name.startswith("MATLAB")
+            str(name): plain(value) for name, value in item.attrs.items() if not name.startswith("MATLAB")
         }
         self.walk.facts |= {f"{path}.{name}" if path else name: value for name, value in found.items()}
         return found
@@ -89,32 +89,25 @@ class _Tree:
         data = item[()]
         if self.h5py.check_string_dtype(item.dtype) is not None:
             if np.size(data) == 1:
-                self.walk.facts[path] = str(_plain(np.ravel(data)[0]))
+                self.walk.facts[path] = str(plain(np.ravel(data)[0]))
             return
-        if _plain(item.attrs.get("MATLAB_class", "")) == "char":
+        if plain(item.attrs.get("MATLAB_class", "")) == "char":
             self.walk.facts[path] = "".join(chr(c) for c in np.ravel(data)[:200])
             return
         if "MATLAB_empty" in item.attrs:
             return
         said = described(kept(self._facts(path, item)))
         before = len(self.walk.columns)
-        array, done, holes = unpacked(np.asarray(data), item.attrs)
+        array = np.asarray(data)
+        if any(name in item.attrs for name in _PACKED) and array.size > 1:
+            what = f"the numbers of {path[:60]!r} are packed ({', '.join(_PACKED)}); unpack them, with xarray say"
+            raise InputError(what)
+        for name in _MISSING:
+            if name in item.attrs and array.dtype.kind in "fiu":
+                array = np.where(array == item.attrs[name], np.nan, array)
         self.walk.add(path, array.T if self.matlab else array, run, depth)
-        new = self.walk.columns[before:]
-        if done and new:
-            self.notes.append(f"{path[:60]!r}: {done}.")
         if any(said.values()):
-            new = [replace(c, **said) for c in new]
-        self.walk.columns[before:] = [replace(c, empty=np.isnan(c.values)) for c in new] if holes else new
-
-
-def _plain(value: Any) -> Any:
-    """An attribute as a number or a word, where it is one."""
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace")
-    if isinstance(value, np.ndarray) and value.size == 1:
-        return _plain(value.ravel()[0])
-    return value.item() if isinstance(value, np.generic) else value
+            self.walk.columns[before:] = [replace(c, **said) for c in self.walk.columns[before:]]
 
 
 PLUGIN = Hdf5Reader()

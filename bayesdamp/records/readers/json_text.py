@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ import numpy as np
 from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.files.tree import Walk
 from bayesdamp.records.readers.text import column_of, text_of
-from bayesdamp.types import InputError
 
 LARGEST = 2**28
 """Bytes of a text that is read as JSON (conventional)."""
@@ -34,29 +32,15 @@ class JsonReader(Reader):
         """Lists of numbers by their paths. Raises InputError for a text that is too large."""
         text = text_of(path, LARGEST)
         try:
-            data = _loaded(text)
+            data = json.loads(text)
         except json.JSONDecodeError:
             lines = [line for line in text.splitlines() if line.strip()]
             if len(lines) < 2:
                 raise
-            data = [_loaded(line) for line in lines]
+            data = [json.loads(line) for line in lines]
         walk = Walk()
         _add(walk, "", data)
         return walk.contents("JSON")
-
-
-def _loaded(text: str) -> Any:
-    """What a text says. Raises InputError for a name that stands twice in an object, json.JSONDecodeError."""
-    return json.loads(text, object_pairs_hook=_distinct)
-
-
-def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object by its names. Raises InputError where JSON's readers would drop all but the last of one."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        twice, _ = Counter(name for name, _ in pairs).most_common(1)[0]
-        raise InputError(f"the name {twice[:60]!r} stands twice in one object of it; rename one of the two")
-    return found
 
 
 def _add(walk: Walk, path: str, item: Any, depth: int = 0) -> None:

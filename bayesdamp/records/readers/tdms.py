@@ -13,7 +13,7 @@ import numpy as np
 from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.facts import kept, sampling_rate
 from bayesdamp.records.files.limits import allowed
-from bayesdamp.records.files.tree import seconds_of
+from bayesdamp.records.files.tree import plain, seconds_of
 
 
 class TdmsReader(Reader):
@@ -33,11 +33,11 @@ class TdmsReader(Reader):
         columns: list[Column] = []
         # Opened here, since the library leaves a damaged file open.
         with _unlogged(), path.open("rb") as stream, TdmsFile.open(stream) as file:
-            facts: dict[str, Any] = {str(k): _plain(v) for k, v in file.properties.items()}
+            facts: dict[str, Any] = {str(k): plain(v) for k, v in file.properties.items()}
             groups = [group for group in file.groups() if any(len(c) for c in group.channels())]
             allowed(sum(8 * len(channel) for group in groups for channel in group.channels()))
             for group in groups:
-                facts |= {f"{group.name}.{k}": _plain(v) for k, v in group.properties.items()}
+                facts |= {f"{group.name}.{k}": plain(v) for k, v in group.properties.items()}
                 for channel in group.channels():
                     column = _column(channel, group.name, len(groups) > 1)
                     columns += [column] if column is not None else []
@@ -73,20 +73,13 @@ def _column(channel: Any, group: str, several: bool) -> Column | None:
     if data.dtype.kind not in "fiub" or data.size == 0:
         return None
     step = float(said.get("wf_increment", 0.0) or 0.0)
-    found = sampling_rate(kept({str(k): _plain(v) for k, v in said.items()}))
+    found = sampling_rate(kept({str(k): plain(v) for k, v in said.items()}))
     rate = 1 / step if step > 0 else found[0] if found else None
     unit = str(
         said.get("unit_string", "") or said.get("NI_UnitDescription", "") or said.get("unit", "") or ""
     )
     start = float(said.get("wf_start_offset", 0.0) or 0.0)
     return Column(name, data.astype(float), group, unit=unit.strip(), rate=rate, start=start)
-
-
-def _plain(value: Any) -> Any:
-    """A property as a number or a word."""
-    if isinstance(value, np.datetime64):
-        return str(value)
-    return value.item() if isinstance(value, np.generic) else value
 
 
 PLUGIN = TdmsReader()

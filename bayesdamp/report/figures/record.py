@@ -11,21 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.ticker import FuncFormatter
 
-from bayesdamp.provenance import Piece
+from bayesdamp.provenance import FreeDecay
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import NARROW, broken
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, legend_columns, looks
 from bayesdamp.verdict.parts import Mode
 
 KEPT = "#0072B2"
-SHADES = {
-    "at rest": "#8a8a8a",
-    "held": "#E69F00",
-    "pushed": "#D55E00",
-    "free decay": "#56B4E9",
-    "sticking": "#CC79A7",
-    "noise": "#8a8a8a",
-}
+NOT_USED = "#56B4E9"
 _POINTS = 2000
 _APART = 200
 """Lines side by side that a panel has room for."""
@@ -82,26 +75,21 @@ def raw(
     start: float | None,
     stop: float | None,
     axis: str,
-    pieces: Sequence[Piece] = (),
+    decays: Sequence[FreeDecay] = (),
 ) -> Figure:
-    """The record as it was read; the part between start and stop (s on its own clock) was kept.
-
-    pieces: what the other parts are.
-    """
+    """Draw the record as it was read, with what was kept, start to stop (s on its own clock), and other decays."""
     figure = Figure(figsize=(WIDTH, 1.9))
     ax = figure.add_subplot()
     at, values = thinned(t, y)
     ax.plot(at, values, color=INK, lw=0.6)
     if start is not None and stop is not None:
         ax.axvspan(start, stop, color=KEPT, alpha=0.10, lw=0, label="kept")
-    seen: set[str] = set()
-    for piece in pieces:
-        kind, inside = piece.kind, (piece.start, piece.stop)
-        if start is not None and stop is not None and inside[0] < stop and inside[1] > start:
-            continue
-        label = "_" if kind in seen else f"{kind}, not used" if kind == "free decay" else kind
-        ax.axvspan(*inside, color=SHADES.get(kind, QUIET), alpha=0.18, lw=0, label=label)
-        seen.add(kind)
+    for decay in decays:
+        if start is None or stop is None or decay.start >= stop or decay.stop <= start:
+            label = (
+                "" if "free decay, not used" in ax.get_legend_handles_labels()[1] else "free decay, not used"
+            )
+            ax.axvspan(decay.start, decay.stop, color=NOT_USED, alpha=0.18, lw=0, label=label)
     if ax.get_legend_handles_labels()[1]:
         ax.legend(loc="upper right", ncols=4)
     _finish(ax, axis, "As read")

@@ -56,7 +56,7 @@ class Record(SignalSection):
         if len(raw_t) > 1 and not np.array_equal(raw_y, cell.arrays["y"]):
             origin = Provenance.of(content.provenance)
             window = next(((o.start, o.stop) for o in (own, origin) if o.stop is not None), (None, None))
-            draw = partial(raw, raw_t, raw_y * factor, *window, axis, origin.pieces)
+            draw = partial(raw, raw_t, raw_y * factor, *window, axis, origin.decays)
             figures.append(run.drawings.add(f"raw-{signal}", f"{signal}: the record as it was read.", draw))
         modes = "; the fits of the likeliest models at their posterior modes, best first, and their residuals"
         caption = f"{signal}: the record as used{modes if fits else ''}."

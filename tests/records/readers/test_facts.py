@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
+from bayesdamp.records.files.facts import sampling_rate
 from bayesdamp.records.read import read_record
 from bayesdamp.types import InputError
 
@@ -31,24 +31,15 @@ def test_a_rate_in_the_head_is_read(tmp_path: Path, head: str) -> None:
     assert raw.rate == pytest.approx(RATES[head], rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("head", "either"),
-    [
-        ("sample rate: 50,000 Hz", "50 or 50000 Hz"),
-        ("fs = 1,000", "1 or 1000 Hz"),
-        ("dt: 20,000 us", "50000 or 50 Hz"),
-    ],
-)
-def test_a_comma_that_may_mean_two_things_is_asked_about(tmp_path: Path, head: str, either: str) -> None:
+@pytest.mark.parametrize("head", ["sample rate: 50,000 Hz", "fs = 1,000", "dt: 20,000 us"])
+def test_a_comma_that_may_mean_two_things_gives_no_rate(tmp_path: Path, head: str) -> None:
     path = one_column(tmp_path / "a.csv", head)
-    with pytest.raises(InputError, match=f"which may be {either}: give the rate") as caught:
+    with pytest.raises(InputError, match="or give the rate in Hz") as caught:
         read_record(path)
     assert caught.value.arguments == ("rate",)
-    assert len(str(caught.value)) < 300
     raw = read_record(path, rate=50.0)
     assert raw.rate == 50.0
     assert sampling_rate(raw.provenance.facts) is None
-    assert doubtful_rate(raw.provenance.facts) is not None
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,10 @@ FILES = {
 }  # fmt: skip
 
 
+UNSAID = ("Rigol, times", "LeCroy", "Tektronix DPO, two channels")
+"""Whose unit is not said by the name of the column, or by the head for both columns of a pair."""
+
+
 @pytest.mark.parametrize("what", FILES)
 def test_times_values_and_unit_are_those_of_the_instrument(tmp_path: Path, what: str) -> None:
     (tmp_path / "a.csv").write_text("\n".join(FILES[what]) + "\n", encoding="utf-8")
@@ -54,7 +58,7 @@ def test_times_values_and_unit_are_those_of_the_instrument(tmp_path: Path, what:
     assert raw.t is not None
     np.testing.assert_allclose(raw.t, T, atol=1e-9)
     np.testing.assert_allclose(raw.y, V, atol=1e-5)
-    assert raw.unit == "V"
+    assert raw.unit == ("" if what in UNSAID else "V")
 
 
 @pytest.mark.parametrize("what", ["Tektronix TDS", "Tektronix MSO", "Rigol, numbered"])
@@ -71,7 +75,7 @@ def test_a_plain_table_is_no_oscilloscope(tmp_path: Path) -> None:
     """Two settings are facts above a table, and numbers of samples without Start stay what they are."""
     (tmp_path / "a.csv").write_text("\n".join([*SETTINGS[2:4], "TIME,CH1", *PAIRS]) + "\n", encoding="utf-8")
     (plain,) = read_records(tmp_path / "a.csv")
-    assert (plain.columns, plain.unit) == (("TIME", "CH1"), "")
+    assert (plain.columns, plain.unit, plain.rate) == (("TIME", "CH1"), "", None)
     rows = [f"{i},{v:.5f}" for i, v in enumerate(V.tolist())]
     (tmp_path / "b.csv").write_text("\n".join(["X,CH1", "Sequence,Volt", *rows]) + "\n", encoding="utf-8")
     (raw,) = read_records(tmp_path / "b.csv")

@@ -74,7 +74,7 @@ def test_times_since_a_date(tmp_path: Path, unit: str, scale: float) -> None:
 
 @pytest.mark.parametrize(
     ("name", "begin"),
-    [("datenum", 738000.25), ("Excel time", 45000.5), ("s.serial_date", 45000.5), ("MJD", 60000.0)],
+    [("time (d)", 738000.25), ("Excel time (days)", 45000.5), ("time (d)", 60000.0)],
 )
 def test_numbers_of_days(tmp_path: Path, name: str, begin: float) -> None:
     rows = [f"{a!r},{b!r}" for a, b in zip((begin + T / 86400).tolist(), Y.tolist(), strict=True)]
@@ -86,13 +86,13 @@ def test_numbers_of_days(tmp_path: Path, name: str, begin: float) -> None:
     assert findings(raw, "rad", "angle") == ()
 
 
-def test_matlabs_days(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["datenum", "t"])
+def test_matlabs_days_are_asked_about(tmp_path: Path, name: str) -> None:
     from scipy.io import savemat
 
-    for name in ("datenum", "t"):
-        savemat(tmp_path / f"{name}.mat", {name: 738000 + T / 86400, "y": Y})
-    raw = read_record(tmp_path / "datenum.mat")
+    savemat(tmp_path / "a.mat", {name: 738000 + T / 86400, "y": Y})
+    (found,) = findings(read_record(tmp_path / "a.mat", time=name, value="y"), "rad", "angle")
+    assert (found.kind, "--time-unit d" in found.option) == (Kind.TIME_UNIT, True)
+    raw = read_record(tmp_path / "a.mat", time=name, value="y", time_unit="d")
     assert raw.t is not None
     np.testing.assert_allclose(raw.t, T, atol=2e-5)
-    (found,) = findings(read_record(tmp_path / "t.mat"), "rad", "angle")
-    assert (found.kind, "--time-unit d" in found.option) == (Kind.TIME_UNIT, True)
