@@ -12,8 +12,6 @@ from bayesdamp.inference.deviation.weighing import Weighing
 
 POINTS = 3000
 """Samples of a record that are kept for a picture, thinned to the extremes of each stretch."""
-NATS = 12.0
-"""Nats behind the best of its kind from which a sum's own curve is not drawn."""
 
 
 def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
