@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid
-from bayesdamp.numerics.orthant import log_probability
+from bayesdamp.numerics.orthant import draw, log_probability
 from bayesdamp.priors import SHARED_SIGMAS
 
 PRECISE = 1e11
@@ -17,6 +17,8 @@ PRECISE = 1e11
 more: half of the digits of a number (measured)."""
 SMALL = 12
 """Rows up to which a triangle is inverted as any matrix."""
+NEGLIGIBLE = 1e-4
+"""Posterior probability of a combination of hyperparameters up to which nothing is drawn from it."""
 LEFT_OUT = 1e-5
 """Posterior probability of all combinations of hyperparameters together that are left out, the least probable ones."""
 
@@ -97,6 +99,20 @@ class Weighed:
         return Weighed(
             log, float(np.logaddexp.reduce(log)), self.combos[which], self.normals, self.scaled, scales
         )
+
+    def draw(
+        self, rng: np.random.Generator, positive: np.ndarray, count: int, negligible: float = NEGLIGIBLE
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Draw u, (count, K), cut off at zero where `positive`, (d,), and the place of each combination, (count,).
+
+        negligible: the probability up to which nothing is drawn from a combination.
+        """
+        weights = np.where(self.weights > negligible, self.weights, 0.0)
+        numbers = rng.multinomial(count, weights / weights.sum())
+        taken, places = np.flatnonzero(numbers), np.flatnonzero(positive)
+        each = zip(*self.posteriors(taken), numbers[taken], strict=True)
+        draws = [draw(rng, mean, factor, places, int(number)) for mean, factor, number in each]
+        return np.concatenate(draws), np.repeat(taken, numbers[taken])
 
     @property
     def weights(self) -> np.ndarray:

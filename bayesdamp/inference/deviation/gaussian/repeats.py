@@ -18,8 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import erf
 
-from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood, Normals, Weighed, with_priors
-from bayesdamp.numerics.orthant import draw
+from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood, Normals, with_priors
 from bayesdamp.priors import Prior, SharedHalfNormal
 
 SPREAD = 0.1
@@ -146,7 +145,8 @@ def joined(
     shared = np.array([isinstance(p, SharedHalfNormal) for p in priors.values()], bool)
     weighed = with_priors(found, positive, shared)
     probability = np.bincount(at[weighed.combos], weighed.weights, spreads.size)
-    z, of = _drawn(weighed, positive, draws, np.random.default_rng(seed))
+    z, rows = weighed.draw(np.random.default_rng(seed), positive, draws, NEGLIGIBLE)
+    of = weighed.combos[rows]
     natural = np.column_stack([p.value(z[:, i]) for i, p in enumerate(priors.values())])
     drawn = spreads[at[of]] if spreads.size == 1 else _within_cells(at[of], np.random.default_rng([seed, 1]))
     return Repeats(
@@ -333,14 +333,3 @@ def _affine(found: DampingLikelihood, offset: np.ndarray, scale: np.ndarray) -> 
     pull = found.slope - found.information @ offset
     log = found.log + found.slope @ offset - 0.5 * np.einsum("i,cij,j->c", offset, found.information, offset)
     return DampingLikelihood(log, pull * scale, found.information * scale[:, None] * scale)
-
-
-def _drawn(
-    weighed: Weighed, positive: np.ndarray, count: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Scores (n, k), and of each the place in what was weighed, (n,)."""
-    weights = np.where(weighed.weights > NEGLIGIBLE, weighed.weights, 0.0)
-    numbers = rng.multinomial(count, weights / weights.sum())
-    taken, places = np.flatnonzero(numbers), np.flatnonzero(positive)
-    z = [draw(rng, weighed.means[i], weighed.factors[i], places, int(numbers[i])) for i in taken]
-    return np.concatenate(z), weighed.combos[np.repeat(taken, numbers[taken])]

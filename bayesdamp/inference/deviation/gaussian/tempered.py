@@ -14,12 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesdamp.inference.curves.weighted import effective, resampled
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
-from bayesdamp.numerics.orthant import draw
 from bayesdamp.numerics.pareto import pareto_k
 
-NEGLIGIBLE = 1e-4
-"""Weight of a combination of hyperparameters below which none is drawn from it."""
 DRAWS = 300
 KEPT = 0.5
 """Share of the draws that the weights of one temperature must be worth (conventional)."""
@@ -87,8 +85,8 @@ def sampled(
     which scores must not be negative, (d,).
     """
     rng = np.random.default_rng(seed)
-    cloud = _first(rng, weighed, positive, draws)
-    cloud.ratio = ratio(cloud.u)
+    u, combo = weighed.draw(rng, positive, draws)
+    cloud = _Cloud(combo, u, ratio(u))
     if not np.any(np.isfinite(cloud.ratio)):
         return Sampled(cloud.u, -np.inf, float("nan"), 0, 0.0, draws)
     whole = _whole(rng, cloud, weighed, positive, ratio, draws)
@@ -103,7 +101,7 @@ def sampled(
         weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
         variance += float(np.sum(weights**2)) - 1.0 / draws
         beta, passed = beta + rise, passed + 1
-        cloud.taken(_systematic(rng, weights))
+        cloud.taken(resampled(logs, draws, rng))
         for _ in range(LAST if beta >= 1.0 else MOVES):
             accepted = _moved(rng, cloud, weighed, positive, ratio, beta, step)
             step = float(np.clip(step * np.exp(accepted - WANTED), LEAST_STEP, 1.0))
@@ -130,24 +128,16 @@ def _whole(
         return None
     u, ratios = cloud.u, cloud.ratio
     if worth < KEPT:
-        more = _first(rng, weighed, positive, int(np.ceil(draws * (MARGIN * KEPT / worth - 1.0))))
-        u, ratios = np.concatenate([u, more.u]), np.concatenate([ratios, ratio(more.u)])
+        more = weighed.draw(rng, positive, int(np.ceil(draws * (MARGIN * KEPT / worth - 1.0))))[0]
+        u, ratios = np.concatenate([u, more]), np.concatenate([ratios, ratio(more)])
         if _worth(ratios, 1.0) * ratios.size < KEPT * draws or pareto_k(ratios) > HEAVY:
             return None
     logs = np.maximum(ratios, -1e300)
     weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
     error = float(np.sqrt(max(np.sum(weights**2) - 1.0 / ratios.size, 0.0)))
-    taken = u[_systematic(rng, weights, draws)]
+    taken = u[resampled(logs, draws, rng)]
     evidence = weighed.log_evidence + float(np.logaddexp.reduce(logs)) - float(np.log(ratios.size))
     return Sampled(taken, evidence, error, 1, 1.0, ratios.size)
-
-
-def _first(rng: np.random.Generator, weighed: Weighed, positive: np.ndarray, count: int) -> _Cloud:
-    weights = np.where(weighed.weights > NEGLIGIBLE, weighed.weights, 0.0)
-    numbers = rng.multinomial(count, weights / weights.sum())
-    places, taken = np.flatnonzero(positive), np.flatnonzero(numbers)
-    parts = [draw(rng, weighed.means[i], weighed.factors[i], places, int(numbers[i])) for i in taken]
-    return _Cloud(np.repeat(taken, numbers[taken]), np.concatenate(parts), np.zeros(count))
 
 
 def _rise(ratio: np.ndarray, most: float) -> float:
@@ -166,15 +156,7 @@ def _rise(ratio: np.ndarray, most: float) -> float:
 
 def _worth(ratio: np.ndarray, rise: float) -> float:
     """Which share of the draws their weights are worth after such a rise of β (Kong 1992)."""
-    logs = rise * np.maximum(ratio, -1e300)
-    return float(np.exp(2 * np.logaddexp.reduce(logs) - np.logaddexp.reduce(2 * logs))) / ratio.size
-
-
-def _systematic(rng: np.random.Generator, weights: np.ndarray, count: int | None = None) -> np.ndarray:
-    """Rows by systematic resampling (Kitagawa 1996), as many as there are weights or `count`."""
-    number = count or weights.size
-    at = (rng.random() + np.arange(number)) / number
-    return np.minimum(np.searchsorted(np.cumsum(weights), at), weights.size - 1)
+    return effective(rise * np.maximum(ratio, -1e300)) / ratio.size
 
 
 def _moved(

@@ -10,11 +10,9 @@ import numpy as np
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
 from bayesdamp.inference.deviation.weighing import Result, Weighing
-from bayesdamp.numerics.orthant import draw
 from bayesdamp.odds import odds
 
 DRAWS = 4000
-NEGLIGIBLE = 1e-4
 SHOWN = 0.99
 """Probability of the candidates together from which the others are not drawn from."""
 DISTINCT = 200
@@ -114,8 +112,4 @@ def posterior_scores(result: Result, weighed: Weighed, count: int, rng: np.rando
 
 def scores_of(weighed: Weighed, positive: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     """Draws of scores, g and h, (count, d + 2k), over all hyperparameters."""
-    weights = np.where(weighed.weights > NEGLIGIBLE, weighed.weights, 0.0)
-    numbers = rng.multinomial(count, weights / weights.sum())
-    taken, places = np.flatnonzero(numbers), np.flatnonzero(positive)
-    each = zip(*weighed.posteriors(taken), numbers[taken], strict=True)
-    return np.concatenate([draw(rng, mean, factor, places, int(count)) for mean, factor, count in each])
+    return weighed.draw(rng, positive, count)[0]
