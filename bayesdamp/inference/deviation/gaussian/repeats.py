@@ -69,8 +69,7 @@ class RunLikelihood:
             As a function of the scores.
         """
         values, slopes = _maps(priors, z)
-        inverse = 1.0 / slopes
-        changed = _affine(found, z - inverse * values, inverse)
+        changed = found.mapped(z - values / slopes, np.diag(1.0 / slopes))
         which = np.array([n in coefficients for n in priors], bool)
         return RunLikelihood(tuple(priors), which, values, changed)
 
@@ -326,10 +325,3 @@ def _maps(priors: Mapping[str, Prior], z: np.ndarray) -> tuple[np.ndarray, np.nd
             float(np.diff(ends)[0]) / (2 * DERIVATIVE),
         )
     return values, slopes
-
-
-def _affine(found: DampingLikelihood, offset: np.ndarray, scale: np.ndarray) -> DampingLikelihood:
-    """The likelihood as a function of x where it is one of z = offset + scale x, all (k,)."""
-    pull = found.slope - found.information @ offset
-    log = found.log + found.slope @ offset - 0.5 * np.einsum("i,cij,j->c", offset, found.information, offset)
-    return DampingLikelihood(log, pull * scale, found.information * scale[:, None] * scale)
