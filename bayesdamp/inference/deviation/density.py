@@ -20,7 +20,6 @@ from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.physics.kernel.solve import ALL, TOLERANCE
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import Trajectories
-from bayesdamp.priors import shared_precision
 from bayesdamp.types import Refusal, Signal
 
 ESCAPED = "no motion near the fit can be followed with deviations from its law"
@@ -93,27 +92,16 @@ def density_of(weighing: Weighing, result: Result, draws: np.ndarray, known: Map
         Signal(data.t, data.y, data.quantity),
         Oscillator(result.candidate.damping, result.candidate.restoring),
         "gaussian",
-        {name: parameters.priors[name] for name in parameters.free_names},
+        parameters.priors,
         {**parameters.known, "epsilon": solver.epsilon, **known},
         deviation=_deviation(weighing, result),
     )
     likelihood = Likelihood.near(target, z, TOLERANCE * data.recorded_amplitude)
-    covariance = np.atleast_2d(np.cov(draws.T))
-    near, shared = likelihood, target.shared
-    if shared.any():
-        squares = float(np.mean(np.sum(draws[:, shared] ** 2, axis=1)))
-        near = likelihood.held(float(shared_precision(squares, int(shared.sum()))) ** -0.5)
     return Mode(
-        z=z,
-        log_posterior=likelihood.log_posterior(z),
-        information=np.linalg.inv(covariance),
-        factor=np.linalg.cholesky(covariance),
-        likelihood=likelihood,
-        near=near,
-        searches=(),
-        step_error=np.nan,
-        likelihood_error=np.nan,
-        tolerance=likelihood.tolerance,
+        z,
+        likelihood.log_posterior(z),
+        np.linalg.inv(np.atleast_2d(np.cov(draws.T))),
+        likelihood,
         linear=LinearPosterior(draws, float(result.weighed.log_evidence)),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -33,15 +33,13 @@ class Parameters(Scores):
         """Places in `names` of what is inferred, (d,)."""
         return np.array([i for i, n in enumerate(self.names) if n in self.priors], int)
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "priors", {n: self.priors[n] for n in self.names if n in self.priors})
+
     @cached_property
     def free_names(self) -> tuple[str, ...]:
         """Names of what is inferred, in the kernel's order."""
-        return tuple(self.names[i] for i in self.free)
-
-    @cached_property
-    def inferred(self) -> Mapping[str, Prior]:
-        """Priors of what is inferred, in the kernel's order."""
-        return {n: self.priors[n] for n in self.free_names}
+        return tuple(self.priors)
 
     @property
     def positive(self) -> np.ndarray:
@@ -213,8 +211,3 @@ def straight_at(parameters: Parameters, restoring: str, z: np.ndarray) -> Straig
     if not np.all(np.isfinite(slopes)) or np.linalg.cond(slopes) > 1e12:
         return None
     return replace(found, root=np.linalg.inv(slopes))
-
-
-def only(priors: Mapping[str, Prior], names: Sequence[str]) -> dict[str, Prior]:
-    """The priors of some names."""
-    return {n: p for n, p in priors.items() if n in names}
