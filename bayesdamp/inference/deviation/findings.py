@@ -33,12 +33,13 @@ from bayesdamp.inference.deviation.numbers.draws import (
 )
 from bayesdamp.inference.deviation.numbers.exponent import LEAST, MOST
 from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
-from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
+from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.deviation.numbers.shares import shares_of
 from bayesdamp.inference.deviation.numbers.unnamed import AS_WIDE, tied, unnamed_share, untold
 from bayesdamp.inference.deviation.orbit import balanced_frequency, natural_frequency, rest_of
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.types import Ratio
 
 SENSOR = 0.002
 """Relative standard deviation below which no rate is known: the sensor's linearity and the clock's."""

@@ -20,7 +20,7 @@ from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit
 from bayesdamp.inference.deviation.numbers.curves import ratio_at, ratios_drawn
 from bayesdamp.inference.deviation.numbers.deviations import size_of
 from bayesdamp.inference.deviation.numbers.draws import Drawn, scores_of
-from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
+from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise
 from bayesdamp.inference.deviation.sampled.table import noise_sds
@@ -34,7 +34,7 @@ from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
-from bayesdamp.types import Posterior, Refusal
+from bayesdamp.types import Posterior, Ratio, Refusal
 
 Array = NDArray[np.float64]
 DRAWS = 4000

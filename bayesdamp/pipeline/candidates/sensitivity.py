@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 
 import numpy as np
@@ -27,7 +27,6 @@ from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.evidence import (
     EvidenceContent,
     HalfContent,
-    NestedRatio,
     NoisesContent,
     RatiosContent,
     UnderNoise,
@@ -102,29 +101,28 @@ def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
 def _half(branch: Branch, source: CellResult, seed: int) -> Product:
     law, mode, signal = branch.law, branch.density, branch.record.signal
     if law is None:
-        t, y, half = signal.t, signal.y, first_half(mode)
+        t, half = signal.t, first_half(mode)
         carry = partial(carried_on, mode.likelihood, half=signal.t.size // 2)
     else:
         data, one = law.weighing.data, first_half_of(law)
-        t, y, half = float(signal.t[0]) + data.t, data.y, one.mode
+        t, half = float(signal.t[0]) + data.t, one.mode
         carry = partial(law.carried_on, one, seed=seed)
-    found = predict(branch.model, half, carry, t, y, seed)
+    evidence, ahead = predict(branch.model, half, carry, seed)
     whole = EvidenceContent.of(source).evidence
     assert whole is not None  # a source with draws was weighed
-    density, uncertainty = log_predictive(whole, found.evidence)
+    density, uncertainty = log_predictive(whole, evidence)
+    later = t[-ahead.error.size :]
     content = HalfContent(
-        start=found.start,
-        rms=found.rms,
-        expected=found.expected,
-        coverage=found.coverage,
+        start=float(later[0]),
+        rms=ahead.rms,
+        expected=ahead.expected,
+        coverage=ahead.coverage,
         log_predictive=density,
         log_predictive_stderr=uncertainty,
-        evidence=replace(found.evidence, arrays={}),
+        evidence=evidence,
     )
-    every = max(1, found.centre.size // SHOWN)
-    later = slice(y.size - found.centre.size, None)
-    error = y[later] - found.centre
-    return Product(content, {"t": t[later][::every], "error": error[::every], "sd": found.sd[::every]})
+    every = max(1, later.size // SHOWN)
+    return Product(content, {"t": later[::every], "error": ahead.error[::every], "sd": ahead.sd[::every]})
 
 
 def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
@@ -135,10 +133,11 @@ def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
     law = candidate_parts(branch.model)[1]
     pairs = {candidate_name("+".join(x for x in branch.terms if x != t), law): t for t in branch.terms}
     coefficient = dict(zip(branch.terms, branch.target.oscillator.coefficients, strict=True))
-    ratios = {
-        m: savage_dickey(target.priors, coefficient[t], scores, target.scales) for m, t in pairs.items()
-    }
-    return Product(RatiosContent({m: NestedRatio(**vars(one)) for m, one in ratios.items()}))
+    return Product(
+        RatiosContent(
+            {m: savage_dickey(target.priors, coefficient[t], scores, target.scales) for m, t in pairs.items()}
+        )
+    )
 
 
 def _noises(branch: Branch, source: CellResult, seed: int) -> Product:

@@ -18,8 +18,9 @@ from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 from bayesdamp.report.style import colour
-from bayesdamp.store.contents.candidates import BesideIt, ModeContent, Part
+from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.table import Table
+from bayesdamp.types import AddedForm, PartialFit
 
 _EXACT = (
     "All of it is of fits under laws that hold exactly, which chains and evidence here do not need: what an exact law "
@@ -93,7 +94,7 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
 
 def _other_forms(mode: ModeContent) -> Table:
     """Of each form of damping that no candidate has: with it in addition, how likely is the candidate?"""
-    columns: dict[str, Callable[[BesideIt], str]] = {
+    columns: dict[str, Callable[[AddedForm], str]] = {
         "what there might be beside it": lambda form: form.words,
         "ln Bayes factor": lambda form: fmt.fixed(form.log_bayes, 2),
         "probability, against none": lambda form: fmt.probability(float(expit(form.log_bayes))),
@@ -122,7 +123,7 @@ def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
         caption,
         lambda: intervals([w.label for w in found], panels, colour(model)),
     )
-    columns: dict[str, Callable[[Part], str]] = {
+    columns: dict[str, Callable[[PartialFit], str]] = {
         "window": lambda w: w.label,
         "from / s": lambda w: fmt.number(w.start, 4),
         "to / s": lambda w: fmt.number(w.stop, 4),

@@ -19,11 +19,10 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import SignalSection
 from bayesdamp.report.style import INK
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.candidates import SecondHalf
 from bayesdamp.store.contents.evidence import HalfContent, NoisesContent, RatiosContent, WidthsContent
 from bayesdamp.store.contents.posteriors import AverageContent
 from bayesdamp.table import Line, Table
-from bayesdamp.types import OK
+from bayesdamp.types import OK, Forecast
 
 _ONE_NOISE = (
     'Other noise models are not computed under deviation = "law": what is coloured in the rest is taken by the '
@@ -147,7 +146,7 @@ class _Half:
     stderr: float
     diagnostic: str
     sound: bool
-    told: SecondHalf
+    told: Forecast
     predictive_stderr: float
 
 

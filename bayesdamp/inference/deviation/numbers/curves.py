@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from bayesdamp.inference.deviation.numbers.draws import Drawn
-from bayesdamp.inference.deviation.numbers.quantities import Ratio, quantity
+from bayesdamp.inference.deviation.numbers.quantities import quantity
 from bayesdamp.inference.deviation.orbit import Orbit, orbit_at, rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
+from bayesdamp.types import Ratio
 
 
 def times_of(result: Result) -> tuple[np.ndarray, np.ndarray]:

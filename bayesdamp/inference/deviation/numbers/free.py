@@ -24,11 +24,11 @@ from bayesdamp.inference.deviation.gaussian.linear import weigh
 from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.deviation.numbers.curves import at_share, turning_amplitudes
 from bayesdamp.inference.deviation.numbers.draws import scores_of
-from bayesdamp.inference.deviation.numbers.quantities import Ratio
 from bayesdamp.inference.deviation.orbit import orbit_at, rest_of
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.kernel import Motion, Solver
+from bayesdamp.types import Ratio
 
 KNOTS, A_KNOT = (6, 24), 1.5
 """Fewest and most knots of g, and cycles for each."""
