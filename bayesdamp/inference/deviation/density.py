@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bayesdamp.inference.deviation.candidate import columns_at
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.least_squares import SEARCHED
 from bayesdamp.inference.deviation.sampled.motions import motions_near
@@ -17,7 +18,7 @@ from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.averaged import AveragedSolver
-from bayesdamp.physics.kernel.solve import ALL, TOLERANCE
+from bayesdamp.physics.kernel.solve import TOLERANCE
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.types import Refusal, Signal
@@ -114,12 +115,10 @@ def _deviation(weighing: Weighing, result: Result) -> Deviation:
     parameters, solver, data = result.fit.parameters, result.solver, weighing.data
     n, d = solver.knots.size, parameters.free.size
     g, h = about.u[d : d + n], about.u[d + n :]
-    p = parameters.values(about.u[:d])
-    moved = solver.solve(p, result.fit.active, np.expm1(g), h, ALL, tolerance=SEARCHED)
-    if moved is None:
+    tangents = columns_at(solver, result.fit, about.u, SEARCHED)
+    if tangents is None:
         raise Refusal(ESCAPED)
-    columns = moved.tangents[:, len(solver.names) :].copy()
-    columns[:, :n] *= np.exp(g)
+    columns = tangents[:, d:]
     basis, upper = np.linalg.qr(columns)
     grid = grid_of(n, absorbed=parameters.absorbs)
     kept = weighed.probable(NEGLIGIBLE)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -35,7 +35,7 @@ class Fit:
     """A candidate's best motion under exact laws.
 
     z: scores, (d,); residual: record minus motion, (n,), in the record's unit; tangents: of the motion by the scores,
-    (n, d); evaluations: motions solved on the way.
+    (n, d).
     """
 
     parameters: Parameters
@@ -44,7 +44,6 @@ class Fit:
     residual: np.ndarray
     tangents: np.ndarray
     motion: Motion
-    evaluations: int
 
     @property
     def values(self) -> np.ndarray:
@@ -101,14 +100,13 @@ def fit(
             stages.append((stop, SEARCHED))
         span *= 2
     stages += [(None, SEARCHED), (None, TOLERANCE)] if integrated else [(None, TOLERANCE)]
-    best, count = None, 0
+    best = None
     for stop, tolerance in stages:
         best = _search(solver, parameters, active, y[:stop], z, noise, tolerance)
         if best is None:
             return None
-        z, count = best.z, count + best.evaluations
-    assert best is not None
-    return replace(best, evaluations=count)
+        z = best.z
+    return best
 
 
 def _search(
@@ -125,7 +123,7 @@ def _search(
     def solve(z: np.ndarray, tangents: int, tolerance: float) -> Motion | None:
         return solver.solve(parameters.values(z), active, tangents=tangents, stop=y.size, tolerance=tolerance)
 
-    motion, damping, count, steps = solve(z, NONE, tolerance), FIRST, 1, 0
+    motion, damping, steps = solve(z, NONE, tolerance), FIRST, 0
     if motion is None:
         return None
     close = CLOSE if tolerance == TOLERANCE else ROUGH
@@ -149,10 +147,9 @@ def _search(
             new = nonnegative(root, aim, parameters.positive)
             promised = cost - left - float(np.sum((plain @ new - wanted) ** 2))
             if damping >= MOST_DAMPING or promised < NOTHING * close * cost:
-                return Fit(parameters, active, z, r, jacobian, motion, count)
+                return Fit(parameters, active, z, r, jacobian, motion)
             new = parameters.retracted(solver.restoring, z, new)
             trial = solve(new, NONE, tolerance)
-            count += 1
             residual = y if trial is None else y - trial.y
             after = float(residual @ residual) + variance * float(new @ new)
             if trial is not None and after < cost:
@@ -161,7 +158,7 @@ def _search(
         damping, steps = max(damping * LESS, LOWEST), steps + 1
         z, motion = new, trial
         if (cost - after) / cost < close or steps == MOST_STEPS:
-            return Fit(parameters, active, z, residual, jacobian, motion, count)
+            return Fit(parameters, active, z, residual, jacobian, motion)
 
 
 def _triangle(jacobian: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -348,7 +348,7 @@ def again(data: Data, candidate: Candidate, found: Found, knots: np.ndarray | No
     if motion is None or moved is None:
         raise Refusal(ESCAPED)
     tangents = parameters.by_scores(moved.tangents, found.z)
-    best = Fit(parameters, active, found.z, data.y - motion.y, tangents, motion, 0)
+    best = Fit(parameters, active, found.z, data.y - motion.y, tangents, motion)
     about = linearised(candidate, solver, data, best, found.u)
     if about is None:
         raise Refusal(ESCAPED)

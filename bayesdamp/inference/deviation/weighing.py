@@ -15,6 +15,7 @@ from bayesdamp.inference.deviation.candidate import (
     exact,
     first_values,
     parameters_of,
+    refit,
     relinearised,
     searched,
     starts_of,
@@ -24,14 +25,13 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knot
 from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, weigh
 from bayesdamp.inference.deviation.gaussian.noise import inflation
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
-from bayesdamp.inference.deviation.least_squares import Fit, fit
+from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.sample_noise import (
     AUTOMATIC,
     GAUSSIAN,
     SampleNoise,
     adapted,
-    inflated,
     predictable,
 )
 from bayesdamp.inference.model.defaults import Reference
@@ -81,6 +81,14 @@ class Result:
         if self.sampled is not None and self.sampled.trusted:
             return self.sampled.log_evidence
         return (self.exact_weighed if self.weighed is None else self.weighed).log_evidence
+
+    @property
+    def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
+        """Relative deviations of damping and frequency at the knots, at the mode; None where laws hold exactly."""
+        if self.about is None:
+            return None, None
+        g, h = np.split(self.about.u[self.fit.z.size :], 2)
+        return np.expm1(g), h
 
     @property
     def motion(self) -> Motion:
@@ -207,14 +215,16 @@ def weigh_all(
         data = other.data
         _refitted(data, solvers, fits)
         wholes = _about(whole, solvers, data, fits)
-        variance, kappa = inflated(data, wholes[law][0], other.variance)
+        at = wholes[law][0]
+        kappa = inflation(data.t, at.left, data.frequency, at.u.size, other.variance)
+        variance = kappa * other.variance
         stated = float(np.sqrt(other.variance))
     elif stated is None:
         variance, kappa = _noise(data, wholes, approximate)
         if other is not None and other.variance > variance:
             variance, kappa = other.variance, kappa * other.variance / variance
     else:
-        variance, kappa = _stated(data, stated), 1.0
+        variance, kappa = data.least_variance + stated**2 / data.thinned, 1.0
     noise = variance, kappa
     kept = _laws_kept(wholes, variance, data.y.size / kappa, knots.size)
     asked: list[Candidate] = []
@@ -310,7 +320,14 @@ def result_of(
     grid = grid_of(solver.knots.size, absorbed=found.parameters.absorbs)
     over = weigh(about[0].model, grid, variance, samples) if about else None
     return Result(
-        c, solver, found, linear, _exact(linear, own, samples), own, about[0] if about else None, over
+        c,
+        solver,
+        found,
+        linear,
+        weigh(linear, grid_of(0, exact=True), own, samples),
+        own,
+        about[0] if about else None,
+        over,
     )
 
 
@@ -333,7 +350,7 @@ def _frictions(
 
     def under(share: float) -> tuple[float, float, np.ndarray] | None:
         solver = replace(solvers[best.restoring], epsilon=share * peak)
-        new = fit(solver, top.parameters, top.active, data.y, top.z, noise=data.noise, windows=False)
+        new = refit(solver, data, top)
         if new is None:
             return None
         return (
@@ -401,15 +418,9 @@ def _corrected(solvers: dict[str, Solver], fits: Mapping[Candidate, Fit]) -> Non
 
 def _refitted(data: Data, solvers: Mapping[str, Solver], fits: dict[Candidate, Fit]) -> None:
     """Fits anew under the solvers' ε."""
-
-    def again(c: Candidate) -> Fit | None:
-        at = fits[c]
-        return fit(
-            solvers[c.restoring], at.parameters, at.active, data.y, at.z, noise=data.noise, windows=False
-        )
-
     every = list(fits)
-    for c, new in zip(every, at_once(again, every), strict=True):
+    found = at_once(lambda c: refit(solvers[c.restoring], data, fits[c]), every)
+    for c, new in zip(every, found, strict=True):
         if new is not None:
             fits[c] = new
 
@@ -426,18 +437,8 @@ def _laws_kept(
     return {law for law, value in found.items() if value > best - REACH}
 
 
-def _exact(linear: Linear, variance: float, samples: float) -> Weighed:
-    """`weigh` under exact laws."""
-    return weigh(linear, grid_of(0, exact=True), variance, samples)
-
-
 def _coefficients(candidate: Candidate) -> set[str]:
     return {TERMS.get(t).parameter for t in candidate.damping}
-
-
-def _stated(data: Data, noise_sd: float) -> float:
-    """The variance of a noise whose sd is known, in the record's unit, after thinning."""
-    return data.least_variance + noise_sd**2 / data.thinned
 
 
 def _noise(

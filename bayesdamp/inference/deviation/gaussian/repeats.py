@@ -84,7 +84,7 @@ class Repeats:
 
     log_evidence in nats; names: of the damping's parameters; draws: of the specimen's, (n, k), in natural units;
     spreads: of the logarithm of a run's factor, with each draw, (n,); combos: with each draw the combination of the
-    deviations' sizes, (n,); spread_probability: of each of `SPREADS`, or of the one that was given.
+    deviations' sizes, (n,).
     """
 
     log_evidence: float
@@ -92,7 +92,6 @@ class Repeats:
     draws: np.ndarray
     spreads: np.ndarray
     combos: np.ndarray
-    spread_probability: np.ndarray
 
 
 def joined(
@@ -143,14 +142,11 @@ def joined(
     positive = np.array([p.reflected for p in priors.values()], bool)
     shared = np.array([isinstance(p, SharedHalfNormal) for p in priors.values()], bool)
     weighed = with_priors(found, positive, shared)
-    probability = np.bincount(at[weighed.combos], weighed.weights, spreads.size)
     z, rows = weighed.draw(np.random.default_rng(seed), positive, draws, NEGLIGIBLE)
     of = weighed.combos[rows]
     natural = np.column_stack([p.value(z[:, i]) for i, p in enumerate(priors.values())])
     drawn = spreads[at[of]] if spreads.size == 1 else _within_cells(at[of], np.random.default_rng([seed, 1]))
-    return Repeats(
-        weighed.log_evidence, runs[0].names, natural, drawn, combo[of], probability / probability.sum()
-    )
+    return Repeats(weighed.log_evidence, runs[0].names, natural, drawn, combo[of])
 
 
 def _masses() -> np.ndarray:

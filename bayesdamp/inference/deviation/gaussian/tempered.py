@@ -43,7 +43,7 @@ class Sampled:
     """Draws of the posterior of the motions themselves.
 
     draws: u = (scores, log g, h), (n, K), with equal weights; log_evidence in nats with its standard error;
-    temperatures: how many were passed; acceptance: of the last moves; solved: motions.
+    temperatures: how many were passed; acceptance: of the last moves.
     """
 
     draws: np.ndarray
@@ -51,7 +51,6 @@ class Sampled:
     stderr: float
     temperatures: int
     acceptance: float
-    solved: int
 
     @property
     def trusted(self) -> bool:
@@ -88,11 +87,11 @@ def sampled(
     u, combo = weighed.draw(rng, positive, draws)
     cloud = _Cloud(combo, u, ratio(u))
     if not np.any(np.isfinite(cloud.ratio)):
-        return Sampled(cloud.u, -np.inf, float("nan"), 0, 0.0, draws)
+        return Sampled(cloud.u, -np.inf, float("nan"), 0, 0.0)
     whole = _whole(rng, cloud, weighed, positive, ratio, draws)
     if whole is not None:
         return whole
-    solved, beta, step, log_evidence, variance, passed = draws, 0.0, FIRST_STEP, 0.0, 0.0, 0
+    beta, step, log_evidence, variance, passed = 0.0, FIRST_STEP, 0.0, 0.0, 0
     accepted = 1.0
     while beta < 1.0 and passed < MOST_TEMPERATURES:
         rise = _rise(cloud.ratio, 1.0 - beta)
@@ -105,11 +104,10 @@ def sampled(
         for _ in range(LAST if beta >= 1.0 else MOVES):
             accepted = _moved(rng, cloud, weighed, positive, ratio, beta, step)
             step = float(np.clip(step * np.exp(accepted - WANTED), LEAST_STEP, 1.0))
-            solved += draws
     if beta < 1.0:
         accepted = 0.0
     return Sampled(
-        cloud.u, weighed.log_evidence + log_evidence, float(np.sqrt(max(variance, 0.0))), passed, accepted, solved
+        cloud.u, weighed.log_evidence + log_evidence, float(np.sqrt(max(variance, 0.0))), passed, accepted
     )  # fmt: skip
 
 
@@ -137,7 +135,7 @@ def _whole(
     error = float(np.sqrt(max(np.sum(weights**2) - 1.0 / ratios.size, 0.0)))
     taken = u[resampled(logs, draws, rng)]
     evidence = weighed.log_evidence + float(np.logaddexp.reduce(logs)) - float(np.log(ratios.size))
-    return Sampled(taken, evidence, error, 1, 1.0, ratios.size)
+    return Sampled(taken, evidence, error, 1, 1.0)
 
 
 def _rise(ratio: np.ndarray, most: float) -> float:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesdamp.inference.deviation.candidate import columns_at
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import condensed, weigh
 from bayesdamp.inference.deviation.numbers.curves import values_of
@@ -19,7 +20,6 @@ from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.damping import TERMS, TINY, others
-from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import SCORE_RATIO
 
@@ -138,17 +138,8 @@ def columns_of(weighing: Weighing, result: Result, approximate: bool) -> tuple[n
     fit, data, about = result.fit, weighing.data, result.about
     if not approximate or about is None:
         return fit.tangents, fit.residual + fit.tangents @ fit.z
-    solver, d = result.solver, fit.z.size
-    n = solver.knots.size
-    z, g, h = about.u[:d], about.u[d : d + n], about.u[d + n :]
-    motion = solver.solve(fit.parameters.values(z), fit.active, np.expm1(g), h, ALL)
-    if motion is None:
-        return None
-    scores = motion.tangents[:, fit.parameters.free] * fit.parameters.rates(z)
-    rest = motion.tangents[:, len(solver.names) :].copy()
-    rest[:, :n] *= np.exp(g)
-    columns = np.column_stack([scores, rest])
-    return columns, data.y - motion.y + columns @ about.u
+    columns = columns_at(result.solver, fit, about.u)
+    return None if columns is None else (columns, data.y - about.motion.y + columns @ about.u)
 
 
 def _middle(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -15,11 +15,6 @@ from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.types import Ratio
 
 
-def times_of(result: Result) -> tuple[np.ndarray, np.ndarray]:
-    """Times in s of a result's half cycles, and half the distance of their turning points, in falling order."""
-    return turning_amplitudes(result.motion)
-
-
 def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Times in s of a motion's half cycles, and half the distance of their turning points, in falling order."""
     times, states = motion.refined
@@ -39,7 +34,7 @@ def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
 
 def share_of_time(weighing: Weighing, result: Result, amplitude: float) -> float:
     """When the motion has this amplitude, as a share of the record."""
-    at, sizes = times_of(result)
+    at, sizes = turning_amplitudes(result.motion)
     if at.size < 2:
         return 0.5
     t = np.interp(-np.log(amplitude), -np.log(sizes), at)

@@ -6,7 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bayesdamp.inference.deviation.numbers.curves import at_share, between_knots, share_of_time, times_of
+from bayesdamp.inference.deviation.numbers.curves import (
+    at_share,
+    between_knots,
+    share_of_time,
+    turning_amplitudes,
+)
 from bayesdamp.inference.deviation.numbers.draws import Drawn
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.deviation.weighing import Result, Weighing
@@ -59,7 +64,7 @@ def off_laws(
 
 def _energies(weighing: Weighing, result: Result, knots: int) -> np.ndarray:
     """Shares of the oscillation's energy at equidistant knots, (k,)."""
-    at, sizes = times_of(result)
+    at, sizes = turning_amplitudes(result.motion)
     share = np.linspace(0, 1, knots)
     few = at.size < 2
     weight = np.ones(knots) if few else np.interp(share * weighing.data.end, at, sizes) ** 2

@@ -90,7 +90,11 @@ def draws_of(
     solver = result.solver
     knots = solver.knots.size
     few = min(count, DISTINCT) if set(solver.inferred) & set(parameters.free_names) else count
-    u = posterior_scores(result, weighed, few, rng)
+    if result.sampled is None or not result.sampled.trusted:
+        u = scores_of(weighed, parameters.positive, few, rng)
+    else:
+        own = result.sampled.draws
+        u = own[rng.choice(len(own), few, replace=few > len(own))]
     u = u[np.arange(count) * few // count]
     z, rest = u[:, :d], u[:, d:]
     if not approximate:
@@ -100,14 +104,6 @@ def draws_of(
     return Drawn(
         result, values[:, :m], values[:, m : law.start], values[:, law], rest[:, :knots], rest[:, knots:]
     )
-
-
-def posterior_scores(result: Result, weighed: Weighed, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Draws of a candidate's scores, g and h, (count, K): of its motions where they were sampled."""
-    if result.sampled is None or not result.sampled.trusted:
-        return scores_of(weighed, result.fit.parameters.positive, count, rng)
-    drawn = result.sampled.draws
-    return drawn[rng.choice(len(drawn), count, replace=count > len(drawn))]
 
 
 def scores_of(weighed: Weighed, positive: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:

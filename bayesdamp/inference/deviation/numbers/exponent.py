@@ -17,12 +17,13 @@ from bayesdamp.inference.deviation.candidate import (
     exact,
     linearised,
     parameters_of,
+    refit,
     relinearised,
     searched,
 )
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import weigh
-from bayesdamp.inference.deviation.least_squares import Fit, fit
+from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.deviation.numbers.curves import (
     further_of,
     orbit_of,
@@ -134,7 +135,7 @@ def _problem(
         solver = solver_of(p)
         z = np.delete(top.z, place) if near is None else near.u[: len(fixed.priors)]
         if not approximate:
-            found = fit(solver, fixed, top.active, data.y, z, noise=data.noise, windows=False)
+            found = refit(solver, data, replace(top, parameters=fixed, z=z))
             if found is None:
                 return None
             over = weigh(exact(found), grid_of(0, exact=True), variance, samples)

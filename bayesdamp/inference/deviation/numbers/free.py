@@ -112,7 +112,7 @@ def _mode(weighing: Weighing, solver: Solver, grid: Grid, guess: tuple[Ratio, ..
     z = parameters.scores({n: start[n] for n in parameters.free_names})
     empty = np.zeros((data.y.size, 0))
     motion = Motion(data.y, empty, np.zeros(0), np.zeros((0, 3)))
-    found = Fit(parameters, np.ones(1, bool), z, data.y, empty, motion, 0)
+    found = Fit(parameters, np.ones(1, bool), z, data.y, empty, motion)
     at = linearised(
         c, solver, data, found, np.concatenate([z, log - log.mean(), np.zeros(solver.knots.size)])
     )

@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesdamp.inference.deviation.candidate import Linearised, exact, linearised, relinearised
+from bayesdamp.inference.deviation.candidate import Linearised, exact, linearised, refit, relinearised
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, weigh
-from bayesdamp.inference.deviation.least_squares import fit
 from bayesdamp.inference.deviation.parameters import Parameters, Straight, straight_at
 from bayesdamp.inference.deviation.sampled.ridge import Ridge, ridge_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
@@ -111,9 +110,7 @@ def _about(
 
 
 def _exact(coordinates: Straight, result: Result, data: Data, samples: float) -> Reference | None:
-    fitted = fit(
-        result.solver, coordinates, result.fit.active, data.y, result.fit.z, noise=data.noise, windows=False
-    )
+    fitted = refit(result.solver, data, replace(result.fit, parameters=coordinates))
     if fitted is None:
         return None
     model = exact(fitted)

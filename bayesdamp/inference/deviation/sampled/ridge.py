@@ -190,15 +190,6 @@ class _Search:
     variance: float
     moved: np.ndarray
 
-    @cached_property
-    def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """Of the damping and of the frequency at the mode."""
-        about = self.result.about if self.approximate else None
-        if about is None:
-            return None, None
-        g, h = np.split(about.u[self.base.free.size :], 2)
-        return np.expm1(g), h
-
     def node(self, z: np.ndarray) -> _Node | None:
         """The mode from z, (d,), on; None where motions escape."""
         found = self._at(z)
@@ -225,8 +216,9 @@ class _Search:
         p = self.base.values(z)
         if not np.all(np.isfinite(p)):
             return None
+        deviations = self.result.deviations if self.approximate else (None, None)
         motion = self.result.solver.solve(
-            p, self.result.fit.active, *self.deviations, PARAMETERS, tolerance=TOLERANCE
+            p, self.result.fit.active, *deviations, PARAMETERS, tolerance=TOLERANCE
         )
         if motion is None:
             return None
