@@ -92,6 +92,14 @@ class Parameters(Scores):
         """Tangents by the scores at z, (n, d), of those by the kernel's parameters, (n, k)."""
         return tangents[:, self.free] * self.rates(z)
 
+    def plain(self, z: np.ndarray) -> np.ndarray:
+        """Return the standard normal scores of z, both (d,): z itself."""
+        return z
+
+    def log_prior_ratio(self, z: np.ndarray) -> float:
+        """Return the log of the prior's density at z, (d,), over that of the same prior of these scores: 0."""
+        return 0.0
+
     def named(self, z: np.ndarray) -> dict[str, float]:
         """All of the kernel's parameters at scores z, (d,), by name."""
         return dict(zip(self.names, map(float, self.values(z)), strict=True))
@@ -157,12 +165,8 @@ class Straight(Parameters):
         if not np.all(np.isfinite(plain)):
             return -np.inf
         slopes = self._slopes(z)
-        scales = []
-        for name, score, value in zip(self.at, plain, p, strict=True):
-            d = SMALL_STEP * max(1.0, abs(score))
-            ends = self.priors[name].value(np.array([score - d, score + d]))
-            scales.append(float(np.diff(ends)[0]) / (2 * d) if np.isfinite(value) else np.nan)
-        sign, log = np.linalg.slogdet(slopes / np.array(scales)[:, None])
+        rates = [float(self.priors[name].rate(score)) for name, score in zip(self.at, plain, strict=True)]
+        sign, log = np.linalg.slogdet(slopes / np.array(rates)[:, None])
         if not np.isfinite(log) or sign == 0:
             return -np.inf
         return float(log - 0.5 * np.sum(plain**2) + 0.5 * np.sum(z[self.places] ** 2))

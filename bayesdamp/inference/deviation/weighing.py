@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Self
 
 import numpy as np
 
@@ -74,6 +75,29 @@ class Result:
     weighed: Weighed | None = None
     sampled: Sampled | None = None
 
+    @classmethod
+    def of(
+        cls,
+        candidate: Candidate,
+        solver: Solver,
+        found: Fit,
+        about: Linearised | None,
+        variances: tuple[float, float],
+        samples: float,
+    ) -> Self:
+        """Weigh a fit.
+
+        about: the candidate with deviations; variances: of the noise under exact laws, and of that which counts;
+        samples: how many independent ones the record stands for.
+        """
+        own, variance = variances
+        linear, over = exact(found), None
+        if about is not None:
+            grid = grid_of(solver.knots.size, absorbed=found.parameters.absorbs)
+            over = weigh(about.model, grid, variance, samples)
+        plain = weigh(linear, grid_of(0, exact=True), own, samples)
+        return cls(candidate, solver, found, linear, plain, own, about, over)
+
     @property
     def log_evidence(self) -> float:
         """Under the laws that are asked for, in nats: of the motions where they were sampled, else of the linear
@@ -129,6 +153,11 @@ class Weighing:
     averaging: Averaging | None = None
     noise: SampleNoise = field(default_factory=SampleNoise)
     epsilon_known: bool = False
+
+    @property
+    def samples(self) -> float:
+        """How many independent samples the record stands for."""
+        return self.data.y.size / self.inflation
 
 
 def weigh_all(
@@ -313,22 +342,10 @@ def result_of(
     """A candidate's fit, weighed. noise: the variance that counts, and the inflation in it; stated: it is known, and
     not read from the record, so that it counts under exact laws too."""
     variance, kappa = noise
-    samples, linear = data.y.size / kappa, exact(found)
     own = data.least_variance + kappa * found.squares / max(data.y.size - found.z.size, 1)
-    own = variance if stated else own
     about = relinearised(c, solver, data, found, variance) if approximate else None
-    grid = grid_of(solver.knots.size, absorbed=found.parameters.absorbs)
-    over = weigh(about[0].model, grid, variance, samples) if about else None
-    return Result(
-        c,
-        solver,
-        found,
-        linear,
-        weigh(linear, grid_of(0, exact=True), own, samples),
-        own,
-        about[0] if about else None,
-        over,
-    )
+    variances = variance if stated else own, variance
+    return Result.of(c, solver, found, about[0] if about else None, variances, data.y.size / kappa)
 
 
 def _frictions(

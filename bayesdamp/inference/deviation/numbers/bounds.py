@@ -58,7 +58,6 @@ def bounds_of_others(
     columns, target = base
     sources, work, moved, own = _sources(weighing, result, forms)
     more = _tangents(weighing, result, sources)
-    samples = weighing.data.y.size / weighing.inflation
     absorbs = result.fit.parameters.absorbs
     knots = _knots(weighing, result) if approximate else 0
     grid = grid_of(knots, exact=not approximate, coarse=True, absorbed=absorbs)
@@ -71,7 +70,7 @@ def bounds_of_others(
         size = SCORE_RATIO * own.viscous / abs(work[i])
         whole = np.insert(columns, at, more[:, i] * size, axis=1)
         model = condensed(whole, target, np.append(positive, not form.signed), np.append(shared, True))
-        weighed = weigh(model, grid, weighing.variance, samples)
+        weighed = weigh(model, grid, weighing.variance, weighing.samples)
         u = scores_of(weighed, model.positive, FEW, rng)
         taken = np.abs(u[:, at]) * size * abs(work[i])
         rest = np.maximum(own.power(u[:, :at]), 0.0)

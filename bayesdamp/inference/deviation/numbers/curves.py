@@ -87,11 +87,10 @@ def ratios_per_unit(
     orbit = orbit_of(weighing, d.result, amplitude)
     if orbit is None:
         return None
-    rows, place = np.unique(d.further, axis=0, return_inverse=True)
     simple = np.array([not TERMS.get(t).inferred for t in solver.terms])
     active = d.result.fit.active | simple if every_term else d.result.fit.active
-    found = works_on(orbit, solver, rows, active, epsilon) / (4 * np.pi * orbit.energy)
-    return found[place.ravel()] if len(rows) > 1 else found
+    works = d.by_further(lambda rows: works_on(orbit, solver, rows, active, epsilon))
+    return works / (4 * np.pi * orbit.energy)
 
 
 def at_share(values: np.ndarray, share: float) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -36,15 +36,21 @@ def over_laws(
 ) -> tuple[Quantity, ...]:
     """How many times the law's own the damping is at amplitudes (rad or m), of which the mean over the record's energy
     is the law's: the laws that were drawn from, each with its deviation."""
+    means = [d.g @ _energies(weighing, d.result, d.g.shape[1]) for d in drawn]
     found = []
     for a in amplitudes:
-        each = []
-        for d in drawn:
-            mean = d.g @ _energies(weighing, d.result, d.g.shape[1])
-            there = at_share(d.g, share_of_time(weighing, d.result, a)) + between_knots(d.g, rng)
-            each.append(np.exp(there - mean))
-        found.append(quantity(np.concatenate(each)))
+        each = zip(_along(weighing, drawn, a, rng), means, strict=True)
+        found.append(quantity(np.concatenate([np.exp(g - mean) for (g, _), mean in each])))
     return tuple(found)
+
+
+def _along(
+    weighing: Weighing, drawn: Sequence[Drawn], amplitude: float, rng: np.random.Generator
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Log g and h of each candidate's draws at an amplitude, (n,)."""
+    for d in drawn:
+        share = share_of_time(weighing, d.result, amplitude)
+        yield at_share(d.g, share) + between_knots(d.g, rng), at_share(d.h, share)
 
 
 def off_laws(
@@ -53,11 +59,7 @@ def off_laws(
     """Mean and sd of the log of the damping ratio over that of the coefficients alone, at amplitudes (rad or m)."""
     found = []
     for a in amplitudes:
-        each = []
-        for d in drawn:
-            share = share_of_time(weighing, d.result, a)
-            each.append(at_share(d.g, share) + between_knots(d.g, rng) - np.log1p(at_share(d.h, share)))
-        values = np.concatenate(each)
+        values = np.concatenate([g - np.log1p(h) for g, h in _along(weighing, drawn, a, rng)])
         found.append((float(values.mean()), float(values.std())))
     return tuple(found)
 

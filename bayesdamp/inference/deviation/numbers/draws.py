@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -30,6 +31,21 @@ class Drawn:
     law: np.ndarray
     g: np.ndarray
     h: np.ndarray
+
+    @classmethod
+    def of(cls, result: Result, u: np.ndarray) -> Self:
+        """Draws of u = (scores, log g, h), (n, K), of a candidate."""
+        d, solver = result.fit.z.size, result.solver
+        values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
+        g, h = np.split(u[:, d:], 2, axis=1)
+        return cls(result, values[:, :m], values[:, m : law.start], values[:, law], g, h)
+
+    def by_further(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """Return a function of rows of further parameters, (d, e), for each draw, (n, m); (1, m) where all have the
+        same."""
+        rows, place = np.unique(self.further, axis=0, return_inverse=True)
+        found = function(rows)
+        return found[place.ravel()] if len(rows) > 1 else found
 
 
 def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[Candidate, float]:
@@ -88,7 +104,6 @@ def draws_of(
     assert weighed is not None
     d, parameters = result.fit.z.size, result.fit.parameters
     solver = result.solver
-    knots = solver.knots.size
     few = min(count, DISTINCT) if set(solver.inferred) & set(parameters.free_names) else count
     if result.sampled is None or not result.sampled.trusted:
         u = scores_of(weighed, parameters.positive, few, rng)
@@ -96,14 +111,7 @@ def draws_of(
         own = result.sampled.draws
         u = own[rng.choice(len(own), few, replace=few > len(own))]
     u = u[np.arange(count) * few // count]
-    z, rest = u[:, :d], u[:, d:]
-    if not approximate:
-        rest = np.zeros((count, 2 * knots))
-    m, law = len(solver.terms), solver.law_places
-    values = parameters.values(z)
-    return Drawn(
-        result, values[:, :m], values[:, m : law.start], values[:, law], rest[:, :knots], rest[:, knots:]
-    )
+    return Drawn.of(result, u if approximate else np.pad(u[:, :d], ((0, 0), (0, 2 * solver.knots.size))))
 
 
 def scores_of(weighed: Weighed, positive: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:

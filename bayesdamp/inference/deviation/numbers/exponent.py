@@ -118,8 +118,7 @@ def _problem(
     if top is None:
         return None
     place = parameters.free_names.index("exponent")
-    samples = data.y.size / weighing.inflation
-    variance = weighing.variance
+    samples, variance = weighing.samples, weighing.variance
     if not (approximate or weighing.noise_known):
         variance = data.least_variance + weighing.inflation * top.squares / max(data.y.size - top.z.size, 1)
     own = weigh(exact(top), grid_of(0, exact=True), variance, samples)

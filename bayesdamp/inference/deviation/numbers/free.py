@@ -66,8 +66,7 @@ def free_curve(
     at = _mode(weighing, solver, grid, guess)
     if at is None:
         return None
-    samples = data.y.size / weighing.inflation
-    weighed = weigh(at.model, grid, weighing.variance, samples)
+    weighed = weigh(at.model, grid, weighing.variance, weighing.samples)
     u = scores_of(weighed, at.parameters.positive, DRAWS, rng)
     d = at.fit.z.size
     g, h, zeta = u[:, d : d + count], u[:, d + count :], at.parameters.known["zeta"]

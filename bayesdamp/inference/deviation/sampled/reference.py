@@ -7,7 +7,6 @@ spring's angle lies along a curve, which a linear model leaves after a few of it
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,16 +36,9 @@ class Reference:
 
     def scores(self, draws: np.ndarray) -> np.ndarray:
         """Standard normal scores with g and h, (n, K), of draws."""
-        if not isinstance(self.parameters, Straight | Ridge):
-            return draws
         d, found = self.parameters.free.size, draws.copy()
         found[:, :d] = [self.parameters.plain(row[:d]) for row in draws]
         return found
-
-    @property
-    def log_prior_ratio(self) -> Callable[[np.ndarray], float] | None:
-        """Log of the prior's density over the linear model's, of scores (d,); None where they are the same."""
-        return self.parameters.log_prior_ratio if isinstance(self.parameters, Straight | Ridge) else None
 
 
 def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Reference:
@@ -64,13 +56,12 @@ def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Refer
     knots = result.solver.knots.size if approximate else 0
     grid = grid_of(knots, exact=not approximate, absorbed=ridge.base.absorbs)
     variance = weighing.variance if approximate else result.exact_variance
-    samples = weighing.data.y.size / weighing.inflation
-    return Reference(ridge, model, weigh(model, grid, variance, samples))
+    return Reference(ridge, model, weigh(model, grid, variance, weighing.samples))
 
 
 def _straightened(weighing: Weighing, result: Result, approximate: bool) -> Reference | None:
     data, solver = weighing.data, result.solver
-    samples, variance = data.y.size / weighing.inflation, weighing.variance
+    samples, variance = weighing.samples, weighing.variance
     z = result.fit.z if not approximate or result.about is None else result.about.u[: result.fit.z.size]
     coordinates = straight_at(result.fit.parameters, result.candidate.restoring, z)
     if coordinates is None:
