@@ -20,6 +20,7 @@ from bayesdamp.physics.kernel.solve import ALL, NONE
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
+from bayesdamp.types import candidate_name
 
 STARTS = (-1.0, 0.0, 1.0)
 """Scores of a further parameter from which searches start."""
@@ -42,6 +43,11 @@ class Candidate:
 
     damping: tuple[str, ...]
     restoring: str
+
+    @property
+    def name(self) -> str:
+        """As `viscous+coulomb@pendulum`."""
+        return candidate_name("+".join(self.damping), self.restoring)
 
 
 @dataclass(frozen=True)

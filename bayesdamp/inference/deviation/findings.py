@@ -29,7 +29,6 @@ from bayesdamp.inference.deviation.numbers.draws import (
     drawn_from,
     draws_of,
     probabilities,
-    summed,
 )
 from bayesdamp.inference.deviation.numbers.exponent import LEAST, MOST
 from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
@@ -39,7 +38,7 @@ from bayesdamp.inference.deviation.numbers.unnamed import AS_WIDE, tied, unnamed
 from bayesdamp.inference.deviation.orbit import balanced_frequency, natural_frequency, rest_of
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.types import Ratio
+from bayesdamp.types import Ratio, summed
 
 SENSOR = 0.002
 """Relative standard deviation below which no rate is known: the sensor's linearity and the clock's."""
@@ -135,7 +134,7 @@ def findings(
     result = next(r for r in weighing.results if r.candidate == best)
     terms = next(iter(weighing.solvers.values())).terms
     shares = shares_of(weighing, drawn)
-    damping = summed(chosen, "damping")
+    damping = _summed(chosen)
     absent = _bounds(weighing, best, approximate, terms, rng)
     forms = bounds_of_others(weighing, result, approximate, np.random.default_rng([seed, 1]))
     size = np.concatenate([size_of(weighing, d.result, d.g) for d in every])
@@ -149,11 +148,11 @@ def findings(
     unexplained, noise = left_over(weighing, leading)
     return Findings(
         damping={n: p * (1 - exotic) for n, p in damping.items()},
-        exotic=summed({c: p for c, p in everything.items() if c not in own}, "damping"),
+        exotic=_summed({c: p for c, p in everything.items() if c not in own}),
         exponent=exponent,
         exponents=weighing.exponents,
-        exact=summed({c: p for c, p in exact_all.items() if c in own}, "damping"),
-        restoring=summed(chosen, "restoring"),
+        exact=_summed({c: p for c, p in exact_all.items() if c in own}),
+        restoring=_summed(chosen, 1),
         term={t: sum(p for c, p in everything.items() if t in c.damping) for t in terms},
         ratios=tuple(ratio_at(weighing, every, a, sensor if approximate else 0.0, rng) for a in wanted),
         curve=curve,
@@ -183,6 +182,11 @@ def findings(
         ),
         tied=tied(of_best, solver) if of_best is not None else (),
     )
+
+
+def _summed(found: Mapping[Candidate, float], part: int = 0) -> dict[str, float]:
+    """Probabilities by damping sum, or with `part` 1 by law, the largest first."""
+    return summed({c.name: p for c, p in found.items()}, part)
 
 
 def _grid(weighing: Weighing) -> tuple[float, ...]:

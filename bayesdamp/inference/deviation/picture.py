@@ -50,7 +50,7 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
         values = r.fit.parameters.values(r.fit.z)
         coefficients = values[: len(terms)]
         solver = weighing.solvers[r.candidate.restoring]
-        further = further_of(weighing, r, values)
+        further = further_of(r, values)
         orbits = [orbit_of(weighing, best, float(a)) for a in amplitude]
         none = np.full(len(terms), np.nan)
         work = coefficients * np.array([

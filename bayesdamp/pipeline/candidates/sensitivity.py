@@ -20,6 +20,7 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.outcomes import following
 from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.records.answering import likelihood_of
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult
@@ -48,31 +49,27 @@ SHOWN = 1000
 """Samples of a prediction that are kept, at least, where there are as many."""
 
 
-def sensitivity_cells(
-    path: str,
-    found: Mapping[str, str],
-    repeat: int,
-    terms: int,
-    noises: int,
-    joined: bool = False,
-    law: bool = False,
-) -> dict[str, str]:
-    """Names of the cells to what their keys depend on: of the first repeat alone, and only where evidence is asked for.
+def sensitivity_cells(branch: Branch, found: Mapping[str, str]) -> dict[str, str]:
+    """Return the names of a branch's cells and what their keys depend on.
 
-    found: the branch's other cells, name to key; terms, noises: how many of the candidate's and in play. joined:
-    whether what counts is a fit of this record and others together, so that it is not looked at closely by itself. law:
-    whether laws may hold approximately: what is coloured is the deviations' and κ's there, and there is no other noise.
+    They are of the first repeat alone, and only where evidence is asked for. Where laws may hold approximately, what is
+    coloured is the deviations' and κ's, and there is no other noise. Where what counts is a fit of this record and
+    others together, the record is not looked at closely by itself. found: the branch's other cells, name to key.
     """
-    asked = repeat == 0 and any(Place.of(n).kind == "evidence" for n in found)
-    sources = {kind: source.format(path) for kind, source in SOURCES.items()}
+    if branch.repeat or not any(Place.of(n).kind == "evidence" for n in found):
+        return {}
+    study = branch.study
+    joined = branch.spec.specimen in study.repeated and not study.posterior.samplers
+    left_out = {
+        *(CLOSE if joined else ()),
+        *(["noises"] if len(study.noises) < 2 or likelihood_of(study) == "law" else []),
+        *(["savage_dickey"] if len(branch.terms) < 2 else []),
+    }
+    sources = {kind: source.format(branch.path) for kind, source in SOURCES.items() if kind not in left_out}
     return {
-        f"sensitivity/{path}/{kind}": found[source]
+        f"sensitivity/{branch.path}/{kind}": found[source]
         for kind, source in sources.items()
-        if asked
-        and source in found
-        and not (law and kind == "noises")
-        and not (joined and kind in CLOSE)
-        and {"savage_dickey": terms, "noises": noises}.get(kind, 2) > 1
+        if source in found
     }
 
 

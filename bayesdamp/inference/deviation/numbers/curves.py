@@ -55,11 +55,9 @@ def values_of(result: Result) -> np.ndarray:
     return result.fit.parameters.values(z)
 
 
-def further_of(weighing: Weighing, result: Result, values: np.ndarray | None = None) -> np.ndarray:
-    """The terms' further parameters, (1, e), among a result's parameters; at its mode by default."""
-    solver = result.solver
-    values = values_of(result) if values is None else values
-    return values[None, len(solver.terms) : solver.law_places.start]
+def further_of(result: Result, values: np.ndarray) -> np.ndarray:
+    """The terms' further parameters, (1, e), among a result's parameters."""
+    return values[None, len(result.solver.terms) : result.solver.law_places.start]
 
 
 def works_on(

@@ -67,15 +67,6 @@ def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[C
     return {c: float(np.exp(v - top) / total) for c, v in logs.items()}
 
 
-def summed(found: Mapping[Candidate, float], key: str) -> dict[str, float]:
-    """Probabilities by damping sum ("damping") or by law ("restoring"), the largest first."""
-    totals: dict[str, float] = {}
-    for c, p in found.items():
-        name = "+".join(c.damping) if key == "damping" else c.restoring
-        totals[name] = totals.get(name, 0.0) + p
-    return dict(sorted(totals.items(), key=lambda item: -item[1]))
-
-
 def drawn_from(
     weighing: Weighing, chosen: Mapping[Candidate, float], approximate: bool, rng: np.random.Generator
 ) -> list[Drawn]:

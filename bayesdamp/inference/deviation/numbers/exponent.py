@@ -170,7 +170,7 @@ def power_starts(weighing: Weighing, best: Result, middle: Reference) -> list[di
         orbit = orbit_of(weighing, best, a)
         if orbit is None:
             return []
-        works = works_on(orbit, solver, further_of(weighing, best, values), active)[0]
+        works = works_on(orbit, solver, further_of(best, values), active)[0]
         ratios.append(float(works @ values[: works.size]) / (4 * np.pi * orbit.energy))
     if min(ratios) <= 0:
         return []

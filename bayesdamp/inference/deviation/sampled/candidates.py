@@ -51,13 +51,12 @@ def sampled_result(
     ratio = likelihood_ratio(
         motions, start.model, weighing.data.y, variance, start.parameters.log_prior_ratio
     )
-    name = "+".join(result.candidate.damping) + "@" + result.candidate.restoring
     found = sampled(
         ratio,
         start.weighed,
         start.parameters.positive,
         draws=draws,
-        seed=crc32(name.encode()) + seed % 2**32,
+        seed=crc32(result.candidate.name.encode()) + seed % 2**32,
     )
     return replace(result, sampled=replace(found, draws=start.scores(found.draws)))
 
