@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 LEVELS = {"q2.5": 0.025, "median": 0.5, "q97.5": 0.975}
 
@@ -25,10 +26,16 @@ def resampled(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> 
     return np.minimum(np.searchsorted(ladder, at * ladder[-1], side="right"), log_weights.size - 1)
 
 
+def quantiles(x: np.ndarray, weights: np.ndarray, levels: ArrayLike) -> np.ndarray:
+    """Quantiles of draws x, (n,), with weights that sum to one, (n,)."""
+    order = np.argsort(x)
+    ladder = np.cumsum(weights[order]) - 0.5 * weights[order]
+    return np.interp(levels, ladder, x[order])
+
+
 def summarise(x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
     """Mean, sd and central 95 % of draws x, (n,), with weights that sum to one, (n,)."""
     mean = float(weights @ x)
-    order = np.argsort(x)
-    ladder = np.cumsum(weights[order]) - 0.5 * weights[order]
-    found = {name: float(np.interp(level, ladder, x[order])) for name, level in LEVELS.items()}
+    ends = quantiles(x, weights, list(LEVELS.values())).tolist()
+    found = dict(zip(LEVELS, ends, strict=True))
     return {"mean": mean, "sd": float(np.sqrt(weights @ (x - mean) ** 2)), **found}

@@ -35,7 +35,8 @@ from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.deviation.numbers.shares import shares_of
 from bayesdamp.inference.deviation.numbers.unnamed import AS_WIDE, tied, unnamed_share, untold
-from bayesdamp.inference.deviation.orbit import balanced_frequency, natural_frequency, rest_of
+from bayesdamp.inference.deviation.orbit import balanced_frequency, natural_frequency
+from bayesdamp.inference.deviation.sampled.table import noise_sds
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import Ratio, summed
@@ -178,7 +179,12 @@ def findings(
         unnamed=unnamed_share(weighing, drawn, _grid(weighing)) if approximate else None,
         untold=(
             *(untold(of_best, solver) if of_best is not None else ()),
-            *_untold_exponent(exponent),
+            # Where its interval is as wide as what was assumed.
+            *(
+                ["exponent"]
+                if exponent and exponent.high - exponent.low > 0.95 * AS_WIDE * (MOST - LEAST)
+                else []
+            ),
         ),
         tied=tied(of_best, solver) if of_best is not None else (),
     )
@@ -235,8 +241,7 @@ def _rest_of_draw(weighing: Weighing, restoring: str, law: np.ndarray) -> float:
     names = LAWS.get(restoring).parameters
     if "rest_angle" in names:
         return float(law[names.index("rest_angle")])
-    rest = rest_of(restoring, law, weighing.data.rest, 2 * weighing.data.amplitude)
-    return weighing.data.rest if rest is None else rest
+    return weighing.data.rest_under(restoring, law)
 
 
 def _bounds(
@@ -259,24 +264,13 @@ def _bounds(
     return found
 
 
-def _untold_exponent(exponent: Quantity | None) -> tuple[str, ...]:
-    """The exponent's name where its interval is as wide as what was assumed."""
-    if exponent is None:
-        return ()
-    whole = 0.95 * (MOST - LEAST)
-    return ("exponent",) if exponent.high - exponent.low > AS_WIDE * whole else ()
-
-
 def _coefficients(weighing: Weighing, drawn: Sequence[Drawn], best: Candidate) -> dict[str, Quantity]:
     names = weighing.solvers[best.restoring].names
     d = next((d for d in drawn if d.result.candidate == best), None)
     if d is None:
         return {}
-    factor = d.result.exact_weighed.factors[0]
-    parameters = d.result.fit.parameters
-    sds = np.linalg.norm(factor, axis=1) * np.abs(parameters.rates(d.result.fit.z))
-    sds *= np.sqrt(weighing.variance / d.result.exact_variance)
-    by_name = dict(zip(parameters.free_names, map(float, sds), strict=True))
+    sds = noise_sds(weighing, d.result).tolist()
+    by_name = dict(zip(d.result.fit.parameters.free_names, sds, strict=True))
     values = np.column_stack([d.coefficients, d.further, d.law])
     return {
         name: quantity(values[:, i], by_name[name])

@@ -161,8 +161,8 @@ class Single:
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
         """Log g and h at the knots of draws (n, K): (n, k) each."""
-        d, k = self.result.fit.z.size, self.knots.size
-        return u[:, d : d + k], u[:, d + k :]
+        g, h = np.split(u[:, self.result.fit.z.size :], 2, axis=1)
+        return g, h
 
     @property
     def knots(self) -> Array:
@@ -272,8 +272,6 @@ def single(
     result = next((r for r in weighing.results if set(r.candidate.damping) == set(damping)), None)
     if result is None:
         raise Refusal(weighing.refused.get(asked, ESCAPED))
-    if result.about is None:
-        raise Refusal(ESCAPED)
     return again(data, result.candidate, found_of(weighing, result))
 
 

@@ -27,7 +27,6 @@ from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, weigh
 from bayesdamp.inference.deviation.gaussian.noise import inflation
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
 from bayesdamp.inference.deviation.least_squares import Fit
-from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.sample_noise import (
     AUTOMATIC,
     GAUSSIAN,
@@ -319,15 +318,15 @@ def _given(
     solver: Solver, data: Data, reference: Reference, priors: Mapping[str, Prior], known: Mapping[str, float]
 ) -> dict[str, float]:
     """What terms are given under a law: where the motion comes to rest is that of a viscous fit."""
-    at = None
+    at = data.rest
     if "rest" in solver.further:
         c, viscous = Candidate(("viscous",), solver.restoring), replace(solver, terms=("viscous",))
         parameters = parameters_of(c, viscous, data, reference, priors, known)
         found = searched(c, viscous, data, parameters, [first_values(c, data, known)], windows=True)
         if found is not None:
             law = found.parameters.values(found.z)[viscous.law_places]
-            at = rest_of(solver.restoring, law, data.rest, 2 * data.amplitude)
-    return reference.scales(data.rest if at is None else at)
+            at = data.rest_under(solver.restoring, law)
+    return reference.scales(at)
 
 
 def result_of(

@@ -13,11 +13,11 @@ from bayesdamp import types
 from bayesdamp.estimators.shared import noise_level
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import prepared
-from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of
+from bayesdamp.inference.deviation.numbers.averaging import averaging_of
 from bayesdamp.inference.deviation.quick import MOST_CYCLES
 from bayesdamp.inference.deviation.sample_noise import GAUSSIAN, noises_of
 from bayesdamp.inference.deviation.single import Single, single
-from bayesdamp.inference.deviation.weighing import weigh_all
+from bayesdamp.inference.deviation.weighing import START, weigh_all
 from bayesdamp.inference.fit.mode import Mode, restore_mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.fit.starting_points import prior_starts

@@ -10,13 +10,12 @@ from bayesdamp.inference.deviation.averaged import Averaging
 from bayesdamp.inference.deviation.candidate import refit
 from bayesdamp.inference.deviation.numbers.bounds import columns_of
 from bayesdamp.inference.deviation.numbers.curves import values_of
-from bayesdamp.inference.deviation.weighing import Result, Weighing, result_of
+from bayesdamp.inference.deviation.weighing import START, Result, Weighing, result_of
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.kernel.averaged import AveragedSolver
 
 NEAR = 10.0
 """Nats behind the best up to which a candidate counts."""
-START = ("theta0", "omega0")
 
 
 def set_right(weighing: Weighing, approximate: bool) -> Weighing:

@@ -17,7 +17,6 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import condensed, weigh
 from bayesdamp.inference.deviation.numbers.curves import values_of
 from bayesdamp.inference.deviation.numbers.draws import scores_of
-from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.damping import TERMS, TINY, others
 from bayesdamp.physics.restoring import LAWS
@@ -124,8 +123,7 @@ def _beyond(more: Shape, less: Shape) -> Shape:
 def _rest(weighing: Weighing, result: Result) -> float:
     name = result.candidate.restoring
     law = values_of(result)[weighing.solvers[name].law_places]
-    at = rest_of(name, law, weighing.data.rest, 2 * weighing.data.amplitude)
-    return weighing.data.rest if at is None else at
+    return weighing.data.rest_under(name, law)
 
 
 def _knots(weighing: Weighing, result: Result) -> int:

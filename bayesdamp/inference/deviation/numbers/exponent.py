@@ -31,7 +31,6 @@ from bayesdamp.inference.deviation.numbers.curves import (
     values_of,
     works_on,
 )
-from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import START, Result, Weighing
 from bayesdamp.inference.model.defaults import Reference
@@ -96,15 +95,13 @@ def _problem(
     best = max(weighing.results, key=lambda r: r.log_evidence)
     law, near = best.candidate.restoring, best.fit.parameters.named(best.fit.z)
     plain = weighing.solvers[law]
-    rest = rest_of(
-        law, best.fit.parameters.values(best.fit.z)[plain.law_places], data.rest, 2 * data.amplitude
-    )
+    rest = data.rest_under(law, best.fit.parameters.values(best.fit.z)[plain.law_places])
     known = {
         n: v for n, v in best.fit.parameters.known.items() if n in plain.names[plain.law_places] or n in START
     }
     # About there the size and the exponent are told by themselves.
     middle = Reference(float(np.sqrt(data.amplitude * data.final_amplitude)), data.frequency)
-    given = {**known, **middle.scales(data.rest if rest is None else rest)}
+    given = {**known, **middle.scales(rest)}
     c = Candidate(("power",), law)
 
     def solver_of(p: float) -> Solver:

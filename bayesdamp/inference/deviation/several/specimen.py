@@ -169,6 +169,11 @@ def weigh_specimen(
     laws = {law for r in records for _, law in r.log_evidence}
     models = {m for r in records for m in r.log_evidence} | {(d, law) for law in laws for d in places}
     own = {m: sum(r.missing(*m, places.get(m[0], "")) for r in records) for m in models}
+
+    def prior(model: Model) -> float:
+        terms = model[0].split("+")
+        return float(np.log(odds(terms, len(places) if model[0] in places else 0)))
+
     logs: dict[Model, float] = {}
     repeats: dict[Model, Repeats] = {}
     runs: dict[Model, tuple[DampingRun, ...]] = {}
@@ -183,7 +188,7 @@ def weigh_specimen(
         limit = places.get(model[0], "")
         rest = sum(r.missing(*model, limit) for r, run in zip(records, found, strict=True) if run is None)
         most = rest + sum(map(_largest, known))
-        if not known or most + _prior(model[0], len(places), model[0] in places) < best - REACH:
+        if not known or most + prior(model) < best - REACH:
             logs[model] = min(own[model], most)
             continue
         priors = priors_of(model[0], reference, given)
@@ -191,11 +196,11 @@ def weigh_specimen(
         alike, log_sizes = _alike(known)
         one = joined(alike, priors, log_sizes, spread=spread, seed=seed)
         logs[model] = one.log_evidence + rest
-        best = max(best, logs[model] + _prior(model[0], len(places), model[0] in places))
+        best = max(best, logs[model] + prior(model))
         if len(known) == len(records):
             repeats[model] = one
             runs[model] = tuple(known)
-    weights = {m: v + _prior(m[0], len(places), m[0] in places) for m, v in logs.items()}
+    weights = {m: v + prior(m) for m, v in logs.items()}
     top = max(weights.values())
     total = sum(np.exp(v - top) for v in weights.values())
     probability = {m: float(np.exp(v - top) / total) for m, v in weights.items()}
@@ -217,10 +222,6 @@ def priors_of(
     """Return the priors of a specimen's damping parameters: those that are stated, else the default ones."""
     priors = damping_priors(damping.split("+"), reference)
     return {n: (given or {}).get(n, p) for n, p in priors.items()}
-
-
-def _prior(damping: str, others: int, other: bool) -> float:
-    return float(np.log(odds(damping.split("+"), others if other else 0)))
 
 
 def _largest(run: RunLikelihood) -> float:
