@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from numpy.typing import ArrayLike
 
 LEVELS = {"q2.5": 0.025, "median": 0.5, "q97.5": 0.975}
 
@@ -26,7 +27,7 @@ def resampled(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> 
     return np.minimum(np.searchsorted(ladder, at * ladder[-1], side="right"), log_weights.size - 1)
 
 
-def quantiles(x: np.ndarray, weights: np.ndarray, levels: ArrayLike) -> np.ndarray:
+def quantiles(x: np.ndarray, weights: np.ndarray, levels: Sequence[float] | np.ndarray) -> np.ndarray:
     """Quantiles of draws x, (n,), with weights that sum to one, (n,)."""
     order = np.argsort(x)
     ladder = np.cumsum(weights[order]) - 0.5 * weights[order]

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from scipy.special import erf
@@ -73,7 +74,7 @@ class RunLikelihood:
         which = np.array([n in coefficients for n in priors], bool)
         return RunLikelihood(tuple(priors), which, values, changed)
 
-    def shifted(self, nats: float) -> RunLikelihood:
+    def shifted(self, nats: float) -> Self:
         """With so many nats more, whatever the damping."""
         return replace(self, likelihood=replace(self.likelihood, log=self.likelihood.log + nats))
 
