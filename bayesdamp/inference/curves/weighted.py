@@ -31,7 +31,7 @@ def quantiles(x: np.ndarray, weights: np.ndarray, levels: Sequence[float] | np.n
     """Quantiles of draws x, (n,), with weights that sum to one, (n,)."""
     order = np.argsort(x)
     ladder = np.cumsum(weights[order]) - 0.5 * weights[order]
-    return np.interp(levels, ladder, x[order])
+    return np.interp(np.asarray(levels, float), ladder, x[order])
 
 
 def summarise(x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
