@@ -175,6 +175,61 @@ class Seed:
 
 
 @dataclass(frozen=True)
+class PartialFit:
+    """The mode on a part of the record, from start to stop in s: values and Laplace sds of the parameters, and the
+    part's log evidence by Laplace's approximation (nats)."""
+
+    label: str
+    start: float
+    stop: float
+    values: Mapping[str, float]
+    sd: Mapping[str, float]
+    log_evidence: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What the first half of a record says of the second: rms of its error and the expected one, in the record's unit,
+    share inside the 95 % interval, log density given the first half (nats)."""
+
+    rms: float
+    expected: float
+    coverage: float
+    log_predictive: float
+
+
+@dataclass(frozen=True)
+class AddedForm:
+    """The model with another form of damping added: log Bayes factor in nats against the model alone."""
+
+    words: str
+    log_bayes: float
+
+
+@dataclass(frozen=True)
+class NestedRatio:
+    """Log Bayes factor (nats) of a model without a damping term against the one with it, by Savage and Dickey, and its
+    standard error. outcome: `ok`, or why it is not valid."""
+
+    log_bayes_factor: float = float("nan")
+    stderr: float = float("nan")
+    outcome: str = OK
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Equivalent viscous damping ratio at an amplitude (rad or m): median, 95 % interval, and the parts of its standard
+    deviation from noise and from the law."""
+
+    amplitude: float
+    value: float
+    low: float
+    high: float
+    sd_noise: float
+    sd_law: float
+
+
+@dataclass(frozen=True)
 class ChainStart:
     """A chain's starting point: the seed it is from, that one's distance from the mode and its own, in posterior sds;
     shift: the largest distance of the chain's mean from that of all, in posterior sds."""

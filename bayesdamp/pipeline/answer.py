@@ -11,7 +11,6 @@ import numpy as np
 from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.inference.deviation.findings import SENSOR, Findings, findings
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
-from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood
 from bayesdamp.inference.deviation.numbers.rivals import place_of
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
@@ -230,9 +229,9 @@ def _stored(weighing: Weighing, verdict: Verdict, arrays: Mapping[str, np.ndarra
         ):  # the fit of all terms, of a law that was not out of the question
             fits[law] = r.fit.parameters.named(r.fit.z)
         if r.sampled is not None and r.sampled.trusted:
-            drawn = posterior_of(weighing, r, r.sampled)
-            further["draws/{damping}@{restoring}".format(**name)] = drawn.draws
-            posteriors.append({**name, **{k: v for k, v in vars(drawn).items() if k != "draws"}})
+            said, draws = posterior_of(weighing, r, r.sampled)
+            further["draws/{damping}@{restoring}".format(**name)] = draws
+            posteriors.append({**name, **said})
         if r.about is not None and r.weighed is not None:
             laws.append({**name, "found": split(found_of(weighing, r), further, found_name(**name))})
     refused = [
@@ -357,18 +356,12 @@ def _runs(weighing: Weighing, found: Findings, approximate: bool) -> dict[str, n
         run = damping_run(weighing, r, amplitudes, approximate) if counts else None
         if run is None:
             continue
-        one, likelihood = run.likelihood, run.likelihood.likelihood
-        parts = {
-            "coefficients": one.coefficients,
-            "mode": one.mode,
-            "log": likelihood.log,
-            "slope": likelihood.slope,
-            "information": likelihood.information,
-            "per_unit": run.per_unit,
-            "growth": run.growth,
-        }
+        own = {n: getattr(run, n) for n in ("coefficients", "mode", "per_unit", "growth")}
         name = f"{RUN}{'+'.join(r.candidate.damping)}@{r.candidate.restoring}"
-        arrays |= {f"{name}/{part}": np.asarray(values, float) for part, values in parts.items()}
+        arrays |= {
+            f"{name}/{part}": np.asarray(values, float)
+            for part, values in (own | vars(run.likelihood)).items()
+        }
     return arrays
 
 
@@ -380,8 +373,9 @@ def _run_from(
         return None
     of = {n.removeprefix(prefix): a for n, a in arrays.items() if n.startswith(prefix)}
     likelihood = DampingLikelihood(of["log"] - top, of["slope"], of["information"])
-    run = RunLikelihood(names, of["coefficients"].astype(bool), of["mode"], likelihood)
-    return DampingRun(run, of["per_unit"], of["growth"])
+    return DampingRun(
+        names, of["coefficients"].astype(bool), of["mode"], likelihood, of["per_unit"], of["growth"]
+    )
 
 
 def _counts(weighing: Weighing, result: Result) -> bool:

@@ -20,13 +20,12 @@ from bayesdamp.store.contents.answers import (
     WeighedNoise,
 )
 from bayesdamp.store.contents.calibration import ChunkContent, RanksContent, RecoveryContent
-from bayesdamp.store.contents.candidates import Climb, ModeContent, Part, RefusedSeed, SecondHalf
+from bayesdamp.store.contents.candidates import Climb, ModeContent, RefusedSeed
 from bayesdamp.store.contents.content import Content
 from bayesdamp.store.contents.estimates import EstimateContent
 from bayesdamp.store.contents.evidence import (
     EvidenceContent,
     HalfContent,
-    NestedRatio,
     NoisesContent,
     RatiosContent,
     UnderNoise,
@@ -45,7 +44,7 @@ from bayesdamp.store.contents.records import (
     RecordContent,
     Scales,
 )
-from bayesdamp.types import ChainStart, Estimate, Evidence, Posterior, Seed
+from bayesdamp.types import ChainStart, Estimate, Evidence, Forecast, NestedRatio, PartialFit, Posterior, Seed
 
 KOOPMAN = Seed("koopman", "initial", grown=True)
 RECORD = RecordContent(
@@ -56,8 +55,8 @@ RECORD = RecordContent(
 MODE = ModeContent(
     {"zeta": 0.05}, {"zeta": 0.001}, {}, {"zeta": "halfnormal"}, 12.5, {"step_error": 1e-8},
     (Climb(KOOPMAN, (Seed("prior 1", drawn=True),), -5.0, 12.5, 30, -2.0, True, 1.5, 0),), (), ("mu_c",),
-    windows=(Part("whole", 0.0, 6.0, {"zeta": 0.05}, {"zeta": 0.001}, math.inf),),
-    forecast=SecondHalf(0.1, 0.1, 0.95, 30.0), rms=0.003, verdict="fits: well",
+    windows=(PartialFit("whole", 0.0, 6.0, {"zeta": 0.05}, {"zeta": 0.001}, math.inf),),
+    forecast=Forecast(0.1, 0.1, 0.95, 30.0), rms=0.003, verdict="fits: well",
     refused=(RefusedSeed(Seed("pinn"), "no convergence"),),
 )  # fmt: skip
 ANSWER = AnswerContent(

@@ -10,7 +10,8 @@ from dataclasses import replace
 import pytest
 
 from bayesdamp.inference.deviation.candidate import Candidate
-from bayesdamp.inference.deviation.findings import Findings, Quantity, Ratio
+from bayesdamp.inference.deviation.findings import Findings, Quantity
+from bayesdamp.types import Ratio
 from bayesdamp.verdict import Verdict, thresholds
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.parts import Averages, DampingRatio, FrequencyAt, Grade, Interval, LawFreeAt, Window

@@ -33,7 +33,8 @@ def damping_run(damping: str, ratio: float, sd: float, log: float | np.ndarray =
     assert isinstance(prior, SharedHalfNormal)
     scale = prior.per_ratio
     likelihood = run_of([name], [ratio * scale], np.array([[(sd * scale) ** 2]]), log)
-    return DampingRun(likelihood, np.full((AMPLITUDE.size, 1), 1 / scale), np.zeros((AMPLITUDE.size, 1)))
+    per_unit = np.full((AMPLITUDE.size, 1), 1 / scale)
+    return DampingRun(**vars(likelihood), per_unit=per_unit, growth=np.zeros((AMPLITUDE.size, 1)))
 
 
 def weighed_run(

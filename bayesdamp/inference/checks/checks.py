@@ -9,9 +9,9 @@ from functools import lru_cache
 import numpy as np
 from scipy.fft import next_fast_len
 
-from bayesdamp.inference.checks.forecast import TOGETHER, Forecast, forecast
+from bayesdamp.inference.checks.forecast import TOGETHER, forecast
 from bayesdamp.inference.checks.residual_spectrum import Line, orthonormal, standing_out, strongest
-from bayesdamp.inference.checks.score_tests import Other, Rival, other_form
+from bayesdamp.inference.checks.score_tests import Other, other_form
 from bayesdamp.inference.coordinates.truncated_normal import about
 from bayesdamp.inference.fit.laplace import log_evidence_near, value_sds
 from bayesdamp.inference.fit.maximise import ROUGHLY, maximise_posterior
@@ -20,7 +20,7 @@ from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.outcomes import Fitting
-from bayesdamp.types import Refusal
+from bayesdamp.types import AddedForm, Forecast, PartialFit, Refusal
 
 DRAWS = 200
 STEP = 0.1
@@ -40,19 +40,6 @@ HEAVY = 1.0
 WINDOW_LIMIT = 0.005
 """Chance of the largest shift of a coefficient between a window and the record, for all that are looked at, from which
 the coefficients change."""
-
-
-@dataclass(frozen=True)
-class Window:
-    """The mode on a part of the record: start and stop in s, values and Laplace sds of the parameters, and the part's
-    log evidence by Laplace's approximation (nats)."""
-
-    label: str
-    start: float
-    stop: float
-    values: dict[str, float]
-    sd: dict[str, float]
-    log_evidence: float
 
 
 @dataclass(frozen=True)
@@ -81,11 +68,11 @@ class Fit:
     form_p: float
     kurtosis: float
     tails_p: float
-    windows: tuple[Window, ...]
+    windows: tuple[PartialFit, ...]
     window_spread: float
     window_p: float
     forecast: Forecast | None
-    rivals: tuple[Rival, ...]
+    rivals: tuple[AddedForm, ...]
     verdict: str
 
 
@@ -226,7 +213,9 @@ def _verdict(noise: NoiseModel, p: float, line: Line, form: Other, window_p: flo
     return f"{Fitting.FITS.value}, with correlated noise" if correlated else Fitting.FITS.value
 
 
-def _windows(target: Target, mode: Mode, seed: int) -> tuple[tuple[Window, ...], float, int, Forecast | None]:
+def _windows(
+    target: Target, mode: Mode, seed: int
+) -> tuple[tuple[PartialFit, ...], float, int, Forecast | None]:
     """The mode on the first, the middle and the last half of the record; the motion starts where it did.
 
     With the largest shift of a coefficient, in the sds that it has by chance, how many were looked at, and what the
@@ -264,7 +253,7 @@ def _window(
     information: np.ndarray,
     start: float,
     stop: float,
-) -> tuple[Window, np.ndarray]:
+) -> tuple[PartialFit, np.ndarray]:
     """The window, and a factor of the covariance of its scores."""
     try:
         factor = whitening(information)
@@ -274,4 +263,4 @@ def _window(
     covariance = factor @ factor.T
     target = likelihood.target
     values = {n: float(v) for n, v in target.values(z).items()}
-    return Window(label, start, stop, values, value_sds(target, z, covariance), evidence), factor
+    return PartialFit(label, start, stop, values, value_sds(target, z, covariance), evidence), factor

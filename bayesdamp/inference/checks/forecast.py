@@ -8,7 +8,7 @@ import numpy as np
 
 from bayesdamp.inference.coordinates.truncated_normal import near
 from bayesdamp.inference.model.likelihood import Likelihood
-from bayesdamp.types import Refusal
+from bayesdamp.types import Forecast, Refusal
 
 DRAWS = 50
 """Of Laplace's approximation, and at a time: what they add to the interval's width is good to a tenth of itself."""
@@ -42,17 +42,6 @@ class Ahead:
     def coverage(self) -> float:
         """Share of the samples inside their 95 % interval."""
         return float(np.mean(np.abs(self.error) < INTERVAL * self.sd))
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """rms, expected and coverage of what is ahead; log_predictive: log density of the second half given the first, in
-    nats."""
-
-    rms: float
-    expected: float
-    coverage: float
-    log_predictive: float
 
 
 def carried_on(likelihood: Likelihood, draws: np.ndarray, half: int) -> Ahead:

@@ -22,6 +22,7 @@ from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.physics.kernel import Motion
 from bayesdamp.physics.kernel.solve import Slopes
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.types import AddedForm
 
 PARTS = 32
 """Points in a step of the solver at which a force is summed up."""
@@ -60,14 +61,6 @@ FORMS = (
 
 
 @dataclass(frozen=True)
-class Rival:
-    """The model with another form of damping beside its own: log Bayes factor, in nats, against the model alone."""
-
-    words: str
-    log_bayes: float
-
-
-@dataclass(frozen=True)
 class Other:
     """The force that would take most off the residuals: the chance of as much by noise, for all that were tried.
 
@@ -76,7 +69,7 @@ class Other:
 
     chance: float = 1.0
     words: str = ""
-    rivals: tuple[Rival, ...] = ()
+    rivals: tuple[AddedForm, ...] = ()
 
 
 def other_form(
@@ -96,7 +89,7 @@ def other_form(
     if motion is None or (likelihood.target.oscillator.switches and p["epsilon"] == 0.0):
         return Other()
     found: list[tuple[float, str]] = []
-    rivals: list[Rival] = []
+    rivals: list[AddedForm] = []
     largest = _largest_damping(likelihood, motion, p)
     for form, moved in zip(FORMS, responses(likelihood, motion, p), strict=True):
         direction = whiten(moved)
@@ -110,7 +103,7 @@ def other_form(
             length = SIZE * largest * left / size * np.sqrt(likelihood.information(moved, mode.z))
             log_bayes = log_bayes_factor(score, float(length), form.signed)
         if form.damps:
-            rivals.append(Rival(form.words, log_bayes))
+            rivals.append(AddedForm(form.words, log_bayes))
     chance, words = min(found, default=(1.0, ""))
     return Other(min(1.0, len(found) * chance), words, tuple(rivals))
 

@@ -1,4 +1,4 @@
-"""Quantities that follow from a posterior's draws: one class each, in `QUANTITIES`.
+"""Quantities that follow from a posterior's draws: a row each in `QUANTITIES`.
 
 | name | unit | what |
 |---|---|---|
@@ -21,8 +21,7 @@ linear oscillator with viscous damping the half-life is exact, the decrement wit
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -77,16 +76,19 @@ class Motions:
             return np.sqrt(self.osc.law.slope(self._rest, self._numbers))
 
     @cached_property
-    def slopes(self) -> np.ndarray:
-        """F′_damp at the equilibrium in 1/s, of the terms that do not switch."""
+    def damping_ratio(self) -> np.ndarray | None:
+        """F′_damp/(2ω_n) at the equilibrium, of the terms that do not switch; None where none is linear there."""
         smooth = [t for t in self.osc.terms if not t.switches]
+        if not smooth:
+            return None
         p = self.osc.settled(self._numbers)
 
         def force(v: np.ndarray) -> np.ndarray:
             parts = (p[t.parameter] * t.force(self._rest, v, 1.0, *(p[n] for n in t.further)) for t in smooth)
             return np.asarray(sum(parts, np.zeros(self.shape)))
 
-        return slope_of(force, np.zeros(self.shape), SLOW)
+        slopes = slope_of(force, np.zeros(self.shape), SLOW)
+        return slopes / (2.0 * self.frequency) if np.any(slopes) else None
 
     def at(self, amplitude: np.ndarray | float) -> Cycle:
         """The cycle at an amplitude, one for all or one for each draw."""
@@ -99,161 +101,50 @@ class Motions:
         """The cycle at the reference amplitude."""
         return self.at(self.amplitude)
 
-    def coefficient(self, name: str) -> np.ndarray | None:
-        """A coefficient times the inertia; None where one of the two is not there."""
+    @property
+    def half_life(self) -> np.ndarray:
+        """∫ T/δ d ln A from half the reference amplitude to it, in s, by Gauss and Legendre's rule."""
+        time = np.zeros(self.shape)
+        for x, w in zip(*_HALVING, strict=True):
+            a = self.amplitude * 2.0 ** (-0.5 * (x + 1.0))
+            at = self.at(a)
+            time += 0.5 * np.log(2.0) * w * a * np.asarray(at.period * at.slope / at.lost)
+        return time
+
+    def coefficient(self, name: str, factor: float = 1.0) -> np.ndarray | None:
+        """A factor times a coefficient times the inertia; None where one of the two is not there."""
         if self.inertia is None or name not in self.osc.coefficients:
             return None
-        return self.inertia * np.broadcast_to(np.asarray(self.values[name], float), self.shape)
+        return factor * (self.inertia * np.broadcast_to(np.asarray(self.values[name], float), self.shape))
 
 
-class Quantity(ABC):
-    """One derived quantity. angular, linear: its unit for an angle in rad and for a displacement in m."""
+@dataclass(frozen=True)
+class Quantity:
+    """One derived quantity. angular, linear: its unit for an angle in rad and for a displacement in m; of: its value
+    for each draw, None where the model or what is known has no such thing."""
 
     name: str
     angular: str
     linear: str
-
-    @abstractmethod
-    def of(self, motions: Motions) -> np.ndarray | None:
-        """Its value for each draw; None where the model or what is known has no such thing."""
-
-    def unit(self, displacement: str) -> str:
-        """Its unit where displacements are in rad or in m."""
-        return self.angular if displacement == "rad" else self.linear
+    of: Callable[[Motions], np.ndarray | None]
 
 
-class NaturalFrequency(Quantity):
-    """ω_n = √F′_rest at the equilibrium."""
-
-    name, angular, linear = "natural_frequency", "rad/s", "rad/s"
-
-    def of(self, motions: Motions) -> np.ndarray:
-        """ω_n in rad/s; nan where there is no stable equilibrium."""
-        return motions.frequency
-
-
-class DampingRatio(Quantity):
-    """ζ = F′_damp/(2ω_n) at the equilibrium, of the terms that are linear there."""
-
-    name, angular, linear = "damping_ratio", "1", "1"
-
-    def of(self, motions: Motions) -> np.ndarray | None:
-        """ζ; None where no term is linear at rest."""
-        if all(t.switches for t in motions.osc.terms):
-            return None
-        slopes = motions.slopes
-        return slopes / (2.0 * motions.frequency) if np.any(slopes) else None
-
-
-class QualityFactor(Quantity):
-    """Q = 1/(2ζ)."""
-
-    name, angular, linear = "quality_factor", "1", "1"
-
-    def of(self, motions: Motions) -> np.ndarray | None:
-        """Q; None where there is no damping ratio at rest."""
-        ratio = DampingRatio().of(motions)
-        return None if ratio is None else 0.5 / ratio
-
-
-class EquivalentRatio(Quantity):
-    """ΔE/(4πE) of a cycle at the reference amplitude."""
-
-    name, angular, linear = "equivalent_ratio", "1", "1"
-
-    def of(self, motions: Motions) -> np.ndarray:
-        """The ratio of the cycle at the reference amplitude."""
-        return _ratio(motions.cycle)
-
-
-class LogDecrement(Quantity):
-    """Fall of ln A in a cycle at the reference amplitude."""
-
-    name, angular, linear = "log_decrement", "1", "1"
-
-    def of(self, motions: Motions) -> np.ndarray:
-        """ΔE/(A dE/dA) at the reference amplitude."""
-        return _decrement(motions.cycle, motions.amplitude)
-
-
-class HalfLife(Quantity):
-    """Time in which the amplitude halves from the reference amplitude."""
-
-    name, angular, linear = "half_life", "s", "s"
-
-    def of(self, motions: Motions) -> np.ndarray:
-        """∫ T/δ d ln A from half the amplitude to it, in s, by Gauss and Legendre's rule."""
-        time = np.zeros(motions.shape)
-        for x, w in zip(*_HALVING, strict=True):
-            a = motions.amplitude * 2.0 ** (-0.5 * (x + 1.0))
-            at = motions.at(a)
-            time += 0.5 * np.log(2.0) * w * a * np.asarray(at.period * at.slope / at.lost)
-        return time
-
-
-class EnergyFraction(Quantity):
-    """ΔE/E of a cycle at the reference amplitude."""
-
-    name, angular, linear = "energy_fraction", "1", "1"
-
-    def of(self, motions: Motions) -> np.ndarray:
-        """Energy lost over energy, of the cycle at the reference amplitude."""
-        return np.asarray(motions.cycle.lost / motions.cycle.energy)
-
-
-class EnergyLost(Quantity):
-    """Inertia · ΔE of a cycle at the reference amplitude."""
-
-    name, angular, linear = "energy_lost", "J", "J"
-
-    def of(self, motions: Motions) -> np.ndarray | None:
-        """In J; None where the inertia is not known."""
-        return None if motions.inertia is None else motions.inertia * np.asarray(motions.cycle.lost)
-
-
-class ViscousCoefficient(Quantity):
-    """c = 2ζ · inertia."""
-
-    name, angular, linear = "viscous_coefficient", "N m s", "N s/m"
-
-    def of(self, motions: Motions) -> np.ndarray | None:
-        """In N m s, or N s/m; None without inertia or viscous damping."""
-        found = motions.coefficient("zeta")
-        return None if found is None else 2.0 * found
-
-
-class CoulombTorque(Quantity):
-    """μ_c · inertia."""
-
-    name, angular, linear = "coulomb_torque", "N m", "N"
-
-    def of(self, motions: Motions) -> np.ndarray | None:
-        """In N m, or N; None without inertia or friction."""
-        return motions.coefficient("mu_c")
-
-
-class QuadraticCoefficient(Quantity):
-    """μ_q · inertia."""
-
-    name, angular, linear = "quadratic_coefficient", "N m s²", "N s²/m²"
-
-    def of(self, motions: Motions) -> np.ndarray | None:
-        """In N m s², or N s²/m²; None without inertia or quadratic damping."""
-        return motions.coefficient("mu_q")
-
-
-QUANTITIES: tuple[Quantity, ...] = (
-    NaturalFrequency(),
-    DampingRatio(),
-    QualityFactor(),
-    EquivalentRatio(),
-    LogDecrement(),
-    HalfLife(),
-    EnergyFraction(),
-    EnergyLost(),
-    ViscousCoefficient(),
-    CoulombTorque(),
-    QuadraticCoefficient(),
+QUANTITIES = (
+    Quantity("natural_frequency", "rad/s", "rad/s", lambda m: m.frequency),
+    Quantity("damping_ratio", "1", "1", lambda m: m.damping_ratio),
+    Quantity(
+        "quality_factor", "1", "1", lambda m: None if m.damping_ratio is None else 0.5 / m.damping_ratio
+    ),
+    Quantity("equivalent_ratio", "1", "1", lambda m: _ratio(m.cycle)),
+    Quantity("log_decrement", "1", "1", lambda m: _decrement(m.cycle, m.amplitude)),
+    Quantity("half_life", "s", "s", lambda m: m.half_life),
+    Quantity("energy_fraction", "1", "1", lambda m: np.asarray(m.cycle.lost / m.cycle.energy)),
+    Quantity(
+        "energy_lost", "J", "J", lambda m: None if m.inertia is None else m.inertia * np.asarray(m.cycle.lost)
+    ),
+    Quantity("viscous_coefficient", "N m s", "N s/m", lambda m: m.coefficient("zeta", 2.0)),
+    Quantity("coulomb_torque", "N m", "N", lambda m: m.coefficient("mu_c")),
+    Quantity("quadratic_coefficient", "N m s²", "N s²/m²", lambda m: m.coefficient("mu_q")),
 )
 
 
@@ -269,7 +160,7 @@ def derive(motions: Motions) -> dict[str, np.ndarray]:
 
 def units(displacement: str) -> dict[str, str]:
     """Unit of each derived quantity where displacements are in rad or in m."""
-    return {q.name: q.unit(displacement) for q in QUANTITIES}
+    return {q.name: q.angular if displacement == "rad" else q.linear for q in QUANTITIES}
 
 
 def against_amplitude(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 LEVELS = {"q2.5": 0.025, "median": 0.5, "q97.5": 0.975}
@@ -25,10 +27,16 @@ def resampled(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> 
     return np.minimum(np.searchsorted(ladder, at * ladder[-1], side="right"), log_weights.size - 1)
 
 
+def quantiles(x: np.ndarray, weights: np.ndarray, levels: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Quantiles of draws x, (n,), with weights that sum to one, (n,)."""
+    order = np.argsort(x)
+    ladder = np.cumsum(weights[order]) - 0.5 * weights[order]
+    return np.interp(np.asarray(levels, float), ladder, x[order])
+
+
 def summarise(x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
     """Mean, sd and central 95 % of draws x, (n,), with weights that sum to one, (n,)."""
     mean = float(weights @ x)
-    order = np.argsort(x)
-    ladder = np.cumsum(weights[order]) - 0.5 * weights[order]
-    found = {name: float(np.interp(level, ladder, x[order])) for name, level in LEVELS.items()}
+    ends = quantiles(x, weights, list(LEVELS.values())).tolist()
+    found = dict(zip(LEVELS, ends, strict=True))
     return {"mean": mean, "sd": float(np.sqrt(weights @ (x - mean) ** 2)), **found}

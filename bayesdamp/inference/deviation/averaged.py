@@ -55,15 +55,13 @@ class Averaged:
 
 @dataclass(frozen=True)
 class Averaging:
-    """cycles: of the record; solved: of the oscillation that stands for them. trajectory: root mean square of what its
-    amplitudes and phases, at the likeliest candidate's mode, are off those of the ODE over every cycle, in sds of their
-    noise; error: the most by which that moves a parameter of the candidate, in its posterior sds, the start apart.
-    Infinite where the ODE does not follow.
+    """How far averaged motions are from the equation of motion.
+
+    cycles: of the record; error: the most by which averaging moves a parameter of the likeliest candidate, in its
+    posterior sds, the start apart; infinite where the ODE does not follow.
     """
 
     cycles: float
-    solved: int
-    trajectory: float
     error: float
 
     @property
@@ -220,6 +218,3 @@ def _when(phase: BSpline, rate: BSpline, wanted: np.ndarray, near: np.ndarray) -
     for _ in range(20):
         t = np.clip(t - (phase(t) - wanted) / rate(t), 0.0, end)
     return t
-
-
-__all__ = ["FEWEST_CYCLES", "Averaged", "Averaging", "averaged"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
-from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, condensed, normals
+from bayesdamp.inference.deviation.gaussian.linear import Linear, condensed, normals
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit, fit, nonnegative
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.model.defaults import Reference, default_prior
@@ -20,6 +20,7 @@ from bayesdamp.physics.kernel.solve import ALL, NONE
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
+from bayesdamp.types import candidate_name
 
 STARTS = (-1.0, 0.0, 1.0)
 """Scores of a further parameter from which searches start."""
@@ -42,6 +43,11 @@ class Candidate:
 
     damping: tuple[str, ...]
     restoring: str
+
+    @property
+    def name(self) -> str:
+        """As `viscous+coulomb@pendulum`."""
+        return candidate_name("+".join(self.damping), self.restoring)
 
 
 @dataclass(frozen=True)
@@ -126,21 +132,30 @@ def linearised(
     z, g, h = np.split(u, [found.z.size, found.z.size + n])
     if np.max(np.abs(g), initial=0.0) > MOST_G or np.max(np.abs(h), initial=0.0) > MOST_H:
         return None
-    p, factor = found.parameters.values(z), np.expm1(g)
-    motion = solver.solve(p, found.active, factor, h, NONE)
-    moved = solver.solve(p, found.active, factor, h, ALL, tolerance=SEARCHED)
-    if motion is None or moved is None:
+    motion = solver.solve(found.parameters.values(z), found.active, np.expm1(g), h, NONE)
+    columns = columns_at(solver, found, u, SEARCHED)
+    if motion is None or columns is None:
         return None
-    k = len(solver.names)
-    scores = found.parameters.by_scores(moved.tangents, z)
-    tangents = moved.tangents[:, k:].copy()
-    tangents[:, :n] *= np.exp(g)
-    columns = np.column_stack([scores, tangents])
     r = data.y - motion.y
     model = condensed(columns, r + columns @ u, *_masks(found.parameters))
     # Least squares of r by the columns, from their factor that is there already.
     left = r - columns @ np.linalg.lstsq(model.root, model.target - model.root @ u, rcond=1e-12)[0]
     return Linearised(candidate, found, found.parameters, u, motion, model, left)
+
+
+def columns_at(
+    solver: Solver, found: Fit, u: np.ndarray, tolerance: float | None = None
+) -> np.ndarray | None:
+    """Return the tangents of a candidate's motion by u = (scores, log g, h), (n, K); None where it escapes."""
+    d, n = found.z.size, solver.knots.size
+    z, g, h = np.split(u, [d, d + n])
+    moved = solver.solve(found.parameters.values(z), found.active, np.expm1(g), h, ALL, tolerance=tolerance)
+    if moved is None:
+        return None
+    scores = found.parameters.by_scores(moved.tangents, z)
+    columns = np.column_stack([scores, moved.tangents[:, len(solver.names) :]])
+    columns[:, d : d + n] *= np.exp(g)
+    return columns
 
 
 def exact(found: Fit) -> Linear:
@@ -231,6 +246,11 @@ def _variance(at: Linearised, data: Data) -> float:
     return data.least_variance + float(at.left @ at.left) / max(at.left.size - at.u.size, 1)
 
 
+def refit(solver: Solver, data: Data, at: Fit) -> Fit | None:
+    """Search again from a fit, on other data or with another solver; None where the motion escapes."""
+    return fit(solver, at.parameters, at.active, data.y, at.z, noise=data.noise, windows=False)
+
+
 def searched(
     candidate: Candidate,
     solver: Solver,
@@ -250,9 +270,3 @@ def searched(
         if found is not None and (best is None or found.squares < best.squares):
             best = found
     return best
-
-
-__all__ = [
-    "Candidate", "Linearised", "Weighed", "active_of", "exact", "first_values", "linearised", "mode_of",
-    "parameters_of", "relinearised", "searched", "starts_of",
-]  # fmt: skip

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from bayesdamp.inference.deviation.averaged import Averaged, averaged
+from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.averaged import NUMBERS, AveragedSolver
 from bayesdamp.physics.kernel.windows import Windows
@@ -114,6 +115,11 @@ class Data:
         if self.averaged is not None:
             return AveragedSolver(*given, track=self.averaged.track)
         return Solver(*given, self.windows)
+
+    def rest_under(self, restoring: str, law: np.ndarray) -> float:
+        """Where motions under parameters of a restoring law come to rest; the record's midline where nowhere."""
+        at = rest_of(restoring, law, self.rest, 2 * self.amplitude)
+        return self.rest if at is None else at
 
     @property
     def least_variance(self) -> float:

@@ -7,20 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from bayesdamp.inference.deviation.candidate import columns_at
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.least_squares import SEARCHED
-from bayesdamp.inference.deviation.sampled.motions import motions_near
+from bayesdamp.inference.deviation.sampled.motions import Motions, motions_near
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.inference.fit.mode import LinearPosterior, Mode
 from bayesdamp.inference.model.deviation import Deviation
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.kernel import Motion, Solver
-from bayesdamp.physics.kernel.averaged import AveragedSolver
-from bayesdamp.physics.kernel.solve import ALL, TOLERANCE
+from bayesdamp.physics.kernel.solve import TOLERANCE
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import Trajectories
-from bayesdamp.priors import shared_precision
 from bayesdamp.types import Refusal, Signal
 
 ESCAPED = "no motion near the fit can be followed with deviations from its law"
@@ -33,41 +32,26 @@ class Deviating(Trajectories):
 
     Parameters
     ----------
-    solver : Solver or AveragedSolver
-    active : ndarray, shape (m,)
-        Which of the solver's terms act.
+    motions : Motions
+        Of draws, with their tolerance and what motions of it lack.
     g, h : ndarray, shape (n,)
         Relative deviations of damping and frequency at the knots.
     given : mapping of str to float
         Values of the kernel's parameters that are not inferred.
-    tolerance : float
-        Error of a step, as a share of the amplitude.
-    correction : ndarray, shape (m,), or float
-        What motions of that tolerance lack.
     """
 
-    def __init__(
-        self,
-        solver: Solver | AveragedSolver,
-        active: np.ndarray,
-        g: np.ndarray,
-        h: np.ndarray,
-        given: Mapping[str, float],
-        tolerance: float,
-        correction: np.ndarray | float,
-    ) -> None:
-        self._solver, self._active, self._deviations = solver, active, (g, h)  # type: ignore[assignment]
-        self._given = {**dict.fromkeys(solver.names, 0.0), **given}
-        self._rests, self._count = False, solver.t.size
-        self._tolerance, self._correction = tolerance, correction
+    def __init__(self, motions: Motions, g: np.ndarray, h: np.ndarray, given: Mapping[str, float]) -> None:
+        self._solver, self._motions, self._deviations = motions.solver, motions, (g, h)  # type: ignore[assignment]
+        self._given = {**dict.fromkeys(motions.solver.names, 0.0), **given}
+        self._rests, self._count = False, motions.solver.t.size
 
     def _solved(
         self, p: Mapping[str, float], epsilon: float, tangents: int, solver: Solver | None = None
     ) -> Motion | None:
         vector = np.array([float(p.get(name, self._given[name])) for name in self._solver.names])
-        tolerance = SEARCHED if tangents else self._tolerance
-        found = self._solver.solve(vector, self._active, *self._deviations, tangents, tolerance=tolerance)
-        return found if found is None or tangents else replace(found, y=found.y + self._correction)
+        of, tolerance = self._motions, SEARCHED if tangents else self._motions.tolerance
+        found = of.solver.solve(vector, of.active, *self._deviations, tangents, tolerance=tolerance)
+        return found if found is None or tangents else replace(found, y=found.y + of.correction)
 
 
 def density_of(weighing: Weighing, result: Result, draws: np.ndarray, known: Mapping[str, float]) -> Mode:
@@ -93,27 +77,16 @@ def density_of(weighing: Weighing, result: Result, draws: np.ndarray, known: Map
         Signal(data.t, data.y, data.quantity),
         Oscillator(result.candidate.damping, result.candidate.restoring),
         "gaussian",
-        {name: parameters.priors[name] for name in parameters.free_names},
+        parameters.priors,
         {**parameters.known, "epsilon": solver.epsilon, **known},
         deviation=_deviation(weighing, result),
     )
     likelihood = Likelihood.near(target, z, TOLERANCE * data.recorded_amplitude)
-    covariance = np.atleast_2d(np.cov(draws.T))
-    near, shared = likelihood, target.shared
-    if shared.any():
-        squares = float(np.mean(np.sum(draws[:, shared] ** 2, axis=1)))
-        near = likelihood.held(float(shared_precision(squares, int(shared.sum()))) ** -0.5)
     return Mode(
-        z=z,
-        log_posterior=likelihood.log_posterior(z),
-        information=np.linalg.inv(covariance),
-        factor=np.linalg.cholesky(covariance),
-        likelihood=likelihood,
-        near=near,
-        searches=(),
-        step_error=np.nan,
-        likelihood_error=np.nan,
-        tolerance=likelihood.tolerance,
+        z,
+        likelihood.log_posterior(z),
+        np.linalg.inv(np.atleast_2d(np.cov(draws.T))),
+        likelihood,
         linear=LinearPosterior(draws, float(result.weighed.log_evidence)),
     )
 
@@ -123,26 +96,22 @@ def _deviation(weighing: Weighing, result: Result) -> Deviation:
     about, weighed = result.about, result.weighed
     assert about is not None
     assert weighed is not None
-    parameters, solver, data = result.fit.parameters, result.solver, weighing.data
+    parameters, solver = result.fit.parameters, result.solver
     n, d = solver.knots.size, parameters.free.size
     g, h = about.u[d : d + n], about.u[d + n :]
-    p = parameters.values(about.u[:d])
-    moved = solver.solve(p, result.fit.active, np.expm1(g), h, ALL, tolerance=SEARCHED)
-    if moved is None:
+    tangents = columns_at(solver, result.fit, about.u, SEARCHED)
+    if tangents is None:
         raise Refusal(ESCAPED)
-    columns = moved.tangents[:, len(solver.names) :].copy()
-    columns[:, :n] *= np.exp(g)
+    columns = tangents[:, d:]
     basis, upper = np.linalg.qr(columns)
     grid = grid_of(n, absorbed=parameters.absorbs)
     kept = weighed.probable(NEGLIGIBLE)
     near = motions_near(solver, parameters, result.fit.active, weighed, float(np.sqrt(weighing.variance)))
     probabilities = np.bincount(weighed.combos, weighed.weights, minlength=grid.log_prior.size)[kept]
     return Deviation(
-        Deviating(
-            solver, result.fit.active, np.expm1(g), h, parameters.known, near.tolerance, near.correction
-        ),
+        Deviating(near, np.expm1(g), h, parameters.known),
         weighing.variance,
-        data.y.size / weighing.inflation,
+        weighing.samples,
         basis,
         columns @ np.concatenate([g, h]),
         grid.log_prior[kept],

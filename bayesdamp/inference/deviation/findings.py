@@ -29,16 +29,17 @@ from bayesdamp.inference.deviation.numbers.draws import (
     drawn_from,
     draws_of,
     probabilities,
-    summed,
 )
 from bayesdamp.inference.deviation.numbers.exponent import LEAST, MOST
 from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
-from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
+from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.deviation.numbers.shares import shares_of
 from bayesdamp.inference.deviation.numbers.unnamed import AS_WIDE, tied, unnamed_share, untold
-from bayesdamp.inference.deviation.orbit import balanced_frequency, natural_frequency, rest_of
+from bayesdamp.inference.deviation.orbit import balanced_frequency, natural_frequency
+from bayesdamp.inference.deviation.sampled.table import noise_sds
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.types import Ratio, summed
 
 SENSOR = 0.002
 """Relative standard deviation below which no rate is known: the sensor's linearity and the clock's."""
@@ -134,7 +135,7 @@ def findings(
     result = next(r for r in weighing.results if r.candidate == best)
     terms = next(iter(weighing.solvers.values())).terms
     shares = shares_of(weighing, drawn)
-    damping = summed(chosen, "damping")
+    damping = _summed(chosen)
     absent = _bounds(weighing, best, approximate, terms, rng)
     forms = bounds_of_others(weighing, result, approximate, np.random.default_rng([seed, 1]))
     size = np.concatenate([size_of(weighing, d.result, d.g) for d in every])
@@ -148,11 +149,11 @@ def findings(
     unexplained, noise = left_over(weighing, leading)
     return Findings(
         damping={n: p * (1 - exotic) for n, p in damping.items()},
-        exotic=summed({c: p for c, p in everything.items() if c not in own}, "damping"),
+        exotic=_summed({c: p for c, p in everything.items() if c not in own}),
         exponent=exponent,
         exponents=weighing.exponents,
-        exact=summed({c: p for c, p in exact_all.items() if c in own}, "damping"),
-        restoring=summed(chosen, "restoring"),
+        exact=_summed({c: p for c, p in exact_all.items() if c in own}),
+        restoring=_summed(chosen, 1),
         term={t: sum(p for c, p in everything.items() if t in c.damping) for t in terms},
         ratios=tuple(ratio_at(weighing, every, a, sensor if approximate else 0.0, rng) for a in wanted),
         curve=curve,
@@ -178,10 +179,20 @@ def findings(
         unnamed=unnamed_share(weighing, drawn, _grid(weighing)) if approximate else None,
         untold=(
             *(untold(of_best, solver) if of_best is not None else ()),
-            *_untold_exponent(exponent),
+            # Where its interval is as wide as what was assumed.
+            *(
+                ["exponent"]
+                if exponent and exponent.high - exponent.low > 0.95 * AS_WIDE * (MOST - LEAST)
+                else []
+            ),
         ),
         tied=tied(of_best, solver) if of_best is not None else (),
     )
+
+
+def _summed(found: Mapping[Candidate, float], part: int = 0) -> dict[str, float]:
+    """Probabilities by damping sum, or with `part` 1 by law, the largest first."""
+    return summed({c.name: p for c, p in found.items()}, part)
 
 
 def _grid(weighing: Weighing) -> tuple[float, ...]:
@@ -230,8 +241,7 @@ def _rest_of_draw(weighing: Weighing, restoring: str, law: np.ndarray) -> float:
     names = LAWS.get(restoring).parameters
     if "rest_angle" in names:
         return float(law[names.index("rest_angle")])
-    rest = rest_of(restoring, law, weighing.data.rest, 2 * weighing.data.amplitude)
-    return weighing.data.rest if rest is None else rest
+    return weighing.data.rest_under(restoring, law)
 
 
 def _bounds(
@@ -254,24 +264,13 @@ def _bounds(
     return found
 
 
-def _untold_exponent(exponent: Quantity | None) -> tuple[str, ...]:
-    """The exponent's name where its interval is as wide as what was assumed."""
-    if exponent is None:
-        return ()
-    whole = 0.95 * (MOST - LEAST)
-    return ("exponent",) if exponent.high - exponent.low > AS_WIDE * whole else ()
-
-
 def _coefficients(weighing: Weighing, drawn: Sequence[Drawn], best: Candidate) -> dict[str, Quantity]:
     names = weighing.solvers[best.restoring].names
     d = next((d for d in drawn if d.result.candidate == best), None)
     if d is None:
         return {}
-    factor = d.result.exact_weighed.factors[0]
-    parameters = d.result.fit.parameters
-    sds = np.linalg.norm(factor, axis=1) * np.abs(parameters.rates(d.result.fit.z))
-    sds *= np.sqrt(weighing.variance / d.result.exact_variance)
-    by_name = dict(zip(parameters.free_names, map(float, sds), strict=True))
+    sds = noise_sds(weighing, d.result).tolist()
+    by_name = dict(zip(d.result.fit.parameters.free_names, sds, strict=True))
     values = np.column_stack([d.coefficients, d.further, d.law])
     return {
         name: quantity(values[:, i], by_name[name])

@@ -1,14 +1,12 @@
-"""Energy lost in a cycle of a given amplitude, by term, from the forces alone."""
+"""The undamped orbit of a given amplitude, and the frequencies of a restoring law, from its force alone."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.rest import by_kernel, frequency_over, rest_near
 from bayesdamp.physics.restoring import LAWS
 
@@ -19,21 +17,6 @@ _PHASE = (np.arange(POINTS) + 0.5) / POINTS * np.pi - 0.5 * np.pi
 _COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi).tolist()
 _X, _W = (one.tolist() for one in np.polynomial.legendre.leggauss(48))
 _X_PART, _W_PART = (one.tolist() for one in np.polynomial.legendre.leggauss(4))
-
-
-@dataclass(frozen=True)
-class Cycle:
-    """A cycle at an amplitude: potential energy at its turning points, per unit of inertia, and the work of each term
-    per unit of its coefficient, (m,)."""
-
-    amplitude: float
-    energy: float
-    work: np.ndarray
-
-    @property
-    def ratios(self) -> np.ndarray:
-        """Equivalent viscous damping ratio per unit of each coefficient: work / (4π energy), (m,)."""
-        return self.work / (4 * np.pi * self.energy)
 
 
 @dataclass(frozen=True)
@@ -51,18 +34,6 @@ class Orbit:
     def frequency(self) -> float:
         """Of the oscillation, rad/s."""
         return float(np.pi / np.sum(self.width / self.speed))
-
-    def cycle(self, terms: Sequence[str], epsilon: float, further: Mapping[str, float]) -> Cycle:
-        """The work of each term along it."""
-        shapes = [_shape(name, further) for name in terms]
-        work = [_work(f, self.x, self.speed, self.width, epsilon) for f in shapes]
-        return Cycle(self.amplitude, self.energy, np.array(work))
-
-
-def _shape(name: str, further: Mapping[str, float]) -> Callable[..., float] | None:
-    """A term at values of its further parameters; None where it does not act, which has none."""
-    term = TERMS.get(name)
-    return term.at(further) if all(n in further for n in term.further) else None
 
 
 @lru_cache(maxsize=256)
@@ -99,20 +70,6 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
     speed = np.sqrt(2 * np.maximum(energy - inside, 0.0))
     width = amplitude * np.cos(_PHASE) * np.pi / POINTS
     return Orbit(amplitude, energy, x, speed, width)
-
-
-def _work(
-    shape: Callable[..., float] | None, x: np.ndarray, speed: np.ndarray, width: np.ndarray, epsilon: float
-) -> float:
-    if shape is None:
-        return 0.0
-    forth = sum(
-        shape(float(a), float(v), epsilon) * float(w) for a, v, w in zip(x, speed, width, strict=True)
-    )
-    back = sum(
-        shape(float(a), -float(v), epsilon) * float(w) for a, v, w in zip(x, speed, width, strict=True)
-    )
-    return forth - back
 
 
 def rest_of(restoring: str, law: np.ndarray, near: float, reach: float) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -33,15 +33,13 @@ class Parameters(Scores):
         """Places in `names` of what is inferred, (d,)."""
         return np.array([i for i, n in enumerate(self.names) if n in self.priors], int)
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "priors", {n: self.priors[n] for n in self.names if n in self.priors})
+
     @cached_property
     def free_names(self) -> tuple[str, ...]:
         """Names of what is inferred, in the kernel's order."""
-        return tuple(self.names[i] for i in self.free)
-
-    @cached_property
-    def inferred(self) -> Mapping[str, Prior]:
-        """Priors of what is inferred, in the kernel's order."""
-        return {n: self.priors[n] for n in self.free_names}
+        return tuple(self.priors)
 
     @property
     def positive(self) -> np.ndarray:
@@ -93,6 +91,14 @@ class Parameters(Scores):
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Tangents by the scores at z, (n, d), of those by the kernel's parameters, (n, k)."""
         return tangents[:, self.free] * self.rates(z)
+
+    def plain(self, z: np.ndarray) -> np.ndarray:
+        """Return the standard normal scores of z, both (d,): z itself."""
+        return z
+
+    def log_prior_ratio(self, z: np.ndarray) -> float:
+        """Return the log of the prior's density at z, (d,), over that of the same prior of these scores: 0."""
+        return 0.0
 
     def named(self, z: np.ndarray) -> dict[str, float]:
         """All of the kernel's parameters at scores z, (d,), by name."""
@@ -159,12 +165,8 @@ class Straight(Parameters):
         if not np.all(np.isfinite(plain)):
             return -np.inf
         slopes = self._slopes(z)
-        scales = []
-        for name, score, value in zip(self.at, plain, p, strict=True):
-            d = SMALL_STEP * max(1.0, abs(score))
-            ends = self.priors[name].value(np.array([score - d, score + d]))
-            scales.append(float(np.diff(ends)[0]) / (2 * d) if np.isfinite(value) else np.nan)
-        sign, log = np.linalg.slogdet(slopes / np.array(scales)[:, None])
+        rates = [float(self.priors[name].rate(score)) for name, score in zip(self.at, plain, strict=True)]
+        sign, log = np.linalg.slogdet(slopes / np.array(rates)[:, None])
         if not np.isfinite(log) or sign == 0:
             return -np.inf
         return float(log - 0.5 * np.sum(plain**2) + 0.5 * np.sum(z[self.places] ** 2))
@@ -213,8 +215,3 @@ def straight_at(parameters: Parameters, restoring: str, z: np.ndarray) -> Straig
     if not np.all(np.isfinite(slopes)) or np.linalg.cond(slopes) > 1e12:
         return None
     return replace(found, root=np.linalg.inv(slopes))
-
-
-def only(priors: Mapping[str, Prior], names: Sequence[str]) -> dict[str, Prior]:
-    """The priors of some names."""
-    return {n: p for n, p in priors.items() if n in names}

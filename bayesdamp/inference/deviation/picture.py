@@ -12,8 +12,6 @@ from bayesdamp.inference.deviation.weighing import Weighing
 
 POINTS = 3000
 """Samples of a record that are kept for a picture, thinned to the extremes of each stretch."""
-NATS = 12.0
-"""Nats behind the best of its kind from which a sum's own curve is not drawn."""
 
 
 def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
@@ -52,7 +50,7 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
         values = r.fit.parameters.values(r.fit.z)
         coefficients = values[: len(terms)]
         solver = weighing.solvers[r.candidate.restoring]
-        further = further_of(weighing, r, values)
+        further = further_of(r, values)
         orbits = [orbit_of(weighing, best, float(a)) for a in amplitude]
         none = np.full(len(terms), np.nan)
         work = coefficients * np.array([

@@ -10,11 +10,11 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import Data, prepared
-from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of, set_right
+from bayesdamp.inference.deviation.numbers.averaging import averaging_of, set_right
 from bayesdamp.inference.deviation.numbers.exponent import exponents_of
 from bayesdamp.inference.deviation.numbers.rivals import with_rivals
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, GAUSSIAN
-from bayesdamp.inference.deviation.weighing import Known, Weighing, weigh_all
+from bayesdamp.inference.deviation.weighing import START, Known, Weighing, weigh_all
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.physics.restoring import LAWS

@@ -13,10 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bayesdamp.inference.deviation.candidate import Linearised, linearised, relinearised
+from bayesdamp.inference.deviation.candidate import Linearised, linearised, refit, relinearised
 from bayesdamp.inference.deviation.data import Data
-from bayesdamp.inference.deviation.gaussian.noise import inflation
-from bayesdamp.inference.deviation.least_squares import Fit, fit
+from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise._residuals import FittedNoise, fit_noise
 from bayesdamp.physics.kernel import Solver
@@ -177,15 +176,9 @@ def adapted(
     return Adapted(data, SampleNoise(noise, weighed), data.least_variance + variance / data.thinned)
 
 
-def inflated(data: Data, at: Linearised, variance: float) -> tuple[float, float]:
-    """Return the variance that counts, and κ in it, of noise whose white variance is known from its model."""
-    kappa = inflation(data.t, at.left, data.frequency, at.u.size, variance)
-    return kappa * variance, kappa
-
-
 def _mode(at: Linearised, solver: Solver, data: Data, found: Fit, approximate: bool) -> Linearised | None:
     """The candidate about its mode on changed values; None where no motion follows them."""
-    new = fit(solver, found.parameters, found.active, data.y, found.z, noise=data.noise, windows=False)
+    new = refit(solver, data, found)
     if new is None:
         return None
     if not approximate:

@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.checks.forecast import Ahead
-from bayesdamp.inference.deviation.candidate import Candidate, active_of, exact, linearised
+from bayesdamp.inference.deviation.candidate import Candidate, active_of, linearised
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.density import ESCAPED, density_of
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
-from bayesdamp.inference.deviation.gaussian.linear import weigh
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit
 from bayesdamp.inference.deviation.numbers.curves import ratio_at, ratios_drawn
 from bayesdamp.inference.deviation.numbers.deviations import size_of
 from bayesdamp.inference.deviation.numbers.draws import Drawn
-from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
+from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise
+from bayesdamp.inference.deviation.sampled.motions import Motions
 from bayesdamp.inference.deviation.sampled.table import noise_sds
 from bayesdamp.inference.deviation.weighing import Friction, Result, Weighing, weigh_all
 from bayesdamp.inference.fit.mode import Mode
@@ -34,7 +34,7 @@ from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
-from bayesdamp.types import Posterior, Refusal
+from bayesdamp.types import Posterior, Ratio, Refusal
 
 Array = NDArray[np.float64]
 DRAWS = 4000
@@ -161,8 +161,8 @@ class Single:
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
         """Log g and h at the knots of draws (n, K): (n, k) each."""
-        d, k = self.result.fit.z.size, self.knots.size
-        return u[:, d : d + k], u[:, d + k :]
+        g, h = np.split(u[:, self.result.fit.z.size :], 2, axis=1)
+        return g, h
 
     @property
     def knots(self) -> Array:
@@ -187,10 +187,7 @@ class Single:
         return np.column_stack([none if one is None else one for one in found])
 
     def _drawn(self, u: Array) -> Drawn:
-        result, solver = self.result, self.result.solver
-        values = result.fit.parameters.values(u[:, : result.fit.z.size])
-        m, law = len(solver.terms), solver.law_places
-        return Drawn(result, values[:, :m], values[:, m : law.start], values[:, law], *self.deviations(u))
+        return Drawn.of(self.result, u)
 
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
         """Motions of draws (n, K) at times t (m,) in s within the knots, (n, m); nan where one escapes. By default at
@@ -198,17 +195,13 @@ class Single:
         result, solver = self.result, self.result.solver
         if t is not None:
             solver = solver.at(np.asarray(t, float), quantity or solver.quantity)
-        parameters = result.fit.parameters
-        g, h = self.deviations(u)
-        none = np.full(solver.t.size, np.nan)
-
-        def one(i: int) -> Array:
-            p = parameters.values(u[i, : parameters.free.size])
-            found = solver.solve(p, result.fit.active, np.expm1(g[i]), h[i], NONE)
-            return none if found is None else found.y
-
+        motions, none = (
+            Motions(solver, result.fit.parameters, result.fit.active),
+            np.full(solver.t.size, np.nan),
+        )
         assert solver.kernel  # compiled before several threads ask for it
-        return np.stack(at_once(one, range(len(u)))) if len(u) else np.empty((0, none.size))
+        found = at_once(motions.at, u)
+        return np.stack([none if y is None else y for y in found]) if len(u) else np.empty((0, none.size))
 
     def carried_on(self, half: Single, z: Array, seed: int) -> Ahead:
         """What draws of the scores on the first half, (n, d), say of the second: there the deviations are what their
@@ -279,8 +272,6 @@ def single(
     result = next((r for r in weighing.results if set(r.candidate.damping) == set(damping)), None)
     if result is None:
         raise Refusal(weighing.refused.get(asked, ESCAPED))
-    if result.about is None:
-        raise Refusal(ESCAPED)
     return again(data, result.candidate, found_of(weighing, result))
 
 
@@ -348,21 +339,12 @@ def again(data: Data, candidate: Candidate, found: Found, knots: np.ndarray | No
     if motion is None or moved is None:
         raise Refusal(ESCAPED)
     tangents = parameters.by_scores(moved.tangents, found.z)
-    best = Fit(parameters, active, found.z, data.y - motion.y, tangents, motion, 0)
+    best = Fit(parameters, active, found.z, data.y - motion.y, tangents, motion)
     about = linearised(candidate, solver, data, best, found.u)
     if about is None:
         raise Refusal(ESCAPED)
-    samples, linear = data.y.size / found.inflation, exact(best)
-    result = Result(
-        candidate,
-        solver,
-        best,
-        linear,
-        weigh(linear, grid_of(0, exact=True), found.exact_variance, samples),
-        found.exact_variance,
-        about,
-        weigh(about.model, grid_of(knots.size, absorbed=parameters.absorbs), found.variance, samples),
-    )
+    variances, samples = (found.exact_variance, found.variance), data.y.size / found.inflation
+    result = Result.of(candidate, solver, best, about, variances, samples)
     weighing = Weighing(
         data,
         found.reference,

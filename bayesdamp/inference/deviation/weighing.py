@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Self
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from bayesdamp.inference.deviation.candidate import (
     exact,
     first_values,
     parameters_of,
+    refit,
     relinearised,
     searched,
     starts_of,
@@ -24,14 +26,12 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knot
 from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, weigh
 from bayesdamp.inference.deviation.gaussian.noise import inflation
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
-from bayesdamp.inference.deviation.least_squares import Fit, fit
-from bayesdamp.inference.deviation.orbit import rest_of
+from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.deviation.sample_noise import (
     AUTOMATIC,
     GAUSSIAN,
     SampleNoise,
     adapted,
-    inflated,
     predictable,
 )
 from bayesdamp.inference.model.defaults import Reference
@@ -72,6 +72,29 @@ class Result:
     weighed: Weighed | None = None
     sampled: Sampled | None = None
 
+    @classmethod
+    def of(
+        cls,
+        candidate: Candidate,
+        solver: Solver,
+        found: Fit,
+        about: Linearised | None,
+        variances: tuple[float, float],
+        samples: float,
+    ) -> Self:
+        """Weigh a fit.
+
+        about: the candidate with deviations; variances: of the noise under exact laws, and of that which counts;
+        samples: how many independent ones the record stands for.
+        """
+        own, variance = variances
+        linear, over = exact(found), None
+        if about is not None:
+            grid = grid_of(solver.knots.size, absorbed=found.parameters.absorbs)
+            over = weigh(about.model, grid, variance, samples)
+        plain = weigh(linear, grid_of(0, exact=True), own, samples)
+        return cls(candidate, solver, found, linear, plain, own, about, over)
+
     @property
     def log_evidence(self) -> float:
         """Under the laws that are asked for, in nats: of the motions where they were sampled, else of the linear
@@ -79,6 +102,14 @@ class Result:
         if self.sampled is not None and self.sampled.trusted:
             return self.sampled.log_evidence
         return (self.exact_weighed if self.weighed is None else self.weighed).log_evidence
+
+    @property
+    def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
+        """Relative deviations of damping and frequency at the knots, at the mode; None where laws hold exactly."""
+        if self.about is None:
+            return None, None
+        g, h = np.split(self.about.u[self.fit.z.size :], 2)
+        return np.expm1(g), h
 
     @property
     def motion(self) -> Motion:
@@ -119,6 +150,11 @@ class Weighing:
     averaging: Averaging | None = None
     noise: SampleNoise = field(default_factory=SampleNoise)
     epsilon_known: bool = False
+
+    @property
+    def samples(self) -> float:
+        """How many independent samples the record stands for."""
+        return self.data.y.size / self.inflation
 
 
 def weigh_all(
@@ -205,14 +241,16 @@ def weigh_all(
         data = other.data
         _refitted(data, solvers, fits)
         wholes = _about(whole, solvers, data, fits)
-        variance, kappa = inflated(data, wholes[law][0], other.variance)
+        at = wholes[law][0]
+        kappa = inflation(data.t, at.left, data.frequency, at.u.size, other.variance)
+        variance = kappa * other.variance
         stated = float(np.sqrt(other.variance))
     elif stated is None:
         variance, kappa = _noise(data, wholes, approximate)
         if other is not None and other.variance > variance:
             variance, kappa = other.variance, kappa * other.variance / variance
     else:
-        variance, kappa = _stated(data, stated), 1.0
+        variance, kappa = data.least_variance + stated**2 / data.thinned, 1.0
     noise = variance, kappa
     kept = _laws_kept(wholes, variance, data.y.size / kappa, knots.size)
     asked: list[Candidate] = []
@@ -278,15 +316,15 @@ def _given(
     solver: Solver, data: Data, reference: Reference, priors: Mapping[str, Prior], known: Mapping[str, float]
 ) -> dict[str, float]:
     """What terms are given under a law: where the motion comes to rest is that of a viscous fit."""
-    at = None
+    at = data.rest
     if "rest" in solver.further:
         c, viscous = Candidate(("viscous",), solver.restoring), replace(solver, terms=("viscous",))
         parameters = parameters_of(c, viscous, data, reference, priors, known)
         found = searched(c, viscous, data, parameters, [first_values(c, data, known)], windows=True)
         if found is not None:
             law = found.parameters.values(found.z)[viscous.law_places]
-            at = rest_of(solver.restoring, law, data.rest, 2 * data.amplitude)
-    return reference.scales(data.rest if at is None else at)
+            at = data.rest_under(solver.restoring, law)
+    return reference.scales(at)
 
 
 def result_of(
@@ -301,15 +339,10 @@ def result_of(
     """A candidate's fit, weighed. noise: the variance that counts, and the inflation in it; stated: it is known, and
     not read from the record, so that it counts under exact laws too."""
     variance, kappa = noise
-    samples, linear = data.y.size / kappa, exact(found)
     own = data.least_variance + kappa * found.squares / max(data.y.size - found.z.size, 1)
-    own = variance if stated else own
     about = relinearised(c, solver, data, found, variance) if approximate else None
-    grid = grid_of(solver.knots.size, absorbed=found.parameters.absorbs)
-    over = weigh(about[0].model, grid, variance, samples) if about else None
-    return Result(
-        c, solver, found, linear, _exact(linear, own, samples), own, about[0] if about else None, over
-    )
+    variances = variance if stated else own, variance
+    return Result.of(c, solver, found, about[0] if about else None, variances, data.y.size / kappa)
 
 
 def _frictions(
@@ -331,7 +364,7 @@ def _frictions(
 
     def under(share: float) -> tuple[float, float, np.ndarray] | None:
         solver = replace(solvers[best.restoring], epsilon=share * peak)
-        new = fit(solver, top.parameters, top.active, data.y, top.z, noise=data.noise, windows=False)
+        new = refit(solver, data, top)
         if new is None:
             return None
         return (
@@ -399,15 +432,9 @@ def _corrected(solvers: dict[str, Solver], fits: Mapping[Candidate, Fit]) -> Non
 
 def _refitted(data: Data, solvers: Mapping[str, Solver], fits: dict[Candidate, Fit]) -> None:
     """Fits anew under the solvers' ε."""
-
-    def again(c: Candidate) -> Fit | None:
-        at = fits[c]
-        return fit(
-            solvers[c.restoring], at.parameters, at.active, data.y, at.z, noise=data.noise, windows=False
-        )
-
     every = list(fits)
-    for c, new in zip(every, at_once(again, every), strict=True):
+    found = at_once(lambda c: refit(solvers[c.restoring], data, fits[c]), every)
+    for c, new in zip(every, found, strict=True):
         if new is not None:
             fits[c] = new
 
@@ -424,18 +451,8 @@ def _laws_kept(
     return {law for law, value in found.items() if value > best - REACH}
 
 
-def _exact(linear: Linear, variance: float, samples: float) -> Weighed:
-    """`weigh` under exact laws."""
-    return weigh(linear, grid_of(0, exact=True), variance, samples)
-
-
 def _coefficients(candidate: Candidate) -> set[str]:
     return {TERMS.get(t).parameter for t in candidate.damping}
-
-
-def _stated(data: Data, noise_sd: float) -> float:
-    """The variance of a noise whose sd is known, in the record's unit, after thinning."""
-    return data.least_variance + noise_sd**2 / data.thinned
 
 
 def _noise(

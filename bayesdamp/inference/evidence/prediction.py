@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,24 +13,6 @@ from bayesdamp.inference.curves.weighted import resampled
 from bayesdamp.inference.evidence.methods.importance import Importance
 from bayesdamp.inference.fit.mode import Mode, mode_near
 from bayesdamp.types import OK, Evidence, Refusal
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """The second half of a record as the first one predicts it.
-
-    start: its first sample's time in s. centre, sd: predictive mean and sd of each of its samples, noise included,
-    shape (m,). rms: of the error, expected: root mean predictive variance, both in the unit of the record; coverage:
-    share of the samples inside their 95 % interval. evidence: of the first half.
-    """
-
-    start: float
-    centre: np.ndarray
-    sd: np.ndarray
-    rms: float
-    expected: float
-    coverage: float
-    evidence: Evidence
 
 
 def first_half(mode: Mode) -> Mode:
@@ -43,8 +25,8 @@ def first_half(mode: Mode) -> Mode:
 
 
 def predict(
-    model: str, half: Mode, carry: Callable[[np.ndarray], Ahead], t: np.ndarray, y: np.ndarray, seed: int
-) -> Prediction:
+    model: str, half: Mode, carry: Callable[[np.ndarray], Ahead], seed: int
+) -> tuple[Evidence, Ahead]:
     """Importance evidence on the first half of a record, and its draws carried on over the second.
 
     Parameters
@@ -53,8 +35,6 @@ def predict(
         Of the density on the first half.
     carry : callable
         Draws of the scores, (m, d), to what they say of the second half. Raises Refusal where no draw goes on.
-    t, y : ndarray, shape (n,)
-        The whole record.
 
     Raises
     ------
@@ -62,18 +42,8 @@ def predict(
         Where the first half has no posterior, or no draw goes on.
     """
     found = Importance().evidence(model, half.likelihood.target, half, seed)
-    rng = np.random.default_rng(seed)
-    ahead = carry(found.arrays["y"][resampled(found.arrays["log_weights"], DRAWS, rng)])
-    later = y.size - ahead.error.size
-    return Prediction(
-        start=float(t[later]),
-        centre=y[later:] - ahead.error,
-        sd=ahead.sd,
-        rms=ahead.rms,
-        expected=ahead.expected,
-        coverage=ahead.coverage,
-        evidence=replace(found, arrays={}),
-    )
+    rows = resampled(found.arrays["log_weights"], DRAWS, np.random.default_rng(seed))
+    return replace(found, arrays={}), carry(found.arrays["y"][rows])
 
 
 def log_predictive(whole: Evidence, half: Evidence) -> tuple[float, float]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.priors import SHARED_SIGMAS, HalfNormal, Prior, SharedHalfNormal, shared_log_density
-from bayesdamp.types import OK
+from bayesdamp.types import NestedRatio
 
 FARTHEST = 5.0
 """Log Bayes factor beyond which draws say too little of the density at zero."""
@@ -23,24 +22,12 @@ NODES = 400
 STEPS = 100
 
 
-@dataclass(frozen=True)
-class Ratio:
-    """Log Bayes factor of the model without a damping term to the one with it (nats), and its standard error.
-
-    outcome: `ok`, or why it is not valid.
-    """
-
-    log_bayes_factor: float = float("nan")
-    stderr: float = float("nan")
-    outcome: str = OK
-
-
 def savage_dickey(
     priors: Mapping[str, Prior],
     name: str,
     scores: Mapping[str, np.ndarray],
     scales: ArrayLike = SHARED_SIGMAS,
-) -> Ratio:
+) -> NestedRatio:
     """Return the log Bayes factor of the model without a coefficient to the one with it.
 
     It is the log of posterior to prior density of the coefficient at zero, on the reflected axis. Where the coefficient
@@ -69,7 +56,7 @@ def savage_dickey(
     """
     prior, draws = priors.get(name), scores.get(name)
     if draws is None or not isinstance(prior, HalfNormal | SharedHalfNormal):
-        return Ratio(outcome="not applicable: its prior is not a half-normal")
+        return NestedRatio(outcome="not applicable: its prior is not a half-normal")
     log_ratios = np.full(draws.shape, -0.5 * np.log(2.0 / np.pi))
     if isinstance(prior, SharedHalfNormal):
         others = [n for n, p in priors.items() if n != name and isinstance(p, SharedHalfNormal)]
@@ -83,8 +70,8 @@ def savage_dickey(
     )
     ratio = log_density + top + float(np.log(weights.mean()))
     if not (abs(ratio) < FARTHEST and error < 1.0):
-        return Ratio(ratio, error, "not applicable: beyond 5 nats, or too few draws near zero")
-    return Ratio(ratio, error)
+        return NestedRatio(ratio, error, "not applicable: beyond 5 nats, or too few draws near zero")
+    return NestedRatio(ratio, error)
 
 
 def density_at_zero(

@@ -21,30 +21,10 @@ def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
 
     The likelihood is expanded: of a scale that coefficients share, each value has its own integral.
     """
-    target = likelihood.target
+    target, scales = likelihood.target, np.asarray(likelihood.scales)
     at = np.where(target.reflected, np.abs(z), z)
     value, gradient, information = likelihood.held(1.0).curvature(at)
-    reflected = np.flatnonzero(target.reflected)
-    return log_integral_over_scales(
-        value, gradient, information, at, reflected, target.shared, np.asarray(likelihood.scales)
-    )
-
-
-def log_evidence_about(mode: Mode) -> float:
-    """Return Laplace's log evidence about a mode: of the linear model, where laws may hold approximately."""
-    return log_evidence_near(mode.likelihood, mode.z) if mode.linear is None else mode.linear.log_evidence
-
-
-def log_integral_over_scales(
-    value: float,
-    gradient: np.ndarray,
-    information: np.ndarray,
-    at: np.ndarray,
-    reflected: np.ndarray,
-    shared: np.ndarray,
-    scales: np.ndarray,
-) -> float:
-    """`log_integral`, the prior N(0, 1) of the shared scores, (d,) of bool, replaced by its mean over scales, (s,)."""
+    reflected, shared = np.flatnonzero(target.reflected), target.shared
     if not shared.any():
         return log_integral(value, gradient, information, at, reflected)
     count, squares = int(shared.sum()), float(np.sum(at[shared] ** 2))
@@ -61,6 +41,11 @@ def log_integral_over_scales(
             break  # walls only take away from it
         found.append(at_scale(scale, reflected))
     return float(logsumexp(found) - np.log(scales.size))
+
+
+def log_evidence_about(mode: Mode) -> float:
+    """Return Laplace's log evidence about a mode: of the linear model, where laws may hold approximately."""
+    return log_evidence_near(mode.likelihood, mode.z) if mode.linear is None else mode.linear.log_evidence
 
 
 def log_integral(
@@ -83,8 +68,8 @@ def log_integral(
 
 def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
     """Laplace sds of the parameters in natural units from the covariance of the scores, shape (d, d)."""
-    rates = {n: abs(float(p.rate(z[i] or 1e-12))) for i, (n, p) in enumerate(target.priors.items())}
-    return {n: rate * float(np.sqrt(covariance[i, i])) for i, (n, rate) in enumerate(rates.items())}
+    sds = np.abs(target.rates(z)) * np.sqrt(np.diag(covariance))
+    return dict(zip(target.names, sds.tolist(), strict=True))
 
 
 def value_intervals(target: Target, z: np.ndarray, sd: np.ndarray) -> dict[str, tuple[float, float]]:

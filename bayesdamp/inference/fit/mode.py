@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -70,9 +71,7 @@ class Mode:
 
     It is the mode of the density in which every score has the prior N(0, 1): a scale that damping coefficients share is
     held at 1. log_posterior: log of that density at z, shape (d,); information: its negative Gauss–Newton Hessian
-    there, (d, d).
-    likelihood: whose mode it is; near: the same with the one shared scale that stands for all of them about z; factor:
-    Cholesky factor of the posterior's covariance with it, (d, d), which whitens.
+    there, (d, d); likelihood: whose mode it is.
     step_error, likelihood_error: what a finer solution changes within three sds of the mode, in the unit of the
     record and in nats.
     linear: the linear model's posterior, where laws may hold approximately.
@@ -81,14 +80,51 @@ class Mode:
     z: np.ndarray
     log_posterior: float
     information: np.ndarray
-    factor: np.ndarray
     likelihood: Likelihood
-    near: Likelihood
-    searches: tuple[LocalSearch, ...]
-    step_error: float
-    likelihood_error: float
-    tolerance: float
+    searches: tuple[LocalSearch, ...] = ()
+    step_error: float = np.nan
+    likelihood_error: float = np.nan
     linear: LinearPosterior | None = None
+
+    @property
+    def tolerance(self) -> float:
+        """Error of a motion, in the unit of the record."""
+        return self.likelihood.tolerance
+
+    @property
+    def near(self) -> Likelihood:
+        """The likelihood with the one shared scale that stands for all of them about z."""
+        return self._normal[0]
+
+    @property
+    def factor(self) -> np.ndarray:
+        """Cholesky factor of the posterior's covariance with that scale, (d, d), which whitens.
+
+        Raises Refusal where the information is not positive.
+        """
+        return self._normal[1]
+
+    @cached_property
+    def _normal(self) -> tuple[Likelihood, np.ndarray]:
+        """What a normal distribution near the mode is made with.
+
+        The scale has as its 1/σ² the mean over the scales given the expected sum of squares of the coefficients: a step
+        of variational Bayes. Where the record shows no damping the scale is then that of what it would show.
+        """
+        shared = self.likelihood.target.shared
+        if self.linear is None:
+            factor = whitening(self.information)
+            squares = np.sum(self.z[shared] ** 2) + np.sum(factor[shared] ** 2)
+        else:
+            factor = np.linalg.cholesky(np.atleast_2d(np.cov(self.linear.draws.T)))
+            squares = np.mean(np.sum(self.linear.draws[:, shared] ** 2, axis=1))
+        if not shared.any():
+            return self.likelihood, factor
+        scales = np.asarray(self.likelihood.scales)
+        precision = float(shared_precision(float(squares), int(shared.sum()), scales))
+        if self.linear is None:
+            factor = whitening(self.information + np.diag((precision - 1.0) * shared))
+        return self.likelihood.held(precision**-0.5), factor
 
     @property
     def stored(self) -> StoredMode:
@@ -110,28 +146,11 @@ def settle(target: Target, z: np.ndarray, tolerance: float, searches: tuple[Loca
         if not np.isfinite(top.value):
             raise Refusal("the posterior is not finite at its mode")
         z = top.x
-        near, factor = about(likelihood, z, top.information)
-        moved, change = _solution_errors(likelihood, z, factor)
+        mode = Mode(z, top.value, top.information, likelihood, searches)
+        moved, change = _solution_errors(likelihood, z, mode.factor)
         if change < BUDGET or attempts == 6:
-            break
+            return replace(mode, step_error=moved, likelihood_error=change)
         tolerance *= np.clip(BUDGET / change, 1e-3, 0.5) * 0.5
-    return Mode(z, top.value, top.information, factor, likelihood, near, searches, moved, change, tolerance)
-
-
-def about(likelihood: Likelihood, z: np.ndarray, information: np.ndarray) -> tuple[Likelihood, np.ndarray]:
-    """Return what a normal distribution near scores z, (d,), is made with: the likelihood with one shared scale in
-    place of all, and a factor of the covariance with that one, (d, d).
-
-    The scale has as its 1/σ² the mean over the scales given the expected sum of squares of the coefficients: a step of
-    variational Bayes. Where the record shows no damping the scale is then that of what it would show.
-    information: with the scale held at 1, (d, d). Raises Refusal where that is not positive.
-    """
-    factor, shared = whitening(information), likelihood.target.shared
-    if not shared.any():
-        return likelihood, factor
-    squares = float(np.sum(z[shared] ** 2) + np.sum(factor[shared] ** 2))
-    precision = float(shared_precision(squares, int(shared.sum()), np.asarray(likelihood.scales)))
-    return likelihood.held(precision**-0.5), whitening(information + np.diag((precision - 1.0) * shared))
 
 
 def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> tuple[float, float]:
@@ -159,16 +178,7 @@ def mode_near(likelihood: Likelihood, mode: Mode, z: np.ndarray) -> Mode:
     top = maximise_posterior(likelihood, z)
     if not np.isfinite(top.value):
         raise Refusal("the posterior is not finite at its mode")
-    near, factor = about(likelihood, top.x, top.information)
-    return replace(
-        mode,
-        z=top.x,
-        log_posterior=top.value,
-        information=top.information,
-        factor=factor,
-        likelihood=likelihood,
-        near=near,
-    )
+    return replace(mode, z=top.x, log_posterior=top.value, information=top.information, likelihood=likelihood)
 
 
 def whitening(information: np.ndarray) -> np.ndarray:
@@ -187,8 +197,5 @@ def whitening(information: np.ndarray) -> np.ndarray:
 
 def restore_mode(target: Target, stored: StoredMode) -> Mode:
     """Return a mode from what was stored of it."""
-    z, information, tolerance = stored.z, stored.information, stored.tolerance
-    likelihood = Likelihood.near(target, z, tolerance)
-    near, factor = about(likelihood, z, information)
-    found = z, stored.log_posterior, information, factor, likelihood, near, stored.searches
-    return Mode(*found, np.nan, np.nan, tolerance)
+    likelihood = Likelihood.near(target, stored.z, stored.tolerance)
+    return Mode(stored.z, stored.log_posterior, stored.information, likelihood, stored.searches)

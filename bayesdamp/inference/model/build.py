@@ -37,12 +37,8 @@ def build_target(
         known["epsilon"] = reference.friction_width
     scales = reference.scales(features.rest)
     known = {**{n: scales[n] for n in osc.scales}, **known}
-    wanted = (*osc.coefficients, *(n for n in osc.parameters if n not in osc.coefficients))
-    wanted = (*wanted, *NOISES.get(noise).parameters)
     priors: dict[str, Prior] = {}
-    for name in wanted:
-        if name in known and name not in osc.coefficients:
-            continue
-        prior = given.get(name)
-        priors[name] = prior if prior is not None else default_prior(name, osc, noise, reference, features)  # type: ignore[assignment]
+    for name in (*osc.parameters, *NOISES.get(noise).parameters):
+        if name not in known or name in osc.coefficients:
+            priors[name] = given.get(name) or default_prior(name, osc, noise, reference, features)  # type: ignore[assignment]
     return Target(signal, osc, noise, priors, {k: v for k, v in known.items() if k not in priors})

@@ -141,8 +141,11 @@ class Likelihood:
 
     def log_noise(self, residual: np.ndarray, z: np.ndarray) -> float:
         """Return the log density of residuals (n,) at scores z, (d,), in nats; −∞ where there is none."""
+        return self._log_density(residual, self._noise_values(z))
+
+    def _log_density(self, residual: np.ndarray, p: Mapping[str, float]) -> float:
         with np.errstate(all="ignore"):  # scores far out, where a noise model may overflow
-            found = float(self.target.noise_model.log_likelihood(residual, self.gaps, self._noise_values(z)))
+            found = float(self.target.noise_model.log_likelihood(residual, self.gaps, p))
         return found if np.isfinite(found) else -np.inf
 
     def log_likelihood(self, z: np.ndarray) -> float:
@@ -227,28 +230,27 @@ class Likelihood:
 
     def log_likelihood_of(self, p: Mapping[str, float]) -> float:
         """Return the log density of the record at parameters by name; the prior has no say."""
-        residual = self.y - self.motions.record(p)[self.part.start :]
-        if not np.all(np.isfinite(residual)):
-            return -np.inf
-        found = float(self.target.noise_model.log_likelihood(residual, self.gaps, p))
-        return found if np.isfinite(found) else -np.inf
+        return self._log_density(self.y - self.motions.record(p)[self.part.start :], p)
 
     def slopes_of(self, p: Mapping[str, float]) -> tuple[float, np.ndarray]:
         """Return the same and its derivatives by the inferred parameters, (d,); these are 0 where it is −∞."""
         motion, slopes = self._solved(p)
-        residual, noise = self.y - motion, self.target.noise_model
-        found = np.zeros(len(self.target.names))
-        value = (
-            float(noise.log_likelihood(residual, self.gaps, p)) if np.all(np.isfinite(residual)) else -np.inf
-        )
+        value = self._log_density(self.y - motion, p)
         if not np.isfinite(value):
-            return -np.inf, found
+            return value, np.zeros(len(self.target.names))
+        return value, self._slopes_by_parameters(self.y - motion, slopes, p)
+
+    def _slopes_by_parameters(
+        self, residual: np.ndarray, slopes: np.ndarray, p: Mapping[str, float]
+    ) -> np.ndarray:
+        """Return the derivatives, (d,), of the log density of residuals (n,); slopes: of the motion, (k, n)."""
+        found, noise = np.zeros(len(self.target.names)), self.target.noise_model
         found[self.target.moving] = -(slopes @ noise.slope(residual, self.gaps, p))
         if self._still.size:
             by_name = noise.parameter_slopes(residual, self.gaps, p)
             for i in self._still:
                 found[i] = by_name[self.target.names[i]]
-        return value, found
+        return found
 
     def _solved(self, p: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         """Return the motion, (n,), and its derivatives by the inferred parameters that move it, (k, n)."""
@@ -264,14 +266,9 @@ class Likelihood:
         """Places, (s,), of the scores that are the noise's."""
         return np.setdiff1d(np.arange(len(self.target.names)), self.target.moving)
 
-    @cached_property
-    def _noise_names(self) -> tuple[str, ...]:
-        noise = self.target.noise_model
-        return (*noise.parameters, *noise.constants)
-
     def _noise_values(self, z: np.ndarray) -> dict[str, float]:
-        p = self.target.all_values(z)
-        return {n: p[n] for n in self._noise_names}
+        p, noise = self.target.all_values(z), self.target.noise_model
+        return {n: p[n] for n in (*noise.parameters, *noise.constants)}
 
     def _gradient(self, line: Line, z: np.ndarray) -> tuple[float, np.ndarray]:
         value = self.log_noise(line.residual, z)
@@ -280,14 +277,8 @@ class Likelihood:
         return value + self._prior(z)[0], self._slope(line, z)
 
     def _slope(self, line: Line, z: np.ndarray) -> np.ndarray:
-        found, noise = self._prior(z)[1], self.target.noise_model
-        p, rates, moving = self._noise_values(z), self.target.rates(z), self.target.moving
-        found[moving] -= rates[moving] * (line.slopes @ noise.slope(line.residual, self.gaps, p))
-        if self._still.size:
-            by_name = noise.parameter_slopes(line.residual, self.gaps, p)
-            for i in self._still:
-                found[i] += rates[i] * by_name[self.target.names[i]]
-        return found
+        by_parameters = self._slopes_by_parameters(line.residual, line.slopes, self._noise_values(z))
+        return self._prior(z)[1] + self.target.rates(z) * by_parameters
 
     def _noise_information(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return minus the second derivatives by the noise's scores, (s, s), without negative curvature."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 
@@ -17,27 +16,24 @@ SMALL = 1e-6
 """Share of a step over which directions are taken."""
 
 
-class Scores(ABC):
+class Scores:
     """The prior is N(0, 1) in each score, but for coefficients whose priors share an unknown scale."""
 
+    priors: Mapping[str, Prior]
+    """Of the inferred parameters, in the order of the scores."""
     known: Mapping[str, float]
     scales: tuple[float, ...] = tuple(map(float, SHARED_SIGMAS))
     """Scales that coefficients may share, in scores, all equally probable."""
 
     @cached_property
-    @abstractmethod
-    def inferred(self) -> Mapping[str, Prior]:
-        """Priors of the inferred parameters, in the order of the scores."""
-
-    @cached_property
     def reflected(self) -> np.ndarray:
         """Which of the scores, (d,), are those of half-normal priors: z and −z stand for one value."""
-        return np.array([p.reflected for p in self.inferred.values()], bool)
+        return np.array([p.reflected for p in self.priors.values()], bool)
 
     @cached_property
     def shared(self) -> np.ndarray:
         """Which of the scores, (d,), are coefficients whose priors share an unknown scale."""
-        return np.array([isinstance(p, SharedHalfNormal) for p in self.inferred.values()], bool)
+        return np.array([isinstance(p, SharedHalfNormal) for p in self.priors.values()], bool)
 
     def prior_precision(
         self, z: np.ndarray, scales: Sequence[float] | np.ndarray = SHARED_SIGMAS
@@ -55,7 +51,7 @@ class Scores(ABC):
 
     def prior_draws(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """Draw scores from the prior, (n, d), not negative where they are reflected."""
-        z = rng.standard_normal((count, len(self.inferred)))
+        z = rng.standard_normal((count, len(self.priors)))
         if self.shared.any():
             z[:, self.shared] *= rng.choice(self.scales, count)[:, None]
         z[:, self.reflected] = np.abs(z[:, self.reflected])
@@ -63,7 +59,7 @@ class Scores(ABC):
 
     @cached_property
     def _rates(self):
-        return [(type(p).derivative, p.numbers, p.reflected) for p in self.inferred.values()]
+        return [(type(p).derivative, p.numbers, p.reflected) for p in self.priors.values()]
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """Return by how much each inferred parameter changes with its score at z, both (d,)."""
@@ -83,7 +79,7 @@ class Scores(ABC):
         ----------
         P.-A. Absil, R. Mahony and R. Sepulchre, Optimization Algorithms on Matrix Manifolds, 2008, on retractions.
         """
-        law, priors = LAWS.get(restoring), self.inferred
+        law, priors = LAWS.get(restoring), self.priors
         names = [n for n in (*law.parameters, "theta0") if n in priors]
         if not set(law.parameters) <= set(names):
             return new

@@ -68,11 +68,6 @@ class Target(Scores):
         return tuple(self.priors)
 
     @cached_property
-    def inferred(self) -> Mapping[str, Prior]:
-        """Priors of the inferred parameters, in the order of the scores."""
-        return self.priors
-
-    @cached_property
     def shared_places(self) -> np.ndarray:
         """Places of these, (m,)."""
         return np.flatnonzero(self.shared)

@@ -78,7 +78,8 @@ class Emcee(Sampler):
             sampler.random_state = np.random.RandomState((settings.seed + k) % 2**32).get_state()
             own = replace(settings, seed=settings.seed + 7919 * k)
             start, *_ = seeded_starts(target, mode, at, walkers, own)
-            state = self._settled(sampler, start, warmup)
+            state = sampler.run_mcmc(start, warmup)
+            sampler.reset()
             ensembles.append((sampler, state))
 
         resolved, draws = False, np.empty((0, 0, 0))
@@ -114,12 +115,6 @@ class Emcee(Sampler):
             evaluations=int(ENSEMBLES * walkers * (draws.shape[1] + warmup)),
             ensembles=ENSEMBLES,
         )
-
-    @staticmethod
-    def _settled(sampler: emcee.EnsembleSampler, start: np.ndarray, warmup: int):
-        state = sampler.run_mcmc(start, warmup)
-        sampler.reset()
-        return state
 
     @staticmethod
     def _resolved(target: Target, at: Whitening, draws: np.ndarray) -> bool:

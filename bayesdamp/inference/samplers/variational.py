@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -57,34 +56,6 @@ class Variational(Sampler):
         )
 
 
-@dataclass
-class _Normal:
-    """A normal distribution that is trained.
-
-    x: its mean, (d,), the logarithms of its Cholesky factor's diagonal, (d,), and what lies below that; first, second:
-    Adam's moments of the gradient by these (D. P. Kingma and J. Ba, 2015).
-    """
-
-    x: np.ndarray
-    first: np.ndarray
-    second: np.ndarray
-    steps: int = 0
-
-    @classmethod
-    def standard(cls, d: int) -> _Normal:
-        """Return the standard normal."""
-        k = 2 * d + d * (d - 1) // 2
-        return cls(np.zeros(k), np.zeros(k), np.zeros(k))
-
-    def climb(self, gradient: np.ndarray, rate: float) -> None:
-        """Take a step of Adam up a gradient, (k,)."""
-        self.steps += 1
-        self.first = FIRST * self.first + (1 - FIRST) * gradient
-        self.second = SECOND * self.second + (1 - SECOND) * gradient**2
-        first, second = self.first / (1 - FIRST**self.steps), self.second / (1 - SECOND**self.steps)
-        self.x = self.x + rate * first / (np.sqrt(second) + 1e-8)
-
-
 def _train(mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray, int, float]:
     """Return mean (d,) and factor (d, d) of the normal in the unbounded coordinates, steps, and the bound in nats.
 
@@ -92,13 +63,20 @@ def _train(mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray
     """
     d = at.mean.size
     rng = np.random.default_rng(seed)
-    normal, before, halvings, rate = _Normal.standard(d), None, 0, RATE
-    for i in range(BLOCKS):
+    # The normal's mean, (d,), logarithms of its Cholesky factor's diagonal, (d,), and what is below that, with Adam's
+    # moments of the gradient by these (D. P. Kingma and J. Ba, 2015).
+    x, first, second = np.zeros((3, 2 * d + d * (d - 1) // 2))
+    before, steps, halvings, rate = None, 0, 0, RATE
+    for _ in range(BLOCKS):
         trace, bounds = [], []
         for _ in range(BLOCK):
-            gradient, bound = _climbing(mode, at, normal.x, rng)
-            normal.climb(gradient, rate)
-            trace.append(normal.x)
+            gradient, bound = _climbing(mode, at, x, rng)
+            steps += 1
+            first = FIRST * first + (1 - FIRST) * gradient
+            second = SECOND * second + (1 - SECOND) * gradient**2
+            scale = np.sqrt(second / (1 - SECOND**steps)) + 1e-8
+            x = x + rate * (first / (1 - FIRST**steps)) / scale
+            trace.append(x)
             bounds.append(bound)
         now = np.mean(trace, axis=0)
         if not np.all(np.isfinite(now)):
@@ -107,7 +85,7 @@ def _train(mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray
             )
         if before is not None and np.max(np.abs(now - before)) < SETTLED:
             if halvings == HALVINGS:
-                return now[:d], _factor(now, d), (i + 1) * BLOCK, float(np.mean(bounds))
+                return now[:d], _factor(now, d), steps, float(np.mean(bounds))
             halvings += 1
             rate = RATE * 0.5**halvings
         before = now

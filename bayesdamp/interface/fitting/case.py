@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -13,17 +13,18 @@ from bayesdamp import types
 from bayesdamp.estimators.shared import noise_level
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import prepared
-from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of
+from bayesdamp.inference.deviation.numbers.averaging import averaging_of
 from bayesdamp.inference.deviation.quick import MOST_CYCLES
 from bayesdamp.inference.deviation.sample_noise import GAUSSIAN, noises_of
 from bayesdamp.inference.deviation.single import Single, single
-from bayesdamp.inference.deviation.weighing import weigh_all
+from bayesdamp.inference.deviation.weighing import START, weigh_all
 from bayesdamp.inference.fit.mode import Mode, restore_mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.fit.starting_points import prior_starts
 from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference, reference_of
 from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.fitting.specification import Specification
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.restoring import LAWS
@@ -130,24 +131,19 @@ class Case:
         return starts
 
 
-@dataclass(frozen=True)
-class Choice:
-    """The noise model of a record, friction's epsilon where one was chosen (rad/s), what is to be said of both, and
-    where the fit that chose them ended."""
-
-    noise: str
-    epsilon: float | None = None
-    notes: tuple[str, ...] = ()
-    starts: Starts = field(default_factory=dict)
-
-
-def choose(case: Case) -> Choice:
+def choose(case: Case) -> tuple[str, float | None, tuple[str, ...], Starts]:
     """Choose the noise model by its evidence under the model's own damping, where several are in play, and then the
-    width of friction, where it is neither known nor inferred. Raises Refusal."""
+    width of friction, where it is neither known nor inferred.
+
+    Returns the noise model, friction's epsilon where one was chosen (rad/s), what is to be said of both, and where the
+    fit that chose them ended. Raises Refusal.
+    """
     names, model = case.model.noises, case.model
     if len(names) == 1:
-        return Choice(names[0])
-    usable = tuple(n for n in names if _noise_knows(case, n))
+        return names[0], None, (), {}
+    own = {n: set(NOISES.get(n).parameters) for n in names}
+    said = set.union(*own.values()) & {*model.known, *model.priors}
+    usable = tuple(n for n in names if said <= own[n])
     candidate = Candidate(model.terms, model.restoring)
     with threadpool_limits(1, "blas"):
         weighing = weigh_all(
@@ -170,9 +166,8 @@ def choose(case: Case) -> Choice:
     if len(order) > 1:
         ahead = order[0].log_evidence - order[1].log_evidence
         notes.append(f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name}.")
-    values = result.fit.parameters.named(result.fit.z)
-    starts = {Seed("fit that chose the noise"): values}
-    return Choice(weighing.noise.likeliest, epsilon, tuple(notes), starts)
+    starts = {Seed("fit that chose the noise"): result.fit.parameters.named(result.fit.z)}
+    return weighing.noise.likeliest, epsilon, tuple(notes), starts
 
 
 def searched(
@@ -191,18 +186,9 @@ def searched(
         if not given:
             raise
         starts = dict(given)
-    choice = choose(case)
-    target = case.target(choice.noise, choice.epsilon)
-    seeds = {**choice.starts, **starts, **prior_starts(target, PRIOR_STARTS, seed)}
+    noise, epsilon, notes, chosen = choose(case)
+    target = case.target(noise, epsilon)
+    seeds = {**chosen, **starts, **prior_starts(target, PRIOR_STARTS, seed)}
     mode = find_mode(target, seeds, noise_level=case.seen.roughness, period=case.seen.period)
     # Made anew at the mode, as it is where a fit is read from a file, so that both are the same.
-    return target, restore_mode(target, mode.stored), choice.notes
-
-
-def _noise_knows(case: Case, noise: str) -> bool:
-    """Whether a noise model has every noise parameter that something is said of."""
-    from bayesdamp.inference.noise import NOISES
-
-    every = {p for n in case.model.noises for p in NOISES.get(n).parameters}
-    said = every & {*case.model.known, *case.model.priors}
-    return said <= set(NOISES.get(noise).parameters)
+    return target, restore_mode(target, mode.stored), notes

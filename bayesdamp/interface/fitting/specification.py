@@ -66,7 +66,13 @@ class Specification(Result):
         object.__setattr__(self, "noise", self.noise if isinstance(self.noise, str) else tuple(self.noise))
         checked_noise("Model", self.noise)
         if self.approximate:
-            self._check_approximate()
+            checked_sensor("Model", self.sensor)
+            for name in self.priors:
+                if name in HELD:
+                    raise InputError(
+                        f"Model: the prior of {name!r} has no meaning under deviation {self.deviation!r}, which holds "
+                        "it; leave it out, or give it as known"
+                    )
         known = checked_known("Model", self.known, self._coefficients, self.parameters)
         priors = checked_priors("Model", self.priors, known, self._coefficients, self.parameters)
         object.__setattr__(self, "known", {n: v for n, v in known.items() if n in self.parameters})
@@ -134,16 +140,6 @@ class Specification(Result):
     def _coefficients(self) -> dict[str, str]:
         """Coefficient to term."""
         return coefficients_of(self.terms)
-
-    def _check_approximate(self) -> None:
-        """What is asked of a law that may hold approximately. Raises InputError."""
-        checked_sensor("Model", self.sensor)
-        for name in self.priors:
-            if name in HELD:
-                raise InputError(
-                    f"Model: the prior of {name!r} has no meaning under deviation {self.deviation!r}, which holds it; "
-                    "leave it out, or give it as known"
-                )
 
     def summary(self) -> pd.DataFrame:
         """A row a parameter: its value where it is known, and the prior that was given. Defaults depend on the record,

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.config import SignalSpec, Study
+from bayesdamp.inference.curves.weighted import quantiles
 from bayesdamp.odds import odds
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.candidates.branch import Branch
@@ -92,10 +93,4 @@ def averaged(curves: Mapping[str, np.ndarray], shares: Mapping[str, float]) -> n
     """
     values = np.concatenate(list(curves.values()))
     weights = np.concatenate([np.full(len(c), shares[m] / len(c)) for m, c in curves.items()])
-    return np.stack([_quantiles(column, weights / weights.sum()) for column in values.T], axis=-1)
-
-
-def _quantiles(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    order = np.argsort(x)
-    ladder = np.cumsum(weights[order]) - 0.5 * weights[order]
-    return np.interp(LEVELS, ladder, x[order])
+    return np.stack([quantiles(column, weights / weights.sum(), LEVELS) for column in values.T], axis=-1)

@@ -65,11 +65,7 @@ def cells_of(branch: Branch) -> dict[str, str]:
     for name, parts in evidence_parts(branch.study, branch.path, found).items():
         own = [EVIDENCES.source(Place.of(name).method), SAMPLERS.source("nuts")]
         found[name] = task_key("evidence", *whence, *parts, own)
-    terms, noises = len(branch.terms), len(branch.study.noises)
-    together = branch.spec.specimen in branch.study.repeated
-    joined = together and not settings.samplers
-    changed = sensitivity_cells(branch.path, found, branch.repeat, terms, noises, joined, law)
-    for name, source in changed.items():
+    for name, source in sensitivity_cells(branch, found).items():
         found[name] = task_key("sensitivity", *whence, source, name)
     if branch.study.models.prune is not None:
         found[f"curve/{branch.path}"] = task_key("curve", mode_key)

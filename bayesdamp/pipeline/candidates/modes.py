@@ -16,7 +16,7 @@ from bayesdamp.pipeline.records.records import NOT_APPLICABLE, cell_seed
 from bayesdamp.pipeline.records.starts import observed, of_all, regression
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.serial import split
-from bayesdamp.store.contents.candidates import BesideIt, Maximum, ModeContent, RefusedSeed
+from bayesdamp.store.contents.candidates import Maximum, ModeContent, RefusedSeed
 from bayesdamp.store.contents.estimates import EstimateContent
 from bayesdamp.types import OK, Problem, Refusal, Seed
 
@@ -82,7 +82,6 @@ def compute_mode(branch: Branch) -> Product:
         "log_posterior": mode.log_posterior,
         "error_budget": {"step_error": mode.step_error, "log_likelihood_change": mode.likelihood_error},
         "refused": refused,
-        "rivals": [BesideIt(r.words, r.log_bayes) for r in fit.rivals],
         "stored": split(mode.stored, arrays, "stored"),
     }
     return Product(ModeContent.of_meta(split(content)), arrays)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,9 +17,9 @@ from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records.answering import verdict_of
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.store.contents.posteriors import NO_DRAWS, DrawnRatio, PosteriorContent
+from bayesdamp.store.contents.posteriors import NO_DRAWS, PosteriorContent
 from bayesdamp.store.files import write_bytes
-from bayesdamp.types import OK, Posterior
+from bayesdamp.types import OK, Posterior, Ratio
 
 CURVE = "equivalent_ratio"
 LEVELS = np.array([0.025, 0.5, 0.975])
@@ -93,12 +93,11 @@ def _content(branch: Branch, found: Posterior, motions: Motions) -> PosteriorCon
     )
 
 
-def _ratios(branch: Branch, law: Single, u: np.ndarray) -> tuple[DrawnRatio, ...]:
+def _ratios(branch: Branch, law: Single, u: np.ndarray) -> tuple[Ratio, ...]:
     """The damping ratio of draws with their deviations, (n, K), at the verdict's amplitudes."""
     verdict = verdict_of(branch.store, branch.spec.name, branch.repeat)
     amplitudes = tuple(r.amplitude for r in verdict.damping_ratio) if verdict else ()
-    found = law.ratios(amplitudes, u, branch.study.posterior.sensor)
-    return tuple(DrawnRatio(**asdict(r)) for r in found)
+    return law.ratios(amplitudes, u, branch.study.posterior.sensor)
 
 
 def _motions(branch: Branch, inferred: Mapping[str, np.ndarray]) -> Motions:

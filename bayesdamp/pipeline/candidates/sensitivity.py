@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 
 import numpy as np
@@ -20,6 +20,7 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.outcomes import following
 from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.records.answering import likelihood_of
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult
@@ -27,7 +28,6 @@ from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.evidence import (
     EvidenceContent,
     HalfContent,
-    NestedRatio,
     NoisesContent,
     RatiosContent,
     UnderNoise,
@@ -49,31 +49,27 @@ SHOWN = 1000
 """Samples of a prediction that are kept, at least, where there are as many."""
 
 
-def sensitivity_cells(
-    path: str,
-    found: Mapping[str, str],
-    repeat: int,
-    terms: int,
-    noises: int,
-    joined: bool = False,
-    law: bool = False,
-) -> dict[str, str]:
-    """Names of the cells to what their keys depend on: of the first repeat alone, and only where evidence is asked for.
+def sensitivity_cells(branch: Branch, found: Mapping[str, str]) -> dict[str, str]:
+    """Return the names of a branch's cells and what their keys depend on.
 
-    found: the branch's other cells, name to key; terms, noises: how many of the candidate's and in play. joined:
-    whether what counts is a fit of this record and others together, so that it is not looked at closely by itself. law:
-    whether laws may hold approximately: what is coloured is the deviations' and κ's there, and there is no other noise.
+    They are of the first repeat alone, and only where evidence is asked for. Where laws may hold approximately, what is
+    coloured is the deviations' and κ's, and there is no other noise. Where what counts is a fit of this record and
+    others together, the record is not looked at closely by itself. found: the branch's other cells, name to key.
     """
-    asked = repeat == 0 and any(Place.of(n).kind == "evidence" for n in found)
-    sources = {kind: source.format(path) for kind, source in SOURCES.items()}
+    if branch.repeat or not any(Place.of(n).kind == "evidence" for n in found):
+        return {}
+    study = branch.study
+    joined = branch.spec.specimen in study.repeated and not study.posterior.samplers
+    left_out = {
+        *(CLOSE if joined else ()),
+        *(["noises"] if len(study.noises) < 2 or likelihood_of(study) == "law" else []),
+        *(["savage_dickey"] if len(branch.terms) < 2 else []),
+    }
+    sources = {kind: source.format(branch.path) for kind, source in SOURCES.items() if kind not in left_out}
     return {
-        f"sensitivity/{path}/{kind}": found[source]
+        f"sensitivity/{branch.path}/{kind}": found[source]
         for kind, source in sources.items()
-        if asked
-        and source in found
-        and not (law and kind == "noises")
-        and not (joined and kind in CLOSE)
-        and {"savage_dickey": terms, "noises": noises}.get(kind, 2) > 1
+        if source in found
     }
 
 
@@ -102,29 +98,28 @@ def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
 def _half(branch: Branch, source: CellResult, seed: int) -> Product:
     law, mode, signal = branch.law, branch.density, branch.record.signal
     if law is None:
-        t, y, half = signal.t, signal.y, first_half(mode)
+        t, half = signal.t, first_half(mode)
         carry = partial(carried_on, mode.likelihood, half=signal.t.size // 2)
     else:
         data, one = law.weighing.data, first_half_of(law)
-        t, y, half = float(signal.t[0]) + data.t, data.y, one.mode
+        t, half = float(signal.t[0]) + data.t, one.mode
         carry = partial(law.carried_on, one, seed=seed)
-    found = predict(branch.model, half, carry, t, y, seed)
+    evidence, ahead = predict(branch.model, half, carry, seed)
     whole = EvidenceContent.of(source).evidence
     assert whole is not None  # a source with draws was weighed
-    density, uncertainty = log_predictive(whole, found.evidence)
+    density, uncertainty = log_predictive(whole, evidence)
+    later = t[-ahead.error.size :]
     content = HalfContent(
-        start=found.start,
-        rms=found.rms,
-        expected=found.expected,
-        coverage=found.coverage,
+        start=float(later[0]),
+        rms=ahead.rms,
+        expected=ahead.expected,
+        coverage=ahead.coverage,
         log_predictive=density,
         log_predictive_stderr=uncertainty,
-        evidence=replace(found.evidence, arrays={}),
+        evidence=evidence,
     )
-    every = max(1, found.centre.size // SHOWN)
-    later = slice(y.size - found.centre.size, None)
-    error = y[later] - found.centre
-    return Product(content, {"t": t[later][::every], "error": error[::every], "sd": found.sd[::every]})
+    every = max(1, later.size // SHOWN)
+    return Product(content, {"t": later[::every], "error": ahead.error[::every], "sd": ahead.sd[::every]})
 
 
 def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
@@ -135,10 +130,11 @@ def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
     law = candidate_parts(branch.model)[1]
     pairs = {candidate_name("+".join(x for x in branch.terms if x != t), law): t for t in branch.terms}
     coefficient = dict(zip(branch.terms, branch.target.oscillator.coefficients, strict=True))
-    ratios = {
-        m: savage_dickey(target.priors, coefficient[t], scores, target.scales) for m, t in pairs.items()
-    }
-    return Product(RatiosContent({m: NestedRatio(**vars(one)) for m, one in ratios.items()}))
+    return Product(
+        RatiosContent(
+            {m: savage_dickey(target.priors, coefficient[t], scores, target.scales) for m, t in pairs.items()}
+        )
+    )
 
 
 def _noises(branch: Branch, source: CellResult, seed: int) -> Product:

@@ -76,7 +76,7 @@ def weighed_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], A
             continue
         arrays[f"{candidate}/spread"] = found.spreads
         priors = priors_of(model[0], weighed.reference, specimen.priors)
-        coefficients = weighed.runs[model][0].likelihood.coefficients
+        coefficients = weighed.runs[model][0].coefficients
         for i, name in enumerate(found.names):
             if coefficients[i]:
                 arrays[f"{candidate}/{name}"] = found.draws[:, i]

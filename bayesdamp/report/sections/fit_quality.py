@@ -14,8 +14,9 @@ from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import coefficients, mode_of, models_by_rank
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import SignalSection, drawn
-from bayesdamp.store.contents.candidates import BesideIt, ModeContent, Part
+from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.table import Table
+from bayesdamp.types import AddedForm, PartialFit
 
 _EXACT = (
     "All of it is of fits under laws that hold exactly, which chains and evidence here do not need: what an exact law "
@@ -84,7 +85,7 @@ def _table(run: Run, signal: str, repeats: Sequence[int]) -> Table:
 
 def _other_forms(mode: ModeContent) -> Table:
     """Of each form of damping that no candidate has: with it in addition, how likely is the candidate?"""
-    columns: dict[str, Callable[[BesideIt], str]] = {
+    columns: dict[str, Callable[[AddedForm], str]] = {
         "what there might be beside it": lambda form: form.words,
         "ln Bayes factor": lambda form: fmt.fixed(form.log_bayes, 2),
         "probability, against none": lambda form: fmt.probability(float(expit(form.log_bayes))),
@@ -99,7 +100,7 @@ def _windows(run: Run, signal: str, repeat: int, model: str) -> Table | None:
     names = [n for n in coefficients(run, model) if all(n in w.values for w in found)]
     if len(found) < 2 or not names:
         return None
-    columns: dict[str, Callable[[Part], str]] = {
+    columns: dict[str, Callable[[PartialFit], str]] = {
         "window": lambda w: w.label,
         "from / s": lambda w: fmt.number(w.start, 4),
         "to / s": lambda w: fmt.number(w.stop, 4),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bayesdamp.store.contents.content import Content
-from bayesdamp.types import Seed
+from bayesdamp.types import AddedForm, Forecast, PartialFit, Seed
 
 NAN = float("nan")
 
@@ -47,37 +47,6 @@ class Maximum:
 
 
 @dataclass(frozen=True)
-class Part:
-    """The mode on a part of the record, from start to stop in s: parameters, Laplace's sds and log evidence (nats)."""
-
-    label: str
-    start: float
-    stop: float
-    values: Mapping[str, float]
-    sd: Mapping[str, float]
-    log_evidence: float = NAN
-
-
-@dataclass(frozen=True)
-class SecondHalf:
-    """What the first half of a record says of the second: rms of its error and the expected one, in the record's unit,
-    share inside the 95 % interval, log density (nats)."""
-
-    rms: float
-    expected: float
-    coverage: float
-    log_predictive: float
-
-
-@dataclass(frozen=True)
-class BesideIt:
-    """The model with another form of damping beside its own: log Bayes factor in nats against the model alone."""
-
-    words: str
-    log_bayes: float
-
-
-@dataclass(frozen=True)
 class ModeContent(Content):
     """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`).
 
@@ -98,7 +67,7 @@ class ModeContent(Content):
     modes: tuple[Maximum, ...] = ()
     touching_zero: tuple[str, ...] = ()
     refused: tuple[RefusedSeed, ...] = ()
-    windows: tuple[Part, ...] = ()
+    windows: tuple[PartialFit, ...] = ()
     rms: float = NAN
     share: float = NAN
     residual_autocorrelation: float = NAN
@@ -109,7 +78,7 @@ class ModeContent(Content):
     tails_p: float = NAN
     window_spread: float = NAN
     window_p: float = NAN
-    forecast: SecondHalf | None = None
-    rivals: tuple[BesideIt, ...] = ()
+    forecast: Forecast | None = None
+    rivals: tuple[AddedForm, ...] = ()
     verdict: str = ""
     stored: Mapping[str, Any] = field(default_factory=dict)

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from bayesdamp.store.contents.candidates import SecondHalf
 from bayesdamp.store.contents.content import Content
-from bayesdamp.types import OK, Evidence
-
-NAN = float("nan")
+from bayesdamp.types import OK, Evidence, Forecast, NestedRatio
 
 
 @dataclass(frozen=True)
@@ -28,9 +25,9 @@ class WidthsContent(Content):
 
 
 @dataclass(frozen=True)
-class HalfContent(SecondHalf, Content):
+class HalfContent(Forecast, Content):
     """What the first half of a record says alone (`sensitivity/.../half`): its evidence, and of the second half what
-    `SecondHalf` explains; start: of the second half, in s."""
+    `Forecast` explains; start: of the second half, in s."""
 
     start: float
     log_predictive_stderr: float
@@ -51,15 +48,6 @@ class NoisesContent(Content):
 
     chosen: str
     evidence: Mapping[str, UnderNoise]
-
-
-@dataclass(frozen=True)
-class NestedRatio:
-    """Log Bayes factor (nats) of a model without a term against the one with it, by Savage and Dickey."""
-
-    log_bayes_factor: float = NAN
-    stderr: float = NAN
-    outcome: str = OK
 
 
 @dataclass(frozen=True)

@@ -8,23 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bayesdamp.store.contents.content import Content
-from bayesdamp.types import Posterior
+from bayesdamp.types import Posterior, Ratio
 
 NAN = float("nan")
 NO_DRAWS = np.empty((0, 0, 0)), np.empty((0, 0))
 """Draws and log likelihoods of a posterior that has none."""
-
-
-@dataclass(frozen=True)
-class DrawnRatio:
-    """Equivalent damping ratio at an amplitude (rad or m), with the parts of its sd and its total 95 % interval."""
-
-    amplitude: float
-    value: float
-    low: float
-    high: float
-    sd_noise: float
-    sd_law: float
 
 
 @dataclass(frozen=True)
@@ -43,7 +31,7 @@ class PosteriorContent(Content):
     reference_amplitude: float = NAN
     without: Mapping[str, int] = field(default_factory=dict)
     file: str = ""
-    ratios: tuple[DrawnRatio, ...] = ()
+    ratios: tuple[Ratio, ...] = ()
 
 
 @dataclass(frozen=True)

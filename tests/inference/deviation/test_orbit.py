@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.special import ellipk
 
+from bayesdamp.inference.deviation.numbers.curves import works_on
 from bayesdamp.inference.deviation.orbit import (
-    Cycle,
     balanced_frequency,
     natural_frequency,
     orbit_at,
     rest_of,
 )
 from bayesdamp.physics.damping import PAPER_TERMS
+from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.restoring import LAWS
 
 W, A = 4.5, 0.3
@@ -25,10 +27,15 @@ SMALL = 1e-6
 
 def cycle_at(
     amplitude: float, terms: tuple[str, ...], epsilon: float, restoring: str, law: np.ndarray, rest: float
-) -> Cycle | None:
+) -> SimpleNamespace | None:
     """The cycle whose turning points are twice the amplitude apart, if there is one."""
     orbit = orbit_at(amplitude, restoring, tuple(map(float, law)), rest)
-    return None if orbit is None else orbit.cycle(terms, epsilon, {})
+    if orbit is None:
+        return None
+    solver = Solver(terms, restoring, np.zeros(1), "angle", amplitude, W, epsilon, np.zeros(2))
+    work = works_on(orbit, solver, np.zeros((1, 0)), np.ones(len(terms), bool))[0]
+    ratios = work / (4 * np.pi * orbit.energy)
+    return SimpleNamespace(amplitude=orbit.amplitude, energy=orbit.energy, work=work, ratios=ratios)
 
 
 @pytest.mark.parametrize("law", LAWS.names())

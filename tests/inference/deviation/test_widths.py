@@ -11,10 +11,9 @@ from scipy.integrate import quad
 
 from bayesdamp.inference.deviation.findings import findings
 from bayesdamp.inference.deviation.numbers.curves import orbit_of, works_on
-from bayesdamp.inference.deviation.numbers.quantities import Ratio
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import Weighing
-from bayesdamp.types import Signal
+from bayesdamp.types import Ratio, Signal
 from tests.physics.independent import trajectory
 
 HERTZ, RATIO, SIZE = 5.0, 5.1e-4, 0.1

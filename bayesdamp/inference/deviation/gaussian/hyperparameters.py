@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 
@@ -17,6 +19,8 @@ LENGTHS = (0.1, 0.3, 1.0)
 """Correlation lengths as shares of the record."""
 JITTER = 1e-6
 LEAST_KNOTS, MOST_KNOTS = 4, 16
+Size = tuple[float, float, float]
+"""Size and correlation length of a deviation, and the log prior mass of both."""
 
 
 @dataclass(frozen=True)
@@ -55,20 +59,26 @@ def grid_of(
     one = [(0.0, 1.0, 0.0 if exact else np.log(EXACT)), *masses(sizes_g, MEAN_G, lengths)]
     other = [(0.0, 1.0, 0.0 if exact else np.log(EXACT)), *masses(sizes_h, MEAN_H, lengths)]
     other = other if phases else [(0.0, 1.0, 0.0)]
-    roots = {length: smooth_root(knots, length) for length in LENGTHS}
-    centre = np.eye(knots) - _mean_over(knots)
+    grid = _combined(knots, one, other, absorbed)
+    return grid if phases else replace(grid, factors=grid.factors[:, :knots, :knots])
+
+
+def _combined(
+    knots: int, of_g: Sequence[Size], of_h: Sequence[Size], absorbed: tuple[bool, bool] = (False, False)
+) -> Grid:
+    """Combine sizes of g and of h."""
+    weights = np.ones(knots)
+    weights[:1] = weights[-1:] = 0.5
+    # Less the mean over the record of what is linear between knots.
+    centre = np.eye(knots) - np.tile(weights / np.sum(weights), (knots, 1))
     about_g, about_h = (centre if yes else np.eye(knots) for yes in absorbed)
-    factors = np.zeros((len(one) * len(other), 2 * knots, 2 * knots))
-    rows = []
-    for i, (g, length_g, mass_g) in enumerate(one):
-        for j, (h, length_h, mass_h) in enumerate(other):
-            at = factors[i * len(other) + j]
-            at[:knots, :knots] = g * about_g @ roots[length_g]
-            at[knots:, knots:] = h * about_h @ roots[length_h]
-            rows.append((g, h, mass_g + mass_h))
-    size_g, size_h, log_prior = np.array(rows).T
-    own = slice(None) if phases else slice(knots)
-    return Grid(size_g, size_h, log_prior, factors[:, own, own])
+    pairs = list(product(of_g, of_h))
+    factors = np.zeros((len(pairs), 2 * knots, 2 * knots))
+    for at, ((g, length_g, _), (h, length_h, _)) in zip(factors, pairs, strict=True):
+        at[:knots, :knots] = g * about_g @ smooth_root(knots, length_g)
+        at[knots:, knots:] = h * about_h @ smooth_root(knots, length_h)
+    size_g, size_h, log_prior = np.array([(g[0], h[0], g[2] + h[2]) for g, h in pairs]).T
+    return Grid(size_g, size_h, log_prior, factors)
 
 
 @lru_cache(maxsize=32)
@@ -76,13 +86,6 @@ def smooth_root(knots: int, length: float) -> np.ndarray:
     """The factor of the covariance of a deviation of size 1 at equidistant knots, (n, n)."""
     s = np.linspace(0.0, 1.0, knots)
     return np.linalg.cholesky(np.exp(-np.abs(s[:, None] - s) / length) + JITTER * np.eye(knots))
-
-
-def _mean_over(knots: int) -> np.ndarray:
-    """The mean over the record of what is linear between knots, as a matrix, (n, n): each row its weights."""
-    weights = np.ones(knots)
-    weights[:1] = weights[-1:] = 0.5
-    return np.tile(weights / np.sum(weights), (knots, 1))
 
 
 WIDE = (0.1, 0.3, 1.0, 3.0)
@@ -93,24 +96,12 @@ WIDE_LENGTHS = (0.1, 0.3, 1.0)
 @lru_cache(maxsize=8)
 def wide_grid(knots: int) -> Grid:
     """The grid of a damping that follows no law: g of any size, all alike; h as it is elsewhere, coarsely."""
-    lengths = LENGTHS[::2]
-    other = [(0.0, 1.0, np.log(EXACT)), *masses(SIZES_H[::2], MEAN_H, lengths)]
-    roots = {length: smooth_root(knots, length) for length in (*WIDE_LENGTHS, *LENGTHS)}
-    rows, factors = [], []
-    for size in WIDE:
-        for length in WIDE_LENGTHS:
-            for h, length_h, mass in other:
-                at = np.zeros((2 * knots, 2 * knots))
-                at[:knots, :knots], at[knots:, knots:] = size * roots[length], h * roots[length_h]
-                rows.append((size, h, mass - np.log(len(WIDE) * len(WIDE_LENGTHS))))
-                factors.append(at)
-    size_g, size_h, log_prior = np.array(rows).T
-    return Grid(size_g, size_h, log_prior, np.array(factors))
+    mass = -float(np.log(len(WIDE) * len(WIDE_LENGTHS)))
+    one = [(size, length, mass) for size in WIDE for length in WIDE_LENGTHS]
+    return _combined(knots, one, [(0.0, 1.0, np.log(EXACT)), *masses(SIZES_H[::2], MEAN_H, LENGTHS[::2])])
 
 
-def masses(
-    sizes: np.ndarray | tuple[()], mean: float, lengths: tuple[float, ...]
-) -> list[tuple[float, float, float]]:
+def masses(sizes: np.ndarray | tuple[()], mean: float, lengths: tuple[float, ...]) -> list[Size]:
     """(size, length, log prior mass): an exponential's mass about each size, the lengths alike."""
     if len(sizes) == 0:
         return []

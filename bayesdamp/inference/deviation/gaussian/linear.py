@@ -50,6 +50,12 @@ class DampingLikelihood:
     slope: np.ndarray
     information: np.ndarray
 
+    def mapped(self, offset: np.ndarray, matrix: np.ndarray) -> DampingLikelihood:
+        """Return the likelihood as a function of y where x = offset + matrix y, (k,) and (k, k)."""
+        pull = self.slope - self.information @ offset
+        log = self.log + self.slope @ offset - 0.5 * np.einsum("i,cij,j->c", offset, self.information, offset)
+        return DampingLikelihood(log, pull @ matrix, matrix.T @ self.information @ matrix)
+
 
 @dataclass(frozen=True)
 class Weighed:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from scipy.special import erf
@@ -67,12 +68,11 @@ class RunLikelihood:
             As a function of the scores.
         """
         values, slopes = _maps(priors, z)
-        inverse = 1.0 / slopes
-        changed = _affine(found, z - inverse * values, inverse)
+        changed = found.mapped(z - values / slopes, np.diag(1.0 / slopes))
         which = np.array([n in coefficients for n in priors], bool)
         return RunLikelihood(tuple(priors), which, values, changed)
 
-    def shifted(self, nats: float) -> RunLikelihood:
+    def shifted(self, nats: float) -> Self:
         """With so many nats more, whatever the damping."""
         return replace(self, likelihood=replace(self.likelihood, log=self.likelihood.log + nats))
 
@@ -83,7 +83,7 @@ class Repeats:
 
     log_evidence in nats; names: of the damping's parameters; draws: of the specimen's, (n, k), in natural units;
     spreads: of the logarithm of a run's factor, with each draw, (n,); combos: with each draw the combination of the
-    deviations' sizes, (n,); spread_probability: of each of `SPREADS`, or of the one that was given.
+    deviations' sizes, (n,).
     """
 
     log_evidence: float
@@ -91,7 +91,6 @@ class Repeats:
     draws: np.ndarray
     spreads: np.ndarray
     combos: np.ndarray
-    spread_probability: np.ndarray
 
 
 def joined(
@@ -142,14 +141,11 @@ def joined(
     positive = np.array([p.reflected for p in priors.values()], bool)
     shared = np.array([isinstance(p, SharedHalfNormal) for p in priors.values()], bool)
     weighed = with_priors(found, positive, shared)
-    probability = np.bincount(at[weighed.combos], weighed.weights, spreads.size)
     z, places = weighed.draws(positive, draws, np.random.default_rng(seed))
     of = weighed.combos[places]
     natural = np.column_stack([p.value(z[:, i]) for i, p in enumerate(priors.values())])
     drawn = spreads[at[of]] if spreads.size == 1 else _within_cells(at[of], np.random.default_rng([seed, 1]))
-    return Repeats(
-        weighed.log_evidence, runs[0].names, natural, drawn, combo[of], probability / probability.sum()
-    )
+    return Repeats(weighed.log_evidence, runs[0].names, natural, drawn, combo[of])
 
 
 def _masses() -> np.ndarray:
@@ -324,10 +320,3 @@ def _maps(priors: Mapping[str, Prior], z: np.ndarray) -> tuple[np.ndarray, np.nd
             float(np.diff(ends)[0]) / (2 * DERIVATIVE),
         )
     return values, slopes
-
-
-def _affine(found: DampingLikelihood, offset: np.ndarray, scale: np.ndarray) -> DampingLikelihood:
-    """The likelihood as a function of x where it is one of z = offset + scale x, all (k,)."""
-    pull = found.slope - found.information @ offset
-    log = found.log + found.slope @ offset - 0.5 * np.einsum("i,cij,j->c", offset, found.information, offset)
-    return DampingLikelihood(log, pull * scale, found.information * scale[:, None] * scale)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesdamp.inference.curves.weighted import effective, resampled
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
 from bayesdamp.numerics.pareto import pareto_k
 
@@ -42,7 +43,7 @@ class Sampled:
     """Draws of the posterior of the motions themselves.
 
     draws: u = (scores, log g, h), (n, K), with equal weights; log_evidence in nats with its standard error;
-    temperatures: how many were passed; acceptance: of the last moves; solved: motions.
+    temperatures: how many were passed; acceptance: of the last moves.
     """
 
     draws: np.ndarray
@@ -50,7 +51,6 @@ class Sampled:
     stderr: float
     temperatures: int
     acceptance: float
-    solved: int
 
     @property
     def trusted(self) -> bool:
@@ -84,14 +84,14 @@ def sampled(
     which scores must not be negative, (d,).
     """
     rng = np.random.default_rng(seed)
-    cloud = _first(rng, weighed, positive, draws)
-    cloud.ratio = ratio(cloud.u)
+    u, combo = weighed.draws(positive, draws, rng)
+    cloud = _Cloud(combo, u, ratio(u))
     if not np.any(np.isfinite(cloud.ratio)):
-        return Sampled(cloud.u, -np.inf, float("nan"), 0, 0.0, draws)
+        return Sampled(cloud.u, -np.inf, float("nan"), 0, 0.0)
     whole = _whole(rng, cloud, weighed, positive, ratio, draws)
     if whole is not None:
         return whole
-    solved, beta, step, log_evidence, variance, passed = draws, 0.0, FIRST_STEP, 0.0, 0.0, 0
+    beta, step, log_evidence, variance, passed = 0.0, FIRST_STEP, 0.0, 0.0, 0
     accepted = 1.0
     while beta < 1.0 and passed < MOST_TEMPERATURES:
         rise = _rise(cloud.ratio, 1.0 - beta)
@@ -100,15 +100,14 @@ def sampled(
         weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
         variance += float(np.sum(weights**2)) - 1.0 / draws
         beta, passed = beta + rise, passed + 1
-        cloud.taken(_systematic(rng, weights))
+        cloud.taken(resampled(logs, draws, rng))
         for _ in range(LAST if beta >= 1.0 else MOVES):
             accepted = _moved(rng, cloud, weighed, positive, ratio, beta, step)
             step = float(np.clip(step * np.exp(accepted - WANTED), LEAST_STEP, 1.0))
-            solved += draws
     if beta < 1.0:
         accepted = 0.0
     return Sampled(
-        cloud.u, weighed.log_evidence + log_evidence, float(np.sqrt(max(variance, 0.0))), passed, accepted, solved
+        cloud.u, weighed.log_evidence + log_evidence, float(np.sqrt(max(variance, 0.0))), passed, accepted
     )  # fmt: skip
 
 
@@ -127,21 +126,16 @@ def _whole(
         return None
     u, ratios = cloud.u, cloud.ratio
     if worth < KEPT:
-        more = _first(rng, weighed, positive, int(np.ceil(draws * (MARGIN * KEPT / worth - 1.0))))
-        u, ratios = np.concatenate([u, more.u]), np.concatenate([ratios, ratio(more.u)])
+        more = weighed.draws(positive, int(np.ceil(draws * (MARGIN * KEPT / worth - 1.0))), rng)[0]
+        u, ratios = np.concatenate([u, more]), np.concatenate([ratios, ratio(more)])
         if _worth(ratios, 1.0) * ratios.size < KEPT * draws or pareto_k(ratios) > HEAVY:
             return None
     logs = np.maximum(ratios, -1e300)
     weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
     error = float(np.sqrt(max(np.sum(weights**2) - 1.0 / ratios.size, 0.0)))
-    taken = u[_systematic(rng, weights, draws)]
+    taken = u[resampled(logs, draws, rng)]
     evidence = weighed.log_evidence + float(np.logaddexp.reduce(logs)) - float(np.log(ratios.size))
-    return Sampled(taken, evidence, error, 1, 1.0, ratios.size)
-
-
-def _first(rng: np.random.Generator, weighed: Weighed, positive: np.ndarray, count: int) -> _Cloud:
-    u, combos = weighed.draws(positive, count, rng)
-    return _Cloud(combos, u, np.zeros(count))
+    return Sampled(taken, evidence, error, 1, 1.0)
 
 
 def _rise(ratio: np.ndarray, most: float) -> float:
@@ -160,15 +154,7 @@ def _rise(ratio: np.ndarray, most: float) -> float:
 
 def _worth(ratio: np.ndarray, rise: float) -> float:
     """Which share of the draws their weights are worth after such a rise of β (Kong 1992)."""
-    logs = rise * np.maximum(ratio, -1e300)
-    return float(np.exp(2 * np.logaddexp.reduce(logs) - np.logaddexp.reduce(2 * logs))) / ratio.size
-
-
-def _systematic(rng: np.random.Generator, weights: np.ndarray, count: int | None = None) -> np.ndarray:
-    """Rows by systematic resampling (Kitagawa 1996), as many as there are weights or `count`."""
-    number = count or weights.size
-    at = (rng.random() + np.arange(number)) / number
-    return np.minimum(np.searchsorted(np.cumsum(weights), at), weights.size - 1)
+    return effective(rise * np.maximum(ratio, -1e300)) / ratio.size
 
 
 def _moved(

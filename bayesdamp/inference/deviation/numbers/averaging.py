@@ -7,16 +7,15 @@ from dataclasses import replace
 import numpy as np
 
 from bayesdamp.inference.deviation.averaged import Averaging
-from bayesdamp.inference.deviation.least_squares import fit
+from bayesdamp.inference.deviation.candidate import refit
 from bayesdamp.inference.deviation.numbers.bounds import columns_of
 from bayesdamp.inference.deviation.numbers.curves import values_of
-from bayesdamp.inference.deviation.weighing import Result, Weighing, result_of
+from bayesdamp.inference.deviation.weighing import START, Result, Weighing, result_of
 from bayesdamp.machine.threads import at_once
-from bayesdamp.physics.kernel.averaged import TURNS, AveragedSolver
+from bayesdamp.physics.kernel.averaged import AveragedSolver
 
 NEAR = 10.0
 """Nats behind the best up to which a candidate counts."""
-START = ("theta0", "omega0")
 
 
 def set_right(weighing: Weighing, approximate: bool) -> Weighing:
@@ -27,14 +26,14 @@ def set_right(weighing: Weighing, approximate: bool) -> Weighing:
         if best - r.log_evidence > NEAR:
             return r
         assert isinstance(r.solver, AveragedSolver)
-        solver = r.solver.corrected(values_of(r), r.fit.active, *_deviations(r))
+        solver = r.solver.corrected(values_of(r), r.fit.active, *r.deviations)
         if solver is None:
             return r
         data = weighing.data
-        found = fit(solver, r.fit.parameters, r.fit.active, data.y, r.fit.z, noise=data.noise, windows=False)
-        noise = weighing.variance, weighing.inflation
-        stated = weighing.noise_known
-        return r if found is None else result_of(r.candidate, solver, found, data, noise, approximate, stated)
+        found, noise = refit(solver, data, r.fit), (weighing.variance, weighing.inflation)
+        if found is None:
+            return r
+        return result_of(r.candidate, solver, found, data, noise, approximate, weighing.noise_known)
 
     results = tuple(at_once(right, weighing.results))
     top = max(results, key=lambda r: r.log_evidence)
@@ -42,27 +41,17 @@ def set_right(weighing: Weighing, approximate: bool) -> Weighing:
     return replace(weighing, results=results, solvers=solvers)
 
 
-def _deviations(r: Result) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-    """Of a result's mode: relative ones of the damping, and of the frequency."""
-    if r.about is None:
-        return None, None
-    g, h = np.split(r.about.u[r.fit.z.size :], 2)
-    return np.expm1(g), h
-
-
 def averaging_of(weighing: Weighing) -> Averaging | None:
     """How far a weighing is from one by the ODE; None where it is by the ODE."""
-    averaged = weighing.data.averaged
-    if averaged is None or not weighing.results:
+    if weighing.data.averaged is None or not weighing.results:
         return None
-    solved = TURNS * averaged.track.sizes.size
     result = max(weighing.results, key=lambda r: r.log_evidence)
     solver = result.solver
     assert isinstance(solver, AveragedSolver)
-    off = solver.error(values_of(result), result.fit.active, *_deviations(result))
+    off = solver.error(values_of(result), result.fit.active, *result.deviations)
     base = columns_of(weighing, result, result.about is not None)
     if off is None or base is None:
-        return Averaging(weighing.data.cycles, solved, float("inf"), float("inf"))
+        return Averaging(weighing.data.cycles, float("inf"))
     weighed = result.exact_weighed if result.weighed is None else result.weighed
     variance = result.exact_variance if result.weighed is None else weighing.variance
     moved, spread = np.zeros(weighed.means.shape[1]), np.zeros(weighed.means.shape[1])
@@ -73,4 +62,4 @@ def averaging_of(weighing: Weighing) -> Averaging | None:
     names = result.fit.parameters.free_names
     told = [i for i, name in enumerate(names) if name not in START]
     error = float(np.max(np.abs(moved[told]) / np.sqrt(spread[told]), initial=0.0))
-    return Averaging(weighing.data.cycles, solved, float(np.sqrt(np.mean(off**2) / variance)), error)
+    return Averaging(weighing.data.cycles, error)

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesdamp.inference.deviation.candidate import columns_at
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import condensed, weigh
 from bayesdamp.inference.deviation.numbers.curves import values_of
-from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.damping import TERMS, TINY, others
-from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import SCORE_RATIO
 
@@ -57,7 +56,6 @@ def bounds_of_others(
     columns, target = base
     sources, work, moved, own = _sources(weighing, result, forms)
     more = _tangents(weighing, result, sources)
-    samples = weighing.data.y.size / weighing.inflation
     absorbs = result.fit.parameters.absorbs
     knots = _knots(weighing, result) if approximate else 0
     grid = grid_of(knots, exact=not approximate, coarse=True, absorbed=absorbs)
@@ -70,7 +68,7 @@ def bounds_of_others(
         size = SCORE_RATIO * own.viscous / abs(work[i])
         whole = np.insert(columns, at, more[:, i] * size, axis=1)
         model = condensed(whole, target, np.append(positive, not form.signed), np.append(shared, True))
-        weighed = weigh(model, grid, weighing.variance, samples)
+        weighed = weigh(model, grid, weighing.variance, weighing.samples)
         u = weighed.draws(model.positive, FEW, rng)[0]
         taken = np.abs(u[:, at]) * size * abs(work[i])
         rest = np.maximum(own.power(u[:, :at]), 0.0)
@@ -124,8 +122,7 @@ def _beyond(more: Shape, less: Shape) -> Shape:
 def _rest(weighing: Weighing, result: Result) -> float:
     name = result.candidate.restoring
     law = values_of(result)[weighing.solvers[name].law_places]
-    at = rest_of(name, law, weighing.data.rest, 2 * weighing.data.amplitude)
-    return weighing.data.rest if at is None else at
+    return weighing.data.rest_under(name, law)
 
 
 def _knots(weighing: Weighing, result: Result) -> int:
@@ -137,17 +134,8 @@ def columns_of(weighing: Weighing, result: Result, approximate: bool) -> tuple[n
     fit, data, about = result.fit, weighing.data, result.about
     if not approximate or about is None:
         return fit.tangents, fit.residual + fit.tangents @ fit.z
-    solver, d = result.solver, fit.z.size
-    n = solver.knots.size
-    z, g, h = about.u[:d], about.u[d : d + n], about.u[d + n :]
-    motion = solver.solve(fit.parameters.values(z), fit.active, np.expm1(g), h, ALL)
-    if motion is None:
-        return None
-    scores = motion.tangents[:, fit.parameters.free] * fit.parameters.rates(z)
-    rest = motion.tangents[:, len(solver.names) :].copy()
-    rest[:, :n] *= np.exp(g)
-    columns = np.column_stack([scores, rest])
-    return columns, data.y - motion.y + columns @ about.u
+    columns = columns_at(result.solver, fit, about.u)
+    return None if columns is None else (columns, data.y - about.motion.y + columns @ about.u)
 
 
 def _middle(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -7,16 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from bayesdamp.inference.deviation.numbers.draws import Drawn
-from bayesdamp.inference.deviation.numbers.quantities import Ratio, quantity
+from bayesdamp.inference.deviation.numbers.quantities import quantity
 from bayesdamp.inference.deviation.orbit import Orbit, orbit_at, rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
-
-
-def times_of(result: Result) -> tuple[np.ndarray, np.ndarray]:
-    """Times in s of a result's half cycles, and half the distance of their turning points, in falling order."""
-    return turning_amplitudes(result.motion)
+from bayesdamp.types import Ratio
 
 
 def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
@@ -38,7 +34,7 @@ def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
 
 def share_of_time(weighing: Weighing, result: Result, amplitude: float) -> float:
     """When the motion has this amplitude, as a share of the record."""
-    at, sizes = times_of(result)
+    at, sizes = turning_amplitudes(result.motion)
     if at.size < 2:
         return 0.5
     t = np.interp(-np.log(amplitude), -np.log(sizes), at)
@@ -59,11 +55,9 @@ def values_of(result: Result) -> np.ndarray:
     return result.fit.parameters.values(z)
 
 
-def further_of(weighing: Weighing, result: Result, values: np.ndarray | None = None) -> np.ndarray:
-    """The terms' further parameters, (1, e), among a result's parameters; at its mode by default."""
-    solver = result.solver
-    values = values_of(result) if values is None else values
-    return values[None, len(solver.terms) : solver.law_places.start]
+def further_of(result: Result, values: np.ndarray) -> np.ndarray:
+    """The terms' further parameters, (1, e), among a result's parameters."""
+    return values[None, len(result.solver.terms) : result.solver.law_places.start]
 
 
 def works_on(
@@ -91,11 +85,10 @@ def ratios_per_unit(
     orbit = orbit_of(weighing, d.result, amplitude)
     if orbit is None:
         return None
-    rows, place = np.unique(d.further, axis=0, return_inverse=True)
     simple = np.array([not TERMS.get(t).inferred for t in solver.terms])
     active = d.result.fit.active | simple if every_term else d.result.fit.active
-    found = works_on(orbit, solver, rows, active, epsilon) / (4 * np.pi * orbit.energy)
-    return found[place.ravel()] if len(rows) > 1 else found
+    works = d.by_further(lambda rows: works_on(orbit, solver, rows, active, epsilon))
+    return works / (4 * np.pi * orbit.energy)
 
 
 def at_share(values: np.ndarray, share: float) -> np.ndarray:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from bayesdamp.inference.deviation.numbers.curves import at_share, between_knots, share_of_time, times_of
+from bayesdamp.inference.deviation.numbers.curves import (
+    at_share,
+    between_knots,
+    share_of_time,
+    turning_amplitudes,
+)
 from bayesdamp.inference.deviation.numbers.draws import Drawn
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.deviation.weighing import Result, Weighing
@@ -31,15 +36,21 @@ def over_laws(
 ) -> tuple[Quantity, ...]:
     """How many times the law's own the damping is at amplitudes (rad or m), of which the mean over the record's energy
     is the law's: the laws that were drawn from, each with its deviation."""
+    means = [d.g @ _energies(weighing, d.result, d.g.shape[1]) for d in drawn]
     found = []
     for a in amplitudes:
-        each = []
-        for d in drawn:
-            mean = d.g @ _energies(weighing, d.result, d.g.shape[1])
-            there = at_share(d.g, share_of_time(weighing, d.result, a)) + between_knots(d.g, rng)
-            each.append(np.exp(there - mean))
-        found.append(quantity(np.concatenate(each)))
+        each = zip(_along(weighing, drawn, a, rng), means, strict=True)
+        found.append(quantity(np.concatenate([np.exp(g - mean) for (g, _), mean in each])))
     return tuple(found)
+
+
+def _along(
+    weighing: Weighing, drawn: Sequence[Drawn], amplitude: float, rng: np.random.Generator
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Log g and h of each candidate's draws at an amplitude, (n,)."""
+    for d in drawn:
+        share = share_of_time(weighing, d.result, amplitude)
+        yield at_share(d.g, share) + between_knots(d.g, rng), at_share(d.h, share)
 
 
 def off_laws(
@@ -48,18 +59,14 @@ def off_laws(
     """Mean and sd of the log of the damping ratio over that of the coefficients alone, at amplitudes (rad or m)."""
     found = []
     for a in amplitudes:
-        each = []
-        for d in drawn:
-            share = share_of_time(weighing, d.result, a)
-            each.append(at_share(d.g, share) + between_knots(d.g, rng) - np.log1p(at_share(d.h, share)))
-        values = np.concatenate(each)
+        values = np.concatenate([g - np.log1p(h) for g, h in _along(weighing, drawn, a, rng)])
         found.append((float(values.mean()), float(values.std())))
     return tuple(found)
 
 
 def _energies(weighing: Weighing, result: Result, knots: int) -> np.ndarray:
     """Shares of the oscillation's energy at equidistant knots, (k,)."""
-    at, sizes = times_of(result)
+    at, sizes = turning_amplitudes(result.motion)
     share = np.linspace(0, 1, knots)
     few = at.size < 2
     weight = np.ones(knots) if few else np.interp(share * weighing.data.end, at, sizes) ** 2

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import Candidate
-from bayesdamp.inference.deviation.gaussian.linear import Weighed
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.odds import odds
 
@@ -31,6 +31,21 @@ class Drawn:
     g: np.ndarray
     h: np.ndarray
 
+    @classmethod
+    def of(cls, result: Result, u: np.ndarray) -> Self:
+        """Draws of u = (scores, log g, h), (n, K), of a candidate."""
+        d, solver = result.fit.z.size, result.solver
+        values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
+        g, h = np.split(u[:, d:], 2, axis=1)
+        return cls(result, values[:, :m], values[:, m : law.start], values[:, law], g, h)
+
+    def by_further(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """Return a function of rows of further parameters, (d, e), for each draw, (n, m); (1, m) where all have the
+        same."""
+        rows, place = np.unique(self.further, axis=0, return_inverse=True)
+        found = function(rows)
+        return found[place.ravel()] if len(rows) > 1 else found
+
 
 def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[Candidate, float]:
     """Posterior probability of each candidate, with the prior `odds`; laws alike. forms: whether other forms of damping
@@ -49,15 +64,6 @@ def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[C
     top = max(logs.values())
     total = sum(np.exp(v - top) for v in logs.values())
     return {c: float(np.exp(v - top) / total) for c, v in logs.items()}
-
-
-def summed(found: Mapping[Candidate, float], key: str) -> dict[str, float]:
-    """Probabilities by damping sum ("damping") or by law ("restoring"), the largest first."""
-    totals: dict[str, float] = {}
-    for c, p in found.items():
-        name = "+".join(c.damping) if key == "damping" else c.restoring
-        totals[name] = totals.get(name, 0.0) + p
-    return dict(sorted(totals.items(), key=lambda item: -item[1]))
 
 
 def drawn_from(
@@ -88,23 +94,11 @@ def draws_of(
     assert weighed is not None
     d, parameters = result.fit.z.size, result.fit.parameters
     solver = result.solver
-    knots = solver.knots.size
     few = min(count, DISTINCT) if set(solver.inferred) & set(parameters.free_names) else count
-    u = posterior_scores(result, weighed, few, rng)
-    u = u[np.arange(count) * few // count]
-    z, rest = u[:, :d], u[:, d:]
-    if not approximate:
-        rest = np.zeros((count, 2 * knots))
-    m, law = len(solver.terms), solver.law_places
-    values = parameters.values(z)
-    return Drawn(
-        result, values[:, :m], values[:, m : law.start], values[:, law], rest[:, :knots], rest[:, knots:]
-    )
-
-
-def posterior_scores(result: Result, weighed: Weighed, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Draws of a candidate's scores, g and h, (count, K): of its motions where they were sampled."""
     if result.sampled is None or not result.sampled.trusted:
-        return weighed.draws(result.fit.parameters.positive, count, rng)[0]
-    drawn = result.sampled.draws
-    return drawn[rng.choice(len(drawn), count, replace=count > len(drawn))]
+        u = weighed.draws(parameters.positive, few, rng)[0]
+    else:
+        own = result.sampled.draws
+        u = own[rng.choice(len(own), few, replace=few > len(own))]
+    u = u[np.arange(count) * few // count]
+    return Drawn.of(result, u if approximate else np.pad(u[:, :d], ((0, 0), (0, 2 * solver.knots.size))))

@@ -17,12 +17,13 @@ from bayesdamp.inference.deviation.candidate import (
     exact,
     linearised,
     parameters_of,
+    refit,
     relinearised,
     searched,
 )
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import weigh
-from bayesdamp.inference.deviation.least_squares import Fit, fit
+from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.deviation.numbers.curves import (
     further_of,
     orbit_of,
@@ -30,7 +31,6 @@ from bayesdamp.inference.deviation.numbers.curves import (
     values_of,
     works_on,
 )
-from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import START, Result, Weighing
 from bayesdamp.inference.model.defaults import Reference
@@ -95,15 +95,13 @@ def _problem(
     best = max(weighing.results, key=lambda r: r.log_evidence)
     law, near = best.candidate.restoring, best.fit.parameters.named(best.fit.z)
     plain = weighing.solvers[law]
-    rest = rest_of(
-        law, best.fit.parameters.values(best.fit.z)[plain.law_places], data.rest, 2 * data.amplitude
-    )
+    rest = data.rest_under(law, best.fit.parameters.values(best.fit.z)[plain.law_places])
     known = {
         n: v for n, v in best.fit.parameters.known.items() if n in plain.names[plain.law_places] or n in START
     }
     # About there the size and the exponent are told by themselves.
     middle = Reference(float(np.sqrt(data.amplitude * data.final_amplitude)), data.frequency)
-    given = {**known, **middle.scales(data.rest if rest is None else rest)}
+    given = {**known, **middle.scales(rest)}
     c = Candidate(("power",), law)
 
     def solver_of(p: float) -> Solver:
@@ -117,8 +115,7 @@ def _problem(
     if top is None:
         return None
     place = parameters.free_names.index("exponent")
-    samples = data.y.size / weighing.inflation
-    variance = weighing.variance
+    samples, variance = weighing.samples, weighing.variance
     if not (approximate or weighing.noise_known):
         variance = data.least_variance + weighing.inflation * top.squares / max(data.y.size - top.z.size, 1)
     own = weigh(exact(top), grid_of(0, exact=True), variance, samples)
@@ -134,7 +131,7 @@ def _problem(
         solver = solver_of(p)
         z = np.delete(top.z, place) if near is None else near.u[: len(fixed.priors)]
         if not approximate:
-            found = fit(solver, fixed, top.active, data.y, z, noise=data.noise, windows=False)
+            found = refit(solver, data, replace(top, parameters=fixed, z=z))
             if found is None:
                 return None
             over = weigh(exact(found), grid_of(0, exact=True), variance, samples)
@@ -170,7 +167,7 @@ def power_starts(weighing: Weighing, best: Result, middle: Reference) -> list[di
         orbit = orbit_of(weighing, best, a)
         if orbit is None:
             return []
-        works = works_on(orbit, solver, further_of(weighing, best, values), active)[0]
+        works = works_on(orbit, solver, further_of(best, values), active)[0]
         ratios.append(float(works @ values[: works.size]) / (4 * np.pi * orbit.energy))
     if min(ratios) <= 0:
         return []

@@ -23,11 +23,11 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, wide_gr
 from bayesdamp.inference.deviation.gaussian.linear import weigh
 from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.deviation.numbers.curves import at_share, turning_amplitudes
-from bayesdamp.inference.deviation.numbers.quantities import Ratio
 from bayesdamp.inference.deviation.orbit import orbit_at, rest_of
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.kernel import Motion, Solver
+from bayesdamp.types import Ratio
 
 KNOTS, A_KNOT = (6, 24), 1.5
 """Fewest and most knots of g, and cycles for each."""
@@ -65,8 +65,7 @@ def free_curve(
     at = _mode(weighing, solver, grid, guess)
     if at is None:
         return None
-    samples = data.y.size / weighing.inflation
-    weighed = weigh(at.model, grid, weighing.variance, samples)
+    weighed = weigh(at.model, grid, weighing.variance, weighing.samples)
     u = weighed.draws(at.parameters.positive, DRAWS, rng)[0]
     d = at.fit.z.size
     g, h, zeta = u[:, d : d + count], u[:, d + count :], at.parameters.known["zeta"]
@@ -111,7 +110,7 @@ def _mode(weighing: Weighing, solver: Solver, grid: Grid, guess: tuple[Ratio, ..
     z = parameters.scores({n: start[n] for n in parameters.free_names})
     empty = np.zeros((data.y.size, 0))
     motion = Motion(data.y, empty, np.zeros(0), np.zeros((0, 3)))
-    found = Fit(parameters, np.ones(1, bool), z, data.y, empty, motion, 0)
+    found = Fit(parameters, np.ones(1, bool), z, data.y, empty, motion)
     at = linearised(
         c, solver, data, found, np.concatenate([z, log - log.mean(), np.zeros(solver.knots.size)])
     )

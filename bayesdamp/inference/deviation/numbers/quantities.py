@@ -18,18 +18,6 @@ class Quantity:
     sd_law: float = float("nan")
 
 
-@dataclass(frozen=True)
-class Ratio:
-    """Equivalent viscous damping ratio at an amplitude (rad or m)."""
-
-    amplitude: float
-    value: float
-    low: float
-    high: float
-    sd_noise: float
-    sd_law: float
-
-
 def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
     """Median and 95 % interval of draws, (n,). noise: the part of their standard deviation that noise has."""
     low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))

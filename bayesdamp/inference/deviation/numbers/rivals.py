@@ -21,7 +21,6 @@ from bayesdamp.inference.deviation.candidate import (
     starts_of,
 )
 from bayesdamp.inference.deviation.numbers.exponent import power_solver, power_starts
-from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.weighing import START, Result, Weighing, result_of
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.machine.threads import at_once
@@ -105,8 +104,7 @@ def _weighed(
     data, reference = weighing.data, weighing.reference
     law, near = best.candidate.restoring, best.fit.parameters.named(best.fit.z)
     values = best.fit.parameters.values(best.fit.z)[weighing.solvers[law].law_places]
-    at = rest_of(law, values, data.rest, 2 * data.amplitude)
-    given = reference.scales(data.rest if at is None else at)
+    given = reference.scales(data.rest_under(law, values))
     own = {*solver.names[solver.law_places], *START}
     fixed = {n: v for n, v in best.fit.parameters.known.items() if n in own}
     noise, stated = (weighing.variance, weighing.inflation), weighing.noise_known

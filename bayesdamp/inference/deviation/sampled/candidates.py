@@ -48,14 +48,15 @@ def sampled_result(
     motions = motions_near(
         result.solver, start.parameters, result.fit.active, start.weighed, float(np.sqrt(variance))
     )
-    ratio = likelihood_ratio(motions, start.model, weighing.data.y, variance, start.log_prior_ratio)
-    name = "+".join(result.candidate.damping) + "@" + result.candidate.restoring
+    ratio = likelihood_ratio(
+        motions, start.model, weighing.data.y, variance, start.parameters.log_prior_ratio
+    )
     found = sampled(
         ratio,
         start.weighed,
         start.parameters.positive,
         draws=draws,
-        seed=crc32(name.encode()) + seed % 2**32,
+        seed=crc32(result.candidate.name.encode()) + seed % 2**32,
     )
     return replace(result, sampled=replace(found, draws=start.scores(found.draws)))
 
@@ -65,12 +66,12 @@ def likelihood_ratio(
     model: Linear,
     y: np.ndarray,
     variance: float,
-    log_prior: Callable[[np.ndarray], float] | None = None,
+    log_prior: Callable[[np.ndarray], float],
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Log of the likelihood of the motion itself over the linear model's, of draws (n, K): (n,), −∞ where it escapes.
 
     y: the record, (m,); variance: of the noise that counts, in its unit squared. log_prior: log of the prior's density
-    over the linear model's, of scores (d,), where it is another.
+    over the linear model's, of scores (d,).
     """
     d = motions.parameters.free.size
 
@@ -81,7 +82,6 @@ def likelihood_ratio(
     def ratio(u: np.ndarray) -> np.ndarray:
         exact = np.array(at_once(squares, u))
         linear = np.sum((u @ model.root.T - model.target) ** 2, axis=1) + model.rest
-        likelihoods = 0.5 * (linear - exact) / variance
-        return likelihoods if log_prior is None else likelihoods + [log_prior(row[:d]) for row in u]
+        return 0.5 * (linear - exact) / variance + [log_prior(row[:d]) for row in u]
 
     return ratio

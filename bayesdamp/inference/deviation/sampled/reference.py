@@ -7,16 +7,14 @@ spring's angle lies along a curve, which a linear model leaves after a few of it
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesdamp.inference.deviation.candidate import Linearised, exact, linearised, relinearised
+from bayesdamp.inference.deviation.candidate import Linearised, exact, linearised, refit, relinearised
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, weigh
-from bayesdamp.inference.deviation.least_squares import fit
 from bayesdamp.inference.deviation.parameters import Parameters, Straight, straight_at
 from bayesdamp.inference.deviation.sampled.ridge import Ridge, ridge_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
@@ -38,16 +36,9 @@ class Reference:
 
     def scores(self, draws: np.ndarray) -> np.ndarray:
         """Standard normal scores with g and h, (n, K), of draws."""
-        if not isinstance(self.parameters, Straight | Ridge):
-            return draws
         d, found = self.parameters.free.size, draws.copy()
         found[:, :d] = [self.parameters.plain(row[:d]) for row in draws]
         return found
-
-    @property
-    def log_prior_ratio(self) -> Callable[[np.ndarray], float] | None:
-        """Log of the prior's density over the linear model's, of scores (d,); None where they are the same."""
-        return self.parameters.log_prior_ratio if isinstance(self.parameters, Straight | Ridge) else None
 
 
 def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Reference:
@@ -65,13 +56,12 @@ def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Refer
     knots = result.solver.knots.size if approximate else 0
     grid = grid_of(knots, exact=not approximate, absorbed=ridge.base.absorbs)
     variance = weighing.variance if approximate else result.exact_variance
-    samples = weighing.data.y.size / weighing.inflation
-    return Reference(ridge, model, weigh(model, grid, variance, samples))
+    return Reference(ridge, model, weigh(model, grid, variance, weighing.samples))
 
 
 def _straightened(weighing: Weighing, result: Result, approximate: bool) -> Reference | None:
     data, solver = weighing.data, result.solver
-    samples, variance = data.y.size / weighing.inflation, weighing.variance
+    samples, variance = weighing.samples, weighing.variance
     z = result.fit.z if not approximate or result.about is None else result.about.u[: result.fit.z.size]
     coordinates = straight_at(result.fit.parameters, result.candidate.restoring, z)
     if coordinates is None:
@@ -111,9 +101,7 @@ def _about(
 
 
 def _exact(coordinates: Straight, result: Result, data: Data, samples: float) -> Reference | None:
-    fitted = fit(
-        result.solver, coordinates, result.fit.active, data.y, result.fit.z, noise=data.noise, windows=False
-    )
+    fitted = refit(result.solver, data, replace(result.fit, parameters=coordinates))
     if fitted is None:
         return None
     model = exact(fitted)

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed
-from bayesdamp.inference.deviation.parameters import Parameters, Straight
+from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import log_prior_of
@@ -100,8 +100,7 @@ class Ridge:
 
     def plain(self, u: np.ndarray) -> np.ndarray:
         """Standard normal scores of u, both (d,)."""
-        z = self.base_scores(u)
-        return self.base.plain(z) if isinstance(self.base, Straight) else z
+        return self.base.plain(self.base_scores(u))
 
     def log_prior_ratio(self, u: np.ndarray) -> float:
         """Log of the prior's density at u, (d,), over that of the linear model; −∞ where it has none."""
@@ -110,9 +109,8 @@ class Ridge:
             return -np.inf
         root = self._at(float(u[self.lead]))[1]
         stretched = float(np.sum(np.log(np.diagonal(root) / np.diagonal(self.root))))
-        own = self.base.log_prior_ratio(z) if isinstance(self.base, Straight) else 0.0
         linear = log_prior_of(u, self.positive, self.base.shared)
-        return own + stretched + float(self.base.log_prior(z) - linear)
+        return self.base.log_prior_ratio(z) + stretched + float(self.base.log_prior(z) - linear)
 
 
 def ridge_of(
@@ -190,15 +188,6 @@ class _Search:
     variance: float
     moved: np.ndarray
 
-    @cached_property
-    def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """Of the damping and of the frequency at the mode."""
-        about = self.result.about if self.approximate else None
-        if about is None:
-            return None, None
-        g, h = np.split(about.u[self.base.free.size :], 2)
-        return np.expm1(g), h
-
     def node(self, z: np.ndarray) -> _Node | None:
         """The mode from z, (d,), on; None where motions escape."""
         found = self._at(z)
@@ -225,8 +214,9 @@ class _Search:
         p = self.base.values(z)
         if not np.all(np.isfinite(p)):
             return None
+        deviations = self.result.deviations if self.approximate else (None, None)
         motion = self.result.solver.solve(
-            p, self.result.fit.active, *self.deviations, PARAMETERS, tolerance=TOLERANCE
+            p, self.result.fit.active, *deviations, PARAMETERS, tolerance=TOLERANCE
         )
         if motion is None:
             return None

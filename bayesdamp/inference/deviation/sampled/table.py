@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 import numpy as np
 
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
@@ -16,43 +13,29 @@ SHARE = 0.95
 QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
 
 
-@dataclass(frozen=True)
-class Posterior:
-    """One candidate, sampled. parameters: name to mean, sd, sd_noise, sd_law, quantiles and the shortest interval;
-    deviation: of the damping law, energy-weighted, (2.5 %, median, 97.5 %); unexplained: root mean square of what the
-    plain fit leaves beyond noise, as a share of the amplitude. draws: (n, p), in the order of
-    `parameters`; evidence and its standard error in nats; acceptance and temperatures of the sampler."""
+def posterior_of(weighing: Weighing, result: Result, found: Sampled) -> tuple[dict[str, object], np.ndarray]:
+    """Return what the draws of a candidate say, and the inferred parameters of each, (n, p).
 
-    parameters: Mapping[str, Mapping[str, float]]
-    deviation: tuple[float, float, float]
-    unexplained: float
-    draws: np.ndarray
-    log_evidence: float
-    stderr: float
-    acceptance: float
-    temperatures: int
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the inferred parameters."""
-        return tuple(self.parameters)
-
-
-def posterior_of(weighing: Weighing, result: Result, found: Sampled) -> Posterior:
-    """The parameters' posterior from a candidate's draws.
-
-    sd_noise is what the noise alone would leave were the laws exact, sd_law the rest.
+    parameters: name to mean, sd, quantiles and the shortest interval; sd_noise is what the noise alone would leave were
+    the laws exact, sd_law the rest. deviation: of the damping law, energy-weighted, (2.5 %, median, 97.5 %);
+    unexplained: root mean square of what the plain fit leaves beyond noise, as a share of the amplitude. Evidence and
+    its standard error are in nats.
     """
     parameters = result.fit.parameters
-    z = found.draws[:, : parameters.free.size]
-    values = parameters.values(z)[:, parameters.free]
-    noise = noise_sds(weighing, result)
-    rows = {name: summary(values[:, i], float(noise[i])) for i, name in enumerate(parameters.free_names)}
-    return Posterior(
-        rows, _deviation(weighing, result, found), left_over(weighing, result)[0], values, found.log_evidence,
-        found.stderr, found.acceptance,
-        found.temperatures,
-    )  # fmt: skip
+    d, n = parameters.free.size, result.solver.knots.size
+    values = parameters.values(found.draws[:, :d])[:, parameters.free]
+    rows = zip(parameters.free_names, values.T, noise_sds(weighing, result), strict=True)
+    sizes = size_of(weighing, result, found.draws[:, d : d + n]) if found.draws.shape[1] > d else np.zeros(1)
+    said = {
+        "parameters": {name: summary(own, float(noise)) for name, own, noise in rows},
+        "deviation": np.quantile(sizes, (0.025, 0.5, 0.975)).tolist(),
+        "unexplained": left_over(weighing, result)[0],
+        "log_evidence": found.log_evidence,
+        "stderr": found.stderr,
+        "acceptance": found.acceptance,
+        "temperatures": found.temperatures,
+    }
+    return said, values
 
 
 def noise_sds(weighing: Weighing, result: Result) -> np.ndarray:
@@ -79,13 +62,3 @@ def summary(values: np.ndarray, noise: float) -> dict[str, float]:
         "hdi_low": float(ordered[first]),
         "hdi_high": float(ordered[first + inside - 1]),
     }
-
-
-def _deviation(weighing: Weighing, result: Result, found: Sampled) -> tuple[float, float, float]:
-    """Quantiles of the damping law's deviation over the draws."""
-    d, n = result.fit.z.size, result.solver.knots.size
-    if found.draws.shape[1] == d:
-        return 0.0, 0.0, 0.0
-    sizes = size_of(weighing, result, found.draws[:, d : d + n])
-    low, middle, high = (float(q) for q in np.quantile(sizes, (0.025, 0.5, 0.975)))
-    return low, middle, high

@@ -16,7 +16,7 @@ STEP = 1e-4
 
 
 @dataclass(frozen=True)
-class DampingRun:
+class DampingRun(RunLikelihood):
     """A candidate on one run: the likelihood of its damping, and what damping ratio that is.
 
     per_unit: equivalent damping ratio per unit of each of the likelihood's parameters at the amplitudes of the run's
@@ -24,13 +24,12 @@ class DampingRun:
     each parameter beside the coefficients, per unit, (a, k).
     """
 
-    likelihood: RunLikelihood
     per_unit: np.ndarray
     growth: np.ndarray
 
     def ratio(self, row: int, draws: np.ndarray) -> np.ndarray:
         """Damping ratios at one of the amplitudes, of parameters (n, k): (n,)."""
-        along = (draws - self.likelihood.mode) @ self.growth[row]
+        along = (draws - self.mode) @ self.growth[row]
         return (draws @ self.per_unit[row]) * np.exp(along)
 
 
@@ -75,4 +74,4 @@ def damping_run(
                     4 * np.pi * orbit.energy
                 )
                 growth[row, place[name]] = float(np.log((changed @ values[:m]) / whole)) / step
-    return DampingRun(found, per_unit, growth)
+    return DampingRun(**vars(found), per_unit=per_unit, growth=growth)

@@ -9,6 +9,7 @@ import numpy as np
 
 from bayesdamp.inference.curves.weighted import summarise
 from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
+from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.gaussian.repeats import Repeats, RunLikelihood, joined
 from bayesdamp.inference.deviation.several.run_likelihood import DampingRun
 from bayesdamp.inference.model.defaults import Reference, damping_priors
@@ -64,7 +65,7 @@ class WeighedRun:
             run = self.runs.get((damping, one.restoring)) if one.damping == damping else None
             if run is not None:
                 gap = self.best(restoring) - self.best(one.restoring)
-                return replace(run, likelihood=run.likelihood.shifted(gap))
+                return run.shifted(gap)
         return None
 
     def missing(self, damping: str, restoring: str, limit: str = "") -> float:
@@ -168,6 +169,11 @@ def weigh_specimen(
     laws = {law for r in records for _, law in r.log_evidence}
     models = {m for r in records for m in r.log_evidence} | {(d, law) for law in laws for d in places}
     own = {m: sum(r.missing(*m, places.get(m[0], "")) for r in records) for m in models}
+
+    def prior(model: Model) -> float:
+        terms = model[0].split("+")
+        return float(np.log(odds(terms, len(places) if model[0] in places else 0)))
+
     logs: dict[Model, float] = {}
     repeats: dict[Model, Repeats] = {}
     runs: dict[Model, tuple[DampingRun, ...]] = {}
@@ -181,19 +187,20 @@ def weigh_specimen(
         ]
         limit = places.get(model[0], "")
         rest = sum(r.missing(*model, limit) for r, run in zip(records, found, strict=True) if run is None)
-        most = rest + sum(float(_largest(run.likelihood)) for run in known)
-        if not known or most + _prior(model[0], len(places), model[0] in places) < best - REACH:
+        most = rest + sum(map(_largest, known))
+        if not known or most + prior(model) < best - REACH:
             logs[model] = min(own[model], most)
             continue
         priors = priors_of(model[0], reference, given)
-        likelihoods, log_sizes = _alike([run.likelihood for run in known], tuple(priors))
-        one = joined(likelihoods, priors, log_sizes, spread=spread, seed=seed)
+        known = [_ordered(run, tuple(priors)) for run in known]
+        alike, log_sizes = _alike(known)
+        one = joined(alike, priors, log_sizes, spread=spread, seed=seed)
         logs[model] = one.log_evidence + rest
-        best = max(best, logs[model] + _prior(model[0], len(places), model[0] in places))
+        best = max(best, logs[model] + prior(model))
         if len(known) == len(records):
             repeats[model] = one
-            runs[model] = tuple(replace(run, **_ordered(run, one.names)) for run in known)
-    weights = {m: v + _prior(m[0], len(places), m[0] in places) for m, v in logs.items()}
+            runs[model] = tuple(known)
+    weights = {m: v + prior(m) for m, v in logs.items()}
     top = max(weights.values())
     total = sum(np.exp(v - top) for v in weights.values())
     probability = {m: float(np.exp(v - top) / total) for m, v in weights.items()}
@@ -217,10 +224,6 @@ def priors_of(
     return {n: (given or {}).get(n, p) for n, p in priors.items()}
 
 
-def _prior(damping: str, others: int, other: bool) -> float:
-    return float(np.log(odds(damping.split("+"), others if other else 0)))
-
-
 def _largest(run: RunLikelihood) -> float:
     """The largest log likelihood of a run, whatever its damping and the deviations' sizes."""
     found = run.likelihood
@@ -231,48 +234,26 @@ def _largest(run: RunLikelihood) -> float:
     return float(np.max(found.log + gain))
 
 
-def _alike(runs: Sequence[RunLikelihood], names: tuple[str, ...]) -> tuple[list[RunLikelihood], np.ndarray]:
-    """Runs with their parameters in one order and the same combinations of the deviations' sizes, whose log prior
-    probabilities come with them: all of them, or, where a run has none, that laws hold exactly."""
-    ordered = [replace(r, **_in_order(r, names)) for r in runs]
-    sizes = {r.likelihood.log.size for r in ordered}
-    if len(sizes) > 1:
-        first = [
-            replace(
-                r,
-                likelihood=replace(
-                    r.likelihood,
-                    log=r.likelihood.log[:1],
-                    slope=r.likelihood.slope[:1],
-                    information=r.likelihood.information[:1],
-                ),
-            )
-            for r in ordered
-        ]
-        return first, np.zeros(1)
-    return ordered, np.zeros(1) if sizes == {1} else grid_of(LEAST_KNOTS).log_prior
+def _alike(runs: Sequence[DampingRun]) -> tuple[list[DampingRun], np.ndarray]:
+    """Return runs with the same combinations of the deviations' sizes, and the log prior probabilities of these: all of
+    them, or, where a run has none, that laws hold exactly."""
+    sizes = {r.likelihood.log.size for r in runs}
+    if len(sizes) == 1:
+        return list(runs), np.zeros(1) if sizes == {1} else grid_of(LEAST_KNOTS).log_prior
+    parts = ((r, r.likelihood) for r in runs)
+    exact = [
+        replace(r, likelihood=DampingLikelihood(x.log[:1], x.slope[:1], x.information[:1])) for r, x in parts
+    ]
+    return exact, np.zeros(1)
 
 
-def _in_order(run: RunLikelihood, names: tuple[str, ...]) -> dict[str, object]:
-    places = [run.names.index(n) for n in names]
-    found = run.likelihood
-    return {
-        "names": names,
-        "coefficients": run.coefficients[places],
-        "mode": run.mode[places],
-        "likelihood": replace(
-            found, slope=found.slope[:, places], information=found.information[:, places][:, :, places]
-        ),
-    }
-
-
-def _ordered(run: DampingRun, names: tuple[str, ...]) -> dict[str, object]:
-    places = [run.likelihood.names.index(n) for n in names]
-    return {
-        "likelihood": replace(run.likelihood, **_in_order(run.likelihood, names)),
-        "per_unit": run.per_unit[:, places],
-        "growth": run.growth[:, places],
-    }
+def _ordered(run: DampingRun, names: tuple[str, ...]) -> DampingRun:
+    """Return a run with its parameters in an order."""
+    at, found = [run.names.index(n) for n in names], run.likelihood
+    likelihood = DampingLikelihood(found.log, found.slope[:, at], found.information[:, at][:, :, at])
+    return DampingRun(
+        names, run.coefficients[at], run.mode[at], likelihood, run.per_unit[:, at], run.growth[:, at]
+    )
 
 
 def _at_reference(run: DampingRun, damping: str, own: Reference, common: Reference) -> DampingRun:
@@ -281,8 +262,8 @@ def _at_reference(run: DampingRun, damping: str, own: Reference, common: Referen
     The force of a term such as a power of the velocity is written with a reference velocity: its coefficient at
     another one is larger by a factor that depends on the exponent. To first order about the run's own best motion.
     """
-    names = run.likelihood.names
-    jacobian, moved = np.eye(len(names)), run.likelihood.mode.copy()
+    names = run.names
+    jacobian, moved = np.eye(len(names)), run.mode.copy()
     per_unit, growth = run.per_unit.copy(), run.growth.copy()
     for term in (TERMS.get(t) for t in damping.split("+")):
         if not {"reference_velocity", "reference_amplitude"} & set(term.given):
@@ -298,13 +279,13 @@ def _at_reference(run: DampingRun, damping: str, own: Reference, common: Referen
             ]
             return work[0] / work[1]
 
-        at = factor(run.likelihood.mode)
+        at = factor(run.mode)
         moved[place] *= at
         jacobian[place, place] = at
         per_unit[:, place] /= at
         for i in further:
             step = 1e-4
-            changed = run.likelihood.mode.copy()
+            changed = run.mode.copy()
             changed[i] += step
             slope = float(np.log(factor(changed) / at)) / step
             jacobian[place, i] = moved[place] * slope
@@ -312,9 +293,5 @@ def _at_reference(run: DampingRun, damping: str, own: Reference, common: Referen
     if np.array_equal(jacobian, np.eye(len(names))):
         return run
     inverse = np.linalg.inv(jacobian)
-    found = run.likelihood.likelihood
-    offset = run.likelihood.mode - inverse @ moved
-    slope = (found.slope - found.information @ offset) @ inverse
-    log = found.log + found.slope @ offset - 0.5 * np.einsum("i,cij,j->c", offset, found.information, offset)
-    changed = replace(found, log=log, slope=slope, information=inverse.T @ found.information @ inverse)
-    return DampingRun(replace(run.likelihood, mode=moved, likelihood=changed), per_unit, growth)
+    changed = run.likelihood.mapped(run.mode - inverse @ moved, inverse)
+    return replace(run, mode=moved, likelihood=changed, per_unit=per_unit, growth=growth)

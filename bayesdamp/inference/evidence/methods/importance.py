@@ -66,8 +66,12 @@ class Importance(EvidenceMethod):
         place = proposal, Shear.of_noise(target, mode)
         y, log_weights = self._weights(target, mode, *place, rng, PILOT)
         evaluations = PILOT
-        for other in (self._truncated, self._straightened) if mode.linear is None else ():
-            if _good(log_weights) or (tried := other(target, mode, *place)) is None:
+        others = (
+            lambda: self._truncated(target, mode, *place),
+            lambda: None if (ridge := shear_of(target, mode)) is None else (place[0], ridge),
+        )
+        for other in others if mode.linear is None else ():
+            if _good(log_weights) or (tried := other()) is None:
                 continue
             there, weights = self._weights(target, mode, *tried, rng, PILOT)
             evaluations += PILOT
@@ -104,14 +108,6 @@ class Importance(EvidenceMethod):
         """Straightened draws, (n, d), and their log weights, (n,)."""
         y = proposal.draw(rng, n)
         return y, mode.likelihood.folded(shear.scores(y)) - proposal.log_density(y)
-
-    @staticmethod
-    def _straightened(
-        target: Target, mode: Mode, proposal: ReflectedT, shear: Shear
-    ) -> tuple[ReflectedT, Shear] | None:
-        """The same along a curved ridge; None where there is none."""
-        ridge = shear_of(target, mode)
-        return None if ridge is None else (proposal, ridge)
 
     @staticmethod
     def _truncated(

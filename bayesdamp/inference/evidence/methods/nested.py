@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,67 +59,51 @@ class Nested(EvidenceMethod):
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
         """By importance nested sampling (nautilus; Lange 2023)."""
-        reflected = target.reflected
+        began = time.perf_counter()
+        reflected, likelihood = target.reflected, mode.likelihood
+        best = np.where(reflected, np.abs(mode.z), mode.z)
         try:
             expected = log_evidence_about(mode)
         except Refusal:
             expected = None
+
+        def over_prior(z: np.ndarray) -> np.ndarray:
+            return _finite(likelihood.log_posteriors(z) - standard_normal(z))
+
+        def over_normal(z: np.ndarray) -> np.ndarray:
+            """Return the log of prior times likelihood over the density of the normal distribution about the mode."""
+            left = np.linalg.solve(factor, (z - best).T)
+            found = likelihood.folded(z) - standard_normal(left.T) + np.linalg.slogdet(factor)[1]
+            return _finite(np.where(np.all(z[:, reflected] >= 0.0, axis=1), found, -np.inf))
+
+        top, factor = float(over_prior(mode.z[None])[0]), WIDER * mode.factor
+        needed = None if expected is None else top - expected
         # A reflected score has its half-normal prior, twice the normal one, on its side of zero.
-        doubled = reflected.sum() * np.log(2.0)
-        density = Density(
-            reflected,
-            lambda z: mode.likelihood.log_posteriors(z) - standard_normal(z),
-            lambda z: mode.likelihood.log_posteriors(z) + doubled,
-            mode.z,
-            mode.factor,
+        sampler, done = _explored(
+            lambda u: ndtri(np.where(reflected, 0.5 * (1.0 + u), u)), over_prior, best.size, seed, needed
         )
-        return integrated(model, self.name, density, seed, expected)
-
-
-@dataclass(frozen=True)
-class Density:
-    """What is integrated. reflected: which scores must not be negative, (d,); posterior: log of prior times likelihood
-    at scores (n, d); likelihood: the same over a density N(0, 1) of each score, folded where it is reflected; mode:
-    scores, (d,), factor: of a normal's covariance about it, (d, d)."""
-
-    reflected: np.ndarray
-    likelihood: Map
-    posterior: Map
-    mode: np.ndarray
-    factor: np.ndarray
-
-
-def integrated(model: str, method: str, of: Density, seed: int, expected: float | None) -> Evidence:
-    """The evidence of a density. expected: roughly its log, where that is known."""
-    began = time.perf_counter()
-    reflected, top = of.reflected, float(of.likelihood(of.mode[None])[0])
-    needed = None if expected is None else top - expected
-    sampler, done = _explored(
-        lambda u: scores(u, reflected), lambda z: _finite(of.likelihood(z)), reflected.size, seed, needed
-    )
-    count, how = sampler.n_like, ""
-    if not done and count < MOST:
-        points, density = around(of)
-        top = float(density(np.where(reflected, np.abs(of.mode), of.mode)[None])[0])
-        sampler, done = _explored(points, density, reflected.size, seed)
-        count += sampler.n_like
-        how = ", around the mode: from the prior it would not come to its end"
-    effective, seen = float(np.asarray(sampler.n_eff)), max(float(np.max(x)) for x in sampler.log_l)
-    outcome = OK
-    if not done:
-        outcome = f"not to be trusted: not finished after {count} likelihoods"
-    elif top - seen > MISSED:
-        outcome = f"not to be trusted: it missed a mode {top - seen:.0f} nats above all that it saw"
-    return Evidence(
-        model=model,
-        method=method,
-        log_evidence=float(np.asarray(sampler.log_z)),
-        stderr=effective**-0.5,
-        diagnostic=f"{effective:.0f} effective draws of {count} likelihoods{how}",
-        evaluations=int(count),
-        seconds=time.perf_counter() - began,
-        outcome=outcome,
-    )
+        count, how = sampler.n_like, ""
+        if not done and count < MOST:
+            top = float(over_normal(best[None])[0])
+            sampler, done = _explored(lambda u: best + ndtri(u) @ factor.T, over_normal, best.size, seed)
+            count += sampler.n_like
+            how = ", around the mode: from the prior it would not come to its end"
+        effective, seen = float(np.asarray(sampler.n_eff)), max(float(np.max(x)) for x in sampler.log_l)
+        outcome = OK
+        if not done:
+            outcome = f"not to be trusted: not finished after {count} likelihoods"
+        elif top - seen > MISSED:
+            outcome = f"not to be trusted: it missed a mode {top - seen:.0f} nats above all that it saw"
+        return Evidence(
+            model=model,
+            method=self.name,
+            log_evidence=float(np.asarray(sampler.log_z)),
+            stderr=effective**-0.5,
+            diagnostic=f"{effective:.0f} effective draws of {count} likelihoods{how}",
+            evaluations=int(count),
+            seconds=time.perf_counter() - began,
+            outcome=outcome,
+        )
 
 
 def standard_normal(z: np.ndarray) -> np.ndarray:
@@ -130,27 +113,6 @@ def standard_normal(z: np.ndarray) -> np.ndarray:
 
 def _finite(log: np.ndarray) -> np.ndarray:
     return np.maximum(np.nan_to_num(log, nan=-np.inf), FAINTEST)
-
-
-def scores(u: np.ndarray, reflected: np.ndarray) -> np.ndarray:
-    """Scores of points of the unit cube, both (..., d): normal, or half-normal where reflected."""
-    return ndtri(np.where(reflected, 0.5 * (1.0 + u), u))
-
-
-def around(of: Density) -> tuple[Map, Map]:
-    """A normal distribution about a mode: points of the unit cube, (n, d), to its scores; and of scores, (n, d), the
-    log of prior times likelihood over its density, whose integral over it is the evidence."""
-    reflected = of.reflected
-    centre, factor = np.where(reflected, np.abs(of.mode), of.mode), WIDER * of.factor
-    log_det = np.linalg.slogdet(factor)[1]
-
-    def density(z: np.ndarray) -> np.ndarray:
-        normal = np.linalg.solve(factor, (z - centre).T)
-        of_normal = -0.5 * np.sum(normal**2, axis=0) - 0.5 * centre.size * LOG_2PI - log_det
-        found = of.posterior(z) - of_normal
-        return _finite(np.where(np.all(z[:, reflected] >= 0.0, axis=1), found, -np.inf))
-
-    return lambda u: centre + ndtri(u) @ factor.T, density
 
 
 def _explored(

@@ -39,7 +39,7 @@ def runs(damping: str) -> tuple[list[RunLikelihood], list[float], Reference]:
         result = weighing.results[0]
         run = damping_run(weighing, result, np.array([0.2, 0.1]), False)
         assert run is not None
-        found.append(run.likelihood)
+        found.append(run)
         logs.append(result.exact_weighed.log_evidence)
     return found, logs, scale
 
