@@ -90,5 +90,5 @@ def proportional(a: np.ndarray, b: np.ndarray) -> bool:
     if a.size != b.size:
         return False
     both = np.isfinite(a) & np.isfinite(b)
-    with np.errstate(invalid="ignore", divide="ignore"):  # of a constant column
+    with np.errstate(all="ignore"):  # of a constant column, and of one that overflows
         return int(both.sum()) >= 10 and bool(abs(np.corrcoef(a[both], b[both])[0, 1]) > ALIKE)

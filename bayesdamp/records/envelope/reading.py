@@ -27,8 +27,11 @@ def is_envelope(path: Path, value: Column | None = None, unit: str | None = None
         return unit_in(value) in DECIBELS
     if not path.is_file():
         return False
-    with path.open("rb") as file:
-        lines = file.read(HEAD).decode("latin-1").splitlines()
+    try:
+        with path.open("rb") as file:
+            lines = file.read(HEAD).decode("latin-1").splitlines()
+    except OSError:  # reading the file says what is wrong
+        return False
     named = [line for line in lines if re.search(r"[A-Za-z]{2}", line)]
     return bool(named) and unit_in(named[-1]) in DECIBELS
 
