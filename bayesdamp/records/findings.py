@@ -10,6 +10,7 @@ from enum import Enum
 
 import numpy as np
 
+from bayesdamp.records.columns.choosing import DIFFER
 from bayesdamp.records.columns.swings import Swing, swing
 from bayesdamp.records.files.facts import sampling_rate
 from bayesdamp.records.files.named_units import SECONDS, seconds_in
@@ -40,8 +41,6 @@ _BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}\s\d]{0,19}|\d[^()\[\]{}]{1,
 _NO_UNITS = ("utc", "gmt", "local", "local time", "elapsed", "relative", "rel", "abs", "absolute", "raw", "x")
 VALID = "ms, us, ns, ps, min, h, d"
 """Units of time to choose from."""
-DIFFER = 0.01
-"""Share by which a given rate may differ from what the file says."""
 
 
 class Kind(Enum):

@@ -62,7 +62,7 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
                 name,
                 arguments=["rate"],
             )
-        note = f"No times in the file: samples taken as equally spaced at {raw.rate:g} Hz."
+        note = f"No times are used: samples are taken as equally spaced at {raw.rate:g} Hz."
         return Clock(rows / raw.rate, "rate", 0.0, (note,))
     gaps = np.diff(raw.t)
     if np.any(gaps < 0):

@@ -33,6 +33,8 @@ LEVELS = 3
 """A column with no more values than these is a switch or a sensor at rest."""
 _ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
 _DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms|energ\w*)\b", re.IGNORECASE)
+DIFFER = 0.01
+"""Share by which a given rate may differ from what the file, or its own times, say."""
 _BACK = 0.02
 """Share of steps back in time that a column named after times may have."""
 _FAR = 10.0
@@ -146,7 +148,7 @@ def _block(found: Contents, run: str, group: str, timed: list[Column], rate: flo
     columns = tuple(c for c in found.columns if c.group == group and parted(c)[1] in (run, ""))
     own = tuple(c for c in columns if parted(c)[1] == run) if run else columns
     if rate is not None:
-        return _Block(run, own, None, rate)
+        return _Block(run, own, None, rate, _other_rate(_time_column(own) or _time_column(columns), rate))
     if timed:
         mine = [c for c in timed if parted(c)[1] == run] or timed
         return _Block(run, own, mine[0], None)
@@ -169,6 +171,20 @@ def _block(found: Contents, run: str, group: str, timed: list[Column], rate: flo
         own = tuple(c for c in own if c is not time)
         return _Block(run, own, None, said[0], (f"The file says {said[1]!r}: {said[0]:g} Hz.",))
     return _Block(run, own, None, None)
+
+
+def _other_rate(time: Column | None, rate: float) -> tuple[str, ...]:
+    """A sentence where the file's own times have another rate than the one that was given, in Hz."""
+    step = 0.0 if time is None else float(np.median(np.diff(time.values[np.isfinite(time.values)])))
+    seconds = None if time is None else seconds_of_unit(time)
+    if time is None or step <= 0 or (seconds is None and step == 1.0):  # which counts samples
+        return ()
+    own = 1 / (step * (seconds or 1.0))
+    if abs(rate / own - 1) < DIFFER:
+        return ()
+    return (
+        f"Times in column {time.name!r} are at {own:.6g} Hz; the record is read at {rate:.6g} Hz, as asked.",
+    )
 
 
 def with_own_clocks(found: Contents) -> Contents:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import bayesdamp as bd
 from bayesdamp.records.columns.names import parted
 from bayesdamp.records.files.contents import Column
 from bayesdamp.records.read import read_record, read_records
@@ -393,3 +394,13 @@ def test_columns_and_clock_are_asked_for_together(tmp_path: Path) -> None:
         read_record(write(tmp_path / "a.csv", {"left": Y, "right": OTHER}))
     assert caught.value.arguments == ("value", "channels", "time", "rate")
     assert caught.value.likely == {"value": "left"}
+
+
+@pytest.mark.parametrize("rate", [100.0, 80.0])
+def test_a_rate_that_differs_from_the_files_own_times_is_said(tmp_path: Path, rate: float) -> None:
+    """Control: one that is theirs is not."""
+    t = np.arange(400) / 80.0
+    path = tmp_path / "own.csv"
+    np.savetxt(path, np.c_[t, np.cos(4.4 * t)], delimiter=",", header="t (s),angle (rad)", comments="")
+    said = " ".join(bd.read(path, rate=rate).signal().provenance.said)
+    assert ("Times in column 't (s)' are at 80 Hz" in said) == (rate != 80.0)
