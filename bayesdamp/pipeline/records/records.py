@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from bayesdamp.plugins import sources_below
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.records.oscillation.law_free import amplitude_curves
+from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.reference import FRICTION_WIDTH, reference_of
 from bayesdamp.records.simulate import simulate_signal
@@ -130,8 +130,7 @@ class SignalCell(RecordCell):
         arrays |= {"t": signal.t, "y": signal.y}
         try:
             content, outcome = self._known(signal, content), OK
-            curves = asdict(amplitude_curves(signal, features(signal)))
-            arrays |= {f"against_amplitude/{name}": v for name, v in curves.items()}
+            law_free(signal, features(signal))  # refuses a record of too few cycles
         except Refusal as refusal:
             if isinstance(source, Recording):
                 raise InputError(f"signal {self.spec.name}: {refusal}") from None
