@@ -6,7 +6,6 @@ import io
 import sys
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.types import OK, Posterior
 
 __all__ = [
-    "effective", "effective_mean", "monte_carlo_error", "pareto_k", "saved", "summarise", "summarised", "verdict",
+    "effective", "effective_mean", "monte_carlo_error", "pareto_k", "saved", "summarise", "verdict",
 ]  # fmt: skip
 
 RHAT_LIMIT = 1.01
@@ -83,17 +82,6 @@ def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
                 what = f"{kind} effective sample size of {name}"
                 return f"too few draws: {what} is {size:.0f}, below {ESS_LIMIT:.0f}"
     return OK
-
-
-def summarised(found: Posterior) -> Posterior:
-    """A sampler's draws with a summary of each parameter, and the verdict of these, where it gives none itself."""
-    if found.summaries or not found.draws.size:
-        return found
-    summary = {
-        n: summarise(found.draws[..., i], found.ensembles, found.effective) for i, n in enumerate(found.names)
-    }
-    judged = found.outcome == OK and found.effective is None
-    return replace(found, summaries=summary, outcome=verdict(summary) if judged else found.outcome)
 
 
 def effective(draws: np.ndarray) -> float:

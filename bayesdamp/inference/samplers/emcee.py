@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import emcee
@@ -53,7 +52,6 @@ class Emcee(Sampler):
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Walkers about the mode by affine-invariant moves (Goodman and Weare 2010), with draws added where too
         few."""
-        began = time.perf_counter()
         d, warmup = mode.z.size, settings.warmup_of(mode) // 2
         walkers = 4 * max(d + 2, 8, settings.chains)
         reflected = target.reflected
@@ -108,7 +106,6 @@ class Emcee(Sampler):
                 * np.ones(z.shape[1])
             },
             diagnostics={"walkers": walkers, "thinned_by": thin},
-            seconds=time.perf_counter() - began,
             outcome=outcome,
             summaries=summaries,
             divergences=0,

@@ -16,7 +16,6 @@ from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records.answering import verdict_of
 from bayesdamp.pipeline.tasks import Product
-from bayesdamp.records.oscillation.features import Features
 from bayesdamp.store.contents.posteriors import NO_DRAWS, PosteriorContent
 from bayesdamp.store.files import write_bytes
 from bayesdamp.types import OK, Posterior, Ratio
@@ -37,7 +36,7 @@ def compute_posterior(branch: Branch, sampler: str, seed: int) -> Product:
     s = branch.study.posterior
     settings = Settings(s.chains, s.warmup, s.draws, seed % 2**31)
     law, mode = branch.law, branch.density
-    found = diagnostics.summarised(SAMPLERS.get(sampler).sample(mode.likelihood.target, mode, settings))
+    found = SAMPLERS.get(sampler).summarised(mode.likelihood.target, mode, settings)
     whole, u = found, None
     if law is not None:
         found = replace(found, summaries=law.with_parts(found.summaries))
@@ -109,18 +108,14 @@ def _motions(branch: Branch, inferred: Mapping[str, np.ndarray]) -> Motions:
     )
 
 
-def amplitude_grid(seen: Features) -> np.ndarray:
-    """Amplitudes from the record's last to its first, shape (m,)."""
-    first, last = seen.amplitude, seen.final_amplitude
-    return np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
-
-
 def _curves(branch: Branch, motions: Motions, u: np.ndarray | None) -> dict[str, np.ndarray]:
     """Decrement and equivalent ratio over a record's amplitudes, (m,); those that have no motion are left out.
 
     u: draws with their deviations, (n, K), where laws may hold approximately.
     """
-    grid, law = amplitude_grid(branch.record.seen), branch.law
+    seen, law = branch.record.seen, branch.law
+    least = max(min(seen.amplitude, seen.final_amplitude), FAINTEST * seen.amplitude)
+    grid = np.geomspace(least, seen.amplitude, CURVE_POINTS)
     found = against_amplitude(motions, grid, (*LEVELS, *SPREAD))
     if law is not None and u is not None:
         few = u[:: max(1, len(u) // CURVE_DRAWS)]
