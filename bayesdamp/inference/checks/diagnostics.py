@@ -40,7 +40,10 @@ def summarise(
     chains = draws if ensembles is None else _grouped(draws, ensembles)
     flat = draws.reshape(-1)
     quantiles = np.quantile(flat, [0.025, 0.25, 0.5, 0.75, 0.975])
-    low, high = _densest(flat, 0.95)
+    ordered = np.sort(flat)
+    inside = int(0.95 * ordered.size)
+    start = int(np.argmin(ordered[inside:] - ordered[: ordered.size - inside]))
+    low, high = float(ordered[start]), float(ordered[start + inside])
     return {
         "mean": float(flat.mean()),
         "sd": float(flat.std(ddof=1)),
@@ -55,14 +58,6 @@ def summarise(
         "ess_tail": ess_tail(draws) if effective is None else effective,
         "rhat": rhat(chains) if effective is None else float("nan"),
     }
-
-
-def _densest(draws: np.ndarray, share: float) -> tuple[float, float]:
-    """The shortest interval between two of these draws, (n,), that holds a share of them."""
-    ordered = np.sort(draws)
-    inside = int(share * ordered.size)
-    start = int(np.argmin(ordered[inside:] - ordered[: ordered.size - inside]))
-    return float(ordered[start]), float(ordered[start + inside])
 
 
 def _grouped(draws: np.ndarray, ensembles: int) -> np.ndarray:

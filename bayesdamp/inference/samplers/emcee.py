@@ -84,8 +84,9 @@ class Emcee(Sampler):
         for block in [BLOCK] * LONGEST if settings.grows else [settings.draws]:
             ensembles = [(s, s.run_mcmc(state, block)) for s, state in ensembles]
             draws = np.concatenate([s.get_chain().swapaxes(0, 1) for s, _ in ensembles])
-            if self._resolved(target, at, draws):
-                resolved = True
+            sizes = [diagnostics.effective(v) for v in target.values(at.scores(draws)).values()]
+            resolved = not any(n < 1100 or n < 50 * len(draws) for n in sizes)
+            if resolved:
                 break
         thin = max(1, draws.shape[0] * draws.shape[1] // 40_000) if settings.grows else 1
         energy = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
@@ -112,16 +113,6 @@ class Emcee(Sampler):
             evaluations=int(ENSEMBLES * walkers * (draws.shape[1] + warmup)),
             ensembles=ENSEMBLES,
         )
-
-    @staticmethod
-    def _resolved(target: Target, at: Whitening, draws: np.ndarray) -> bool:
-        values = target.values(at.scores(draws))
-        total, length = draws.shape[0] * draws.shape[1], draws.shape[1]
-        for v in values.values():
-            effective = diagnostics.effective(v)
-            if effective < 1100 or length < 50 * total / effective:
-                return False
-        return True
 
 
 PLUGIN = Emcee()

@@ -25,7 +25,6 @@ from bayesdamp.provenance import Provenance
 from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import law_free
-from bayesdamp.records.record import RawRecord
 from bayesdamp.records.reference import FRICTION_WIDTH, reference_of
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
@@ -118,7 +117,14 @@ class SignalCell(RecordCell):
             except InputError as error:
                 raise of_file(error, source) from None
             signal = self._with_noise(signal, source.least_noise)
-            arrays = _raw(raw, source)
+            times = np.arange(raw.y.size) / raw.rate if raw.t is None and raw.rate else raw.t
+            every = max(1, raw.y.size // RAW_POINTS)
+            scale = UNITS[source.unit].factor
+            arrays = (
+                {}
+                if times is None
+                else {"raw_t": np.asarray(times)[::every], "raw_y": raw.y[::every] * scale}
+            )
         content = RecordContent(
             name=signal.name,
             unit=signal.unit,
@@ -206,14 +212,6 @@ class SignalCell(RecordCell):
 def _size(seen: Features) -> float:
     """The largest amplitude of a record."""
     return float(np.abs(seen.turning_amplitudes).max())
-
-
-def _raw(raw: RawRecord, source: Recording) -> dict[str, np.ndarray]:
-    """The record as it was, thinned for the picture: times of the file, values in SI."""
-    times = np.arange(raw.y.size) / raw.rate if raw.t is None and raw.rate else raw.t
-    every = max(1, raw.y.size // RAW_POINTS)
-    scale = UNITS[source.unit].factor
-    return {} if times is None else {"raw_t": np.asarray(times)[::every], "raw_y": raw.y[::every] * scale}
 
 
 def signal_of(record: CellResult) -> Signal:
