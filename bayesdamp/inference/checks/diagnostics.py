@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 
 import numpy as np
 
@@ -37,7 +37,9 @@ def summarise(
     effective: for independent draws of an approximation, how many draws of the posterior they are worth by their
     importance weights. Both effective sample sizes are then this number and R̂ is nan: there are no chains.
     """
-    chains = draws if ensembles is None else _grouped(draws, ensembles)
+    chains = draws
+    if ensembles is not None:  # (walker, step) as (ensemble, step · walker), in the order of time
+        chains = draws.reshape(ensembles, -1, draws.shape[1]).swapaxes(1, 2).reshape(ensembles, -1)
     flat = draws.reshape(-1)
     quantiles = np.quantile(flat, [0.025, 0.25, 0.5, 0.75, 0.975])
     ordered = np.sort(flat)
@@ -58,12 +60,6 @@ def summarise(
         "ess_tail": ess_tail(draws) if effective is None else effective,
         "rhat": rhat(chains) if effective is None else float("nan"),
     }
-
-
-def _grouped(draws: np.ndarray, ensembles: int) -> np.ndarray:
-    """Draws (walker, step) as (ensemble, step · walker), in the order of time."""
-    steps = draws.shape[1]
-    return draws.reshape(ensembles, -1, steps).swapaxes(1, 2).reshape(ensembles, -1)
 
 
 def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
@@ -98,12 +94,8 @@ def saved(posterior: Posterior) -> bytes:
         }
     )
     content = io.BytesIO()
-    with _one_process():
+    # On a worker of Dask xarray takes the cluster's lock of a file by its name, and memory has none.
+    dask = sys.modules.get("dask")
+    with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
         data.to_netcdf(content, engine="h5netcdf")
     return content.getvalue()
-
-
-def _one_process() -> AbstractContextManager[object]:
-    """On a worker of Dask xarray takes the cluster's lock of a file by its name, and memory has none."""
-    dask = sys.modules.get("dask")
-    return nullcontext() if dask is None else dask.config.set(scheduler="synchronous")
