@@ -10,7 +10,6 @@ import numpy as np
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import CURVE_DRAWS, Motions, against_amplitude, derive, units
 from bayesdamp.inference.curves.weighted import resampled
-from bayesdamp.inference.deviation.single import Single
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.branch import Branch
@@ -48,13 +47,18 @@ def compute_posterior(branch: Branch, sampler: str, seed: int) -> Product:
     file = folder / "posterior" / f"{branch.path.replace('/', '.')}.{sampler}.nc"
     write_bytes(file, diagnostics.saved(whole))
     motions = _motions(branch, {n: found.draws[..., i] for i, n in enumerate(found.names)})
+    ratios: tuple[Ratio, ...] = ()
+    if law is not None and u is not None:
+        verdict = verdict_of(branch.store, branch.spec.name, branch.repeat)
+        amplitudes = tuple(r.amplitude for r in verdict.damping_ratio) if verdict else ()
+        ratios = law.ratios(amplitudes, u, s.sensor)
     content = replace(
         _content(branch, found, motions),
         posterior=replace(
             found, draws=NO_DRAWS[0], log_likelihood=NO_DRAWS[1], stats={}, arrays={}, summaries={}
         ),
         file=file.relative_to(folder).as_posix(),
-        ratios=() if law is None or u is None else _ratios(branch, law, u),
+        ratios=ratios,
     )
     arrays = {"draws": found.draws, **_curves(branch, motions, u), **found.arrays}
     return Product(content, arrays, found.outcome, found.seconds)
@@ -90,13 +94,6 @@ def _content(branch: Branch, found: Posterior, motions: Motions) -> PosteriorCon
         reference_amplitude=motions.amplitude,
         without=partial,
     )
-
-
-def _ratios(branch: Branch, law: Single, u: np.ndarray) -> tuple[Ratio, ...]:
-    """The damping ratio of draws with their deviations, (n, K), at the verdict's amplitudes."""
-    verdict = verdict_of(branch.store, branch.spec.name, branch.repeat)
-    amplitudes = tuple(r.amplitude for r in verdict.damping_ratio) if verdict else ()
-    return law.ratios(amplitudes, u, branch.study.posterior.sensor)
 
 
 def _motions(branch: Branch, inferred: Mapping[str, np.ndarray]) -> Motions:

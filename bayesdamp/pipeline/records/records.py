@@ -119,12 +119,9 @@ class SignalCell(RecordCell):
             signal = self._with_noise(signal, source.least_noise)
             times = np.arange(raw.y.size) / raw.rate if raw.t is None and raw.rate else raw.t
             every = max(1, raw.y.size // RAW_POINTS)
-            scale = UNITS[source.unit].factor
-            arrays = (
-                {}
-                if times is None
-                else {"raw_t": np.asarray(times)[::every], "raw_y": raw.y[::every] * scale}
-            )
+            if times is not None:
+                scale = UNITS[source.unit].factor
+                arrays = {"raw_t": np.asarray(times)[::every], "raw_y": raw.y[::every] * scale}
         content = RecordContent(
             name=signal.name,
             unit=signal.unit,
@@ -175,23 +172,19 @@ class SignalCell(RecordCell):
             known["epsilon"] = reference.friction_width
             share = f"{100 * FRICTION_WIDTH:g} % of the peak velocity"
             note = f"ε was not given: {share}, {known['epsilon']:.3g} {signal.unit}/s."
+        other = no_free_decay(signal) if isinstance(self.spec.source, Recording) else None
+        instead = []
+        if other is not None and other.motion is not None:
+            instead = [seen_instead(in_unit(other, UNITS[self.spec.source.unit]), other.motion)]
         return replace(
             content,
             features=FeaturesSeen(**{f.name: getattr(seen, f.name) for f in fields(FeaturesSeen)}),
-            anomalies=(*anomalies(signal, seen), *self._instead(signal)),
+            anomalies=(*anomalies(signal, seen), *instead),
             reference=Scales(reference.amplitude, reference.frequency),
             known=known,
             epsilon_note=note,
             noisy=bool(noise_level(signal) > NO_NOISE * _size(seen)),
         )
-
-    def _instead(self, signal: Signal) -> tuple[str, ...]:
-        """What a measured record shows in place of the free decay of one oscillator, in words; nothing where it may be
-        one."""
-        other = no_free_decay(signal) if isinstance(self.spec.source, Recording) else None
-        if other is None or other.motion is None:
-            return ()
-        return (seen_instead(in_unit(other, UNITS[self.spec.source.unit]), other.motion),)
 
     def _bound(self, signal: Signal) -> dict[str, float]:
         """The Cramér–Rao bound of a simulated record with white noise: sd by parameter; else nothing.
