@@ -76,6 +76,11 @@ class Answer:
         """Each that was asked for, in the order of the question, refused ones last."""
         return self.content.candidates
 
+    @property
+    def rivals(self) -> tuple[WeighedCandidate, ...]:
+        """Other forms of damping that were weighed."""
+        return self.content.rivals
+
     def of_specimen(self) -> Answered:
         """Return what a verdict on several records takes of this one."""
         rows = [r for r in self.candidates if r.outcome == OK]
@@ -88,13 +93,13 @@ class Answer:
         curve = {name: self.arrays[name] for name in CURVE if name in self.arrays}
         runs = {
             (r.damping, r.restoring): run
-            for r in (*rows, *self.content.rivals)
+            for r in (*rows, *self.rivals)
             if (run := _run_from(f"{RUN}{r.damping}@{r.restoring}/", r.parameters, self.arrays, top))
             is not None
         }
         weighed = WeighedRun(
             {(r.damping, r.restoring): log_of(r) - top for r in rows},
-            tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in self.content.rivals),
+            tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in self.rivals),
             runs,
             Reference(*map(float, self.arrays.get(f"{RUN}reference", (1.0, 1.0)))),
             self.arrays["amplitude"],
