@@ -96,7 +96,7 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
             and source.names
         ):
             draws = Draws.of(target, source.draws, source.outcome)
-        found = plugin.evidence(fit.model.name, target, mode, seed, draws)
+        found = plugin.timed(fit.model.name, target, mode, seed, draws)
     except Refusal as refusal:
         return replace(blank, outcome=str(refusal))
     return Evidence(**{**vars(found), "method": method, "arrays": {}}, signal=blank.signal, noise=blank.noise)

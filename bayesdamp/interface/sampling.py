@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.deviation.runs import sample_motions
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit
@@ -65,7 +64,7 @@ def sample(
         else:
             plugin, (target, mode) = SAMPLERS.get(sampler), fit.engine
             settings = Settings(chains, warmup, draws, seed % 2**31, grows)
-            found = diagnostics.summarised(plugin.sample(target, mode, settings))
+            found = plugin.summarised(target, mode, settings)
     except Refusal as refusal:
         return replace(blank, outcome=str(refusal))
     whole = Posterior(**vars(found), fit=fit, seed=seed)

@@ -28,7 +28,10 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     if k == 0:
         return np.zeros(count)
     if k > 1:
-        mean, covariance = _least_likely_first(mean, covariance)
+        sd = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
+        order, rows = np.argsort(mean / sd, axis=1), np.arange(count)[:, None]
+        mean = mean[rows, order]
+        covariance = covariance[rows[:, :, None], order[:, :, None], order[:, None, :]]
         unsure = mean[:, 0] < SURE * np.sqrt(covariance[:, 0, 0])
         if not unsure.all():
             found = np.zeros(count)
@@ -71,14 +74,6 @@ def _by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         scores[:, :, i] = (value - centre) / sd
     top = log.max(axis=1, keepdims=True)
     return top[:, 0] + np.log(np.mean(np.exp(log - top), axis=1))
-
-
-def _least_likely_first(mean: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same normals, (c, k) and (c, k, k), their coordinates in order of the probability of each alone."""
-    sd = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
-    order = np.argsort(mean / sd, axis=1)
-    rows = np.arange(len(mean))[:, None]
-    return mean[rows, order], covariance[rows[:, :, None], order[:, :, None], order[:, None, :]]
 
 
 def truncated(mean: np.ndarray, sd: np.ndarray, shares: np.ndarray) -> np.ndarray:

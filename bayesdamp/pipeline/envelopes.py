@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -46,8 +45,7 @@ LIKELIHOOD, PICTURE = "likelihood/", "picture"
 
 def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Window | None]:
     """Return an envelope under a name, and the window that was asked for. Raises InputError."""
-    names = ("path", "time", "angle", "rate", "unit", "frequency")
-    record = _read(*(getattr(source, n) for n in names), source.path.stat().st_mtime_ns)
+    record = _read(source, source.path.stat().st_mtime_ns)
     first, last = (None if isinstance(end, str) else end for end in (source.start, source.stop))
     try:
         window = None if first is last is None else bounded(record.t, record.level, first, last)
@@ -57,18 +55,17 @@ def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Window
 
 
 @lru_cache(maxsize=KEPT)
-def _read(
-    path: Path,
-    time: str | int | None,
-    value: str | int | None,
-    rate: float | None,
-    unit: str,
-    frequency: float | None,
-    changed: int,
-) -> EnvelopeRecord:
+def _read(source: Recording, changed: int) -> EnvelopeRecord:
     """Return the envelope in a file. changed: when the file was; a command checks its files before a run reads them."""
     del changed
-    return read_envelope(path, time=time, value=value, rate=rate, unit=unit or None, frequency=frequency)
+    return read_envelope(
+        source.path,
+        time=source.time,
+        value=source.angle,
+        rate=source.rate,
+        unit=source.unit or None,
+        frequency=source.frequency,
+    )
 
 
 def check_recording(study: Study, spec: SignalSpec) -> None:

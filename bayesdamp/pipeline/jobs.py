@@ -131,7 +131,7 @@ def _part(name: str) -> str:
         return "depend"
     if kind in ("posterior", "sensitivity") or method in ("bridge", NESTED_CHECK):
         return "sample"
-    return "weigh" if kind == "curve" or (kind == "evidence" and method != "laplace") else "look"
+    return "weigh" if kind == "evidence" and method != "laplace" else "look"
 
 
 def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[list[Job]]:

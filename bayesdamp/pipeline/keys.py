@@ -26,7 +26,6 @@ CODE: dict[str, tuple[str, ...]] = {
     "posterior": (*_BRANCH, "bayesdamp.pipeline.candidates.posteriors"),
     "evidence": (*_BRANCH, "bayesdamp.pipeline.candidates.weighing"),
     "sensitivity": (*_BRANCH, "bayesdamp.pipeline.candidates.sensitivity"),
-    "curve": (*_BRANCH, "bayesdamp.pipeline.candidates.backbones"),
     "averaged": ("bayesdamp.pipeline.candidates.averaging",),
     "joint": ("bayesdamp.pipeline.many.joining",),
     "population": ("bayesdamp.pipeline.many.populating",),

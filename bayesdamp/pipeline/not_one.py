@@ -8,7 +8,6 @@ from functools import lru_cache
 import numpy as np
 
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.records.oscillation.modes import Modes
 from bayesdamp.records.oscillation.one import NotOne, other_than_one
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict import thresholds
@@ -40,7 +39,13 @@ def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
     found = seen_in(signal, harmonics)
     if found is None or found.size < thresholds.OTHER_MOTION:
         return None
-    modes = _modes(found.modes, signal)
+    own = found.modes
+    ratios, half = own.ratios, TWO_SIDED * own.errors / (2 * np.pi * own.frequencies)
+    scale = (2 * np.pi * own.frequencies) ** ORDER[signal.quantity]
+    columns = np.column_stack(
+        [own.frequencies, ratios, ratios - half, ratios + half, own.first / scale, own.last / scale]
+    )
+    modes = tuple(Mode(f, r, low, high, a, b, signal.unit) for f, r, low, high, a, b in columns.tolist())
     first = signal.provenance.start
     duration = float(signal.t[-1] - signal.t[0])
     spread = (modes[0].high - modes[0].low) * modes[0].frequency
@@ -68,13 +73,3 @@ def remark_on(signal: Signal) -> str:
         return ""
     at = f"{found.modes.frequencies[1]:.4g} Hz"
     return f"A second oscillation, at {at}, has {100 * found.size:.2g} % of the amplitude."
-
-
-def _modes(found: Modes, signal: Signal) -> tuple[Mode, ...]:
-    ratios = found.ratios
-    half = TWO_SIDED * found.errors / (2 * np.pi * found.frequencies)
-    scale = (2 * np.pi * found.frequencies) ** ORDER[signal.quantity]
-    columns = np.column_stack([
-        found.frequencies, ratios, ratios - half, ratios + half, found.first / scale, found.last / scale
-    ])  # fmt: skip
-    return tuple(Mode(f, r, low, high, a, b, signal.unit) for f, r, low, high, a, b in columns.tolist())

@@ -30,6 +30,27 @@ def spread(
     waiting, running = deque(jobs), dict[Future[list[str]], Job]()
     width = getattr(pool, "width", len(waiting))
     suspects: list[Job] = []
+
+    def alone(job: Job) -> list[str]:
+        """Run a job that was there when a process was killed, with the pool to itself: what is killed now is killed by
+        it."""
+        given_up: list[str] = []
+        tries = {under_way(job, ()): 1}
+        while True:
+            try:
+                return submit(job, tuple(given_up)).result()
+            except Exception as fault:
+                if not _killed(fault):
+                    raise
+            restart(pool)
+            name = under_way(job, given_up)
+            if name is None:
+                return given_up
+            tries[name] = tries.get(name, 0) + 1
+            if tries[name] >= TRIES:
+                give_up(job, name)
+                given_up.append(name)
+
     try:
         while waiting or running:
             while waiting and len(running) < width and not suspects:
@@ -50,38 +71,12 @@ def spread(
             if suspects and not running:
                 restart(pool)
                 for job in suspects:
-                    done(_alone(job, pool, submit, under_way, give_up))
+                    done(alone(job))
                 suspects.clear()
     except BaseException:
         for future in running:
             future.cancel()
         raise
-
-
-def _alone(
-    job: Job,
-    pool: Executor,
-    submit: Callable[[Job, Collection[str]], Future[list[str]]],
-    under_way: Callable[[Job, Collection[str]], str | None],
-    give_up: Callable[[Job, str], None],
-) -> list[str]:
-    """A job that was there when a process was killed, with the pool to itself: what is killed now is killed by it."""
-    given_up: list[str] = []
-    tries = {under_way(job, ()): 1}
-    while True:
-        try:
-            return submit(job, tuple(given_up)).result()
-        except Exception as fault:
-            if not _killed(fault):
-                raise
-        restart(pool)
-        name = under_way(job, given_up)
-        if name is None:
-            return given_up
-        tries[name] = tries.get(name, 0) + 1
-        if tries[name] >= TRIES:
-            give_up(job, name)
-            given_up.append(name)
 
 
 def restart(pool: Executor) -> None:

@@ -16,7 +16,7 @@ from PIL import Image
 
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.answer import answer
-from bayesdamp.report.figures.curves import backbone, exponent
+from bayesdamp.report.figures.curves import exponent
 from bayesdamp.report.figures.density import contours, outline
 from bayesdamp.report.figures.posterior import marginals
 from bayesdamp.report.figures.record import motions, thinned
@@ -148,21 +148,6 @@ def test_one_sum_under_several_laws_is_told_apart():
     assert np.sum(second - first) > 0.3
     assert np.sum(third - second) > 0.2
     assert len({colour(n) for n in names if n.startswith("coulomb")}) == 1
-
-
-def test_few_points_leave_the_range_to_the_candidates():
-    grid = np.linspace(0.1, 0.5, 20)
-    curve = {"amplitude": grid, "ratio": 0.02 + 0.1 * grid, "frequency": 4.0 + grid}
-
-    def shown(count: int) -> tuple[float, float]:
-        at = np.linspace(0.2, 0.3, count)
-        record = {"amplitude": at, "ratio": 0.02 + 0.1 * at, "frequency": 4.0 + at}
-        sds = {f"{n}_sd": np.full(count, 1e-4) for n in ("ratio", "frequency")}
-        return backbone(record | sds, {"viscous@linear": curve}, 1.0, "rad").axes[0].get_ylim()
-
-    for count, whole in ((1, True), (6, False)):
-        low, high = shown(count)
-        assert (low < 0.03 and high > 0.07) == whole
 
 
 def test_a_figure_is_the_same_in_every_report(tmp_path):

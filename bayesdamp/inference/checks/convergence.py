@@ -83,7 +83,9 @@ def _ess(chains: np.ndarray) -> float:
     if np.ptp(chains) < np.finfo(float).resolution:
         return float(chains.size)
     count, n = chains.shape
-    covariance = np.mean(_autocovariance(chains), axis=0)
+    size, away = next_fast_len(2 * n, real=True), chains - np.mean(chains, axis=1, keepdims=True)
+    power = np.abs(np.asarray(rfft(away, size, axis=1))) ** 2
+    covariance = np.mean(np.asarray(irfft(power, size, axis=1))[:, :n] / n, axis=0)
     within = covariance[0] * n / (n - 1)
     total = covariance[0] + (np.var(np.mean(chains, axis=1), ddof=1) if count > 1 else 0.0)
     rho = 1.0 - (within - covariance) / total
@@ -95,12 +97,3 @@ def _ess(chains: np.ndarray) -> float:
     left = rho[2 * last] if pairs[last] >= 0 or rho[2 * last] > 0 else 0.0
     time = -1.0 + 2.0 * np.sum(np.minimum.accumulate(pairs[:last])) + left
     return float(chains.size / max(time, 1.0 / np.log10(chains.size)))
-
-
-def _autocovariance(chains: np.ndarray) -> np.ndarray:
-    """Autocovariances of each chain at all lags, (chain, draw), by the fast Fourier transform."""
-    n = chains.shape[1]
-    away = chains - np.mean(chains, axis=1, keepdims=True)
-    spectrum = rfft(away, next_fast_len(2 * n, real=True), axis=1)
-    power = np.abs(np.asarray(spectrum)) ** 2
-    return np.asarray(irfft(power, next_fast_len(2 * n, real=True), axis=1))[:, :n] / n

@@ -5,8 +5,7 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
+from contextlib import nullcontext
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.types import OK, Posterior
 
 __all__ = [
-    "effective", "effective_mean", "monte_carlo_error", "pareto_k", "saved", "summarise", "summarised", "verdict",
+    "effective", "effective_mean", "monte_carlo_error", "pareto_k", "saved", "summarise", "verdict",
 ]  # fmt: skip
 
 RHAT_LIMIT = 1.01
@@ -38,10 +37,15 @@ def summarise(
     effective: for independent draws of an approximation, how many draws of the posterior they are worth by their
     importance weights. Both effective sample sizes are then this number and R̂ is nan: there are no chains.
     """
-    chains = draws if ensembles is None else _grouped(draws, ensembles)
+    chains = draws
+    if ensembles is not None:  # (walker, step) as (ensemble, step · walker), in the order of time
+        chains = draws.reshape(ensembles, -1, draws.shape[1]).swapaxes(1, 2).reshape(ensembles, -1)
     flat = draws.reshape(-1)
     quantiles = np.quantile(flat, [0.025, 0.25, 0.5, 0.75, 0.975])
-    low, high = _densest(flat, 0.95)
+    ordered = np.sort(flat)
+    inside = int(0.95 * ordered.size)
+    start = int(np.argmin(ordered[inside:] - ordered[: ordered.size - inside]))
+    low, high = float(ordered[start]), float(ordered[start + inside])
     return {
         "mean": float(flat.mean()),
         "sd": float(flat.std(ddof=1)),
@@ -58,20 +62,6 @@ def summarise(
     }
 
 
-def _densest(draws: np.ndarray, share: float) -> tuple[float, float]:
-    """The shortest interval between two of these draws, (n,), that holds a share of them."""
-    ordered = np.sort(draws)
-    inside = int(share * ordered.size)
-    start = int(np.argmin(ordered[inside:] - ordered[: ordered.size - inside]))
-    return float(ordered[start]), float(ordered[start + inside])
-
-
-def _grouped(draws: np.ndarray, ensembles: int) -> np.ndarray:
-    """Draws (walker, step) as (ensemble, step · walker), in the order of time."""
-    steps = draws.shape[1]
-    return draws.reshape(ensembles, -1, steps).swapaxes(1, 2).reshape(ensembles, -1)
-
-
 def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
     """`ok`, or a sentence that names the first parameter whose draws are not to be trusted."""
     for name, s in summaries.items():
@@ -83,17 +73,6 @@ def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
                 what = f"{kind} effective sample size of {name}"
                 return f"too few draws: {what} is {size:.0f}, below {ESS_LIMIT:.0f}"
     return OK
-
-
-def summarised(found: Posterior) -> Posterior:
-    """A sampler's draws with a summary of each parameter, and the verdict of these, where it gives none itself."""
-    if found.summaries or not found.draws.size:
-        return found
-    summary = {
-        n: summarise(found.draws[..., i], found.ensembles, found.effective) for i, n in enumerate(found.names)
-    }
-    judged = found.outcome == OK and found.effective is None
-    return replace(found, summaries=summary, outcome=verdict(summary) if judged else found.outcome)
 
 
 def effective(draws: np.ndarray) -> float:
@@ -115,12 +94,8 @@ def saved(posterior: Posterior) -> bytes:
         }
     )
     content = io.BytesIO()
-    with _one_process():
+    # On a worker of Dask xarray takes the cluster's lock of a file by its name, and memory has none.
+    dask = sys.modules.get("dask")
+    with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
         data.to_netcdf(content, engine="h5netcdf")
     return content.getvalue()
-
-
-def _one_process() -> AbstractContextManager[object]:
-    """On a worker of Dask xarray takes the cluster's lock of a file by its name, and memory has none."""
-    dask = sys.modules.get("dask")
-    return nullcontext() if dask is None else dask.config.set(scheduler="synchronous")

@@ -90,7 +90,10 @@ def other_form(
         return Other()
     found: list[tuple[float, str]] = []
     rivals: list[AddedForm] = []
-    largest = _largest_damping(likelihood, motion, p)
+    osc = likelihood.target.oscillator
+    law = [float(p[name]) for name in osc.law.parameters]
+    forces = [-a - osc.law.kernel(x, law) for x, _, a in motion.states[:, :3].tolist()]
+    largest = float(np.max(np.abs(forces)))
     for form, moved in zip(FORMS, responses(likelihood, motion, p), strict=True):
         direction = whiten(moved)
         size = np.linalg.norm(direction)
@@ -118,14 +121,6 @@ def log_bayes_factor(score: float, length: float, signed: bool) -> float:
     shrunk = length * length / (1.0 + length * length)
     found = 0.5 * (shrunk * score * score - np.log1p(length * length))
     return float(found if signed else found + np.log(2.0) + log_ndtr(score * np.sqrt(shrunk)))
-
-
-def _largest_damping(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) -> float:
-    """Return the largest damping force along a motion at parameters p, in rad/s²."""
-    osc = likelihood.target.oscillator
-    law = [float(p[name]) for name in osc.law.parameters]
-    forces = [-a - osc.law.kernel(x, law) for x, _, a in motion.states[:, :3].tolist()]
-    return float(np.max(np.abs(forces)))
 
 
 def responses(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) -> np.ndarray:

@@ -143,23 +143,20 @@ def _seen(seen: Features, first: float, duration: float) -> _Curves | None:
     if seen.swing_times.size >= t.size:  # of more than one piece
         begins = t[0]
         t, sizes = seen.swing_times - first, seen.swing_sizes
+        from scipy.ndimage import median_filter
+
         gaps = np.diff(t)
         if gaps.max() > HOLE * duration / BLOCKS + seen.period:
             return None
-        count = np.concatenate([[0], np.cumsum(np.round(gaps / _around(gaps)))])
+        # The usual gap near each, which is half a period: a hole of so many is counted by it.
+        usual = median_filter(gaps, 2 * BESIDE + 1, mode="nearest")
+        count = np.concatenate([[0], np.cumsum(np.round(gaps / usual))])
         phase = phase[0] + np.pi * (count - count[np.searchsorted(t, begins)] + 0.5)
     inside = (t >= 0) & (t <= duration)
     t, phase, sizes = t[inside], phase[inside], np.maximum(sizes[inside], 1e-300)
     if t.size < 8 * PIECES or t[-1] - t[0] < COVERED * duration:
         return None
     return _Curves(*(_smooth(t, values, sizes, duration) for values in (phase, np.log(sizes))))
-
-
-def _around(gaps: np.ndarray) -> np.ndarray:
-    """The usual one of gaps, (g,), near each: half a period, for a hole of so many is counted by it."""
-    from scipy.ndimage import median_filter
-
-    return median_filter(gaps, 2 * BESIDE + 1, mode="nearest")
 
 
 def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, end: float) -> BSpline:

@@ -139,7 +139,11 @@ def prepared(signal: Signal, average: bool = True) -> Data:
     many = max(1, int(seen.samples_per_cycle // A_CYCLE))
     windows = rows = None
     if many > 1:
-        rows = _windows(t, many, seen.period)
+        # Windows begin again after a hole, and a few samples before it are left out.
+        holes = np.flatnonzero(np.diff(t) > HOLE * seen.period / A_CYCLE) + 1
+        ends = [0, *holes.tolist(), t.size]
+        first = np.concatenate([np.arange(a, b - many + 1, many) for a, b in pairwise(ends)])
+        rows = first[:, None] + np.arange(many)
         windows = Windows.of(t[rows])
         t, y = t[rows].mean(axis=1), y[rows].mean(axis=1)
     stop = _last(t, seen, signal.t[0])
@@ -160,17 +164,6 @@ def prepared(signal: Signal, average: bool = True) -> Data:
         t, y, signal.quantity, seen.amplitude, max(seen.final_amplitude, LEAST * seen.amplitude), seen.frequency,
         seen.rest, cycles, noise, start, many, seen, few, windows, record, rows,
     )  # fmt: skip
-
-
-def _windows(t: np.ndarray, many: int, period: float) -> np.ndarray:
-    """Return the places of the samples in each window, shape (n, many), for times t, shape (m,).
-
-    Windows begin again after a hole, and a few samples before it are left out.
-    """
-    holes = np.flatnonzero(np.diff(t) > HOLE * period / A_CYCLE) + 1
-    ends = [0, *holes.tolist(), t.size]
-    first = np.concatenate([np.arange(a, b - many + 1, many) for a, b in pairwise(ends)])
-    return first[:, None] + np.arange(many)
 
 
 def _last(t: np.ndarray, seen: Features, first: float) -> int:

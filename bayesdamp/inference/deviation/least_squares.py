@@ -124,7 +124,9 @@ def _search(
         if jacobian is None or not np.abs(jacobian).max() < LARGEST:
             return None
         variance = max(float(r @ r) / r.size, noise**2)
-        triangle, target = _triangle(jacobian, r)
+        whole = np.asarray(np.linalg.qr(np.column_stack([jacobian, r]), mode="r"))
+        d = jacobian.shape[1]
+        triangle, target = whole[:d, :d], whole[:d, d]
         # |plain u − wanted|² + left: the squares of residuals and of scores.
         plain = np.concatenate([triangle, np.sqrt(variance) * np.eye(z.size)])
         wanted = np.concatenate([target + triangle @ z, np.zeros(z.size)])
@@ -150,10 +152,3 @@ def _search(
         z, motion = new, trial
         if (cost - after) / cost < close or steps == MOST_STEPS:
             return Fit(parameters, active, z, residual, jacobian, motion)
-
-
-def _triangle(jacobian: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R and Qᵀr of the tangents, (d, d) and (d,)."""
-    whole = np.asarray(np.linalg.qr(np.column_stack([jacobian, r]), mode="r"))
-    d = jacobian.shape[1]
-    return whole[:d, :d], whole[:d, d]

@@ -54,7 +54,10 @@ def weighing_of(
             weigh_all, candidates=candidates, known=known, priors=priors, reference=reference, approximate=approximate,
             noises=noises,
         )  # fmt: skip
-        data = prepared(signal, average=not _start_known(known, laws) and GAUSSIAN in noises)
+        # To a start that is given the averaged motion's phase is no more than near.
+        under = (known(law) if callable(known) else known or {} for law in laws)
+        start_known = any(name in one for one in under for name in START)
+        data = prepared(signal, average=not start_known and GAUSSIAN in noises)
         weighing = _weighed(of, data, signal, approximate)
         weighing = with_rivals(weighing, approximate)
         return replace(weighing, exponents=exponents_of(weighing, approximate))
@@ -72,9 +75,3 @@ def _weighed(of: Callable[[Data], Weighing], data: Data, signal: Signal, approxi
     if averaging.close or data.cycles > MOST_CYCLES:
         return replace(weighing, averaging=averaging)
     return of(prepared(signal, average=False))
-
-
-def _start_known(known: Known | None, laws: Sequence[str]) -> bool:
-    """Whether the motion's start is given, to which the averaged motion's phase is no more than near."""
-    under = (known(law) if callable(known) else known or {} for law in laws)
-    return any(name in one for one in under for name in START)

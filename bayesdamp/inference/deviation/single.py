@@ -176,18 +176,15 @@ class Single:
 
     def ratios(self, amplitudes: Sequence[float], u: Array, sensor: float) -> tuple[Ratio, ...]:
         """Equivalent damping ratios at amplitudes (rad or m), deviation and the sensor's floor among their sds."""
-        drawn, rng = self._drawn(u), np.random.default_rng(1)
+        drawn, rng = Drawn.of(self.result, u), np.random.default_rng(1)
         return tuple(ratio_at(self.weighing, [drawn], a, sensor, rng) for a in amplitudes)
 
     def ratio_draws(self, amplitudes: Array, u: Array, sensor: float) -> Array:
         """The same as draws, (n, m); nan at amplitudes that no motion has."""
-        drawn, rng = self._drawn(u), np.random.default_rng(1)
+        drawn, rng = Drawn.of(self.result, u), np.random.default_rng(1)
         found = [ratios_drawn(self.weighing, drawn, float(a), sensor, rng) for a in amplitudes]
         none = np.full(len(u), np.nan)
         return np.column_stack([none if one is None else one for one in found])
-
-    def _drawn(self, u: Array) -> Drawn:
-        return Drawn.of(self.result, u)
 
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
         """Motions of draws (n, K) at times t (m,) in s within the knots, (n, m); nan where one escapes. By default at

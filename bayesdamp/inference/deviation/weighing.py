@@ -252,7 +252,11 @@ def weigh_all(
     else:
         variance, kappa = data.least_variance + stated**2 / data.thinned, 1.0
     noise = variance, kappa
-    kept = _laws_kept(wholes, variance, data.y.size / kappa, knots.size)
+    logs = {}
+    for name, (at, _) in wholes.items():
+        grid = grid_of(knots.size, coarse=True, absorbed=at.parameters.absorbs)
+        logs[name] = weigh(at.model, grid, variance, data.y.size / kappa).log_evidence
+    kept = {name for name, log in logs.items() if log > max(logs.values()) - REACH}
     asked: list[Candidate] = []
     for c in candidates:
         if c.restoring not in kept:
@@ -437,18 +441,6 @@ def _refitted(data: Data, solvers: Mapping[str, Solver], fits: dict[Candidate, F
     for c, new in zip(every, found, strict=True):
         if new is not None:
             fits[c] = new
-
-
-def _laws_kept(
-    wholes: Mapping[str, tuple[Linearised, float]], variance: float, samples: float, knots: int
-) -> set[str]:
-    """The laws whose sum of all terms is within reach of the best."""
-    found = {}
-    for law, (at, _) in wholes.items():
-        grid = grid_of(knots, coarse=True, absorbed=at.parameters.absorbs)
-        found[law] = weigh(at.model, grid, variance, samples).log_evidence
-    best = max(found.values())
-    return {law for law, value in found.items() if value > best - REACH}
 
 
 def _coefficients(candidate: Candidate) -> set[str]:

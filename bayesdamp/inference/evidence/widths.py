@@ -67,40 +67,31 @@ def against_width(
     """
     varied = tuple(n for n in coefficients if widened(priors[n], 2.0) is not None)
     values = {n: np.asarray(p.value(y[:, i])) for i, (n, p) in enumerate(priors.items()) if n in coefficients}
-    rows = [
-        _one(priors, coefficients, values, log_weights, factor, near, seed + i)
-        for i, factor in enumerate(FACTORS if varied else (1.0,))
-    ] * (1 if varied else FACTORS.size)
+
+    def weighed(factor: float, seed: int) -> tuple[float, float, float, bool, bool]:
+        others, weights = dict(priors), log_weights.copy()
+        for name in coefficients:
+            other = widened(priors[name], factor)
+            if other is not None:
+                weights += np.asarray(
+                    other.log_density(values[name]) - priors[name].log_density(values[name])
+                )
+                others[name] = other
+        log_evidence = float(logsumexp(weights) - np.log(weights.size))
+        w = np.exp(weights - log_evidence)
+        size = effective(weights)
+        if size >= ENOUGH and diagnostics.pareto_k(weights) < K_LIMIT:
+            return log_evidence, float(np.std(w, ddof=1) / np.sqrt(w.size)), size, False, True
+        try:
+            mode = near(others)
+            found = Importance().evidence("", mode.likelihood.target, mode, seed)
+        except Refusal:
+            return np.nan, np.nan, size, True, False
+        return found.log_evidence, found.stderr, size, True, found.outcome == OK
+
+    rows = [weighed(factor, seed + i) for i, factor in enumerate(FACTORS if varied else (1.0,))]
+    rows *= 1 if varied else FACTORS.size
     return Widths(varied, FACTORS, *(np.array(column) for column in zip(*rows, strict=True)))
-
-
-def _one(
-    priors: Mapping[str, Prior],
-    coefficients: Sequence[str],
-    values: Mapping[str, np.ndarray],
-    log_weights: np.ndarray,
-    factor: float,
-    near: Near,
-    seed: int,
-) -> tuple[float, float, float, bool, bool]:
-    priors = dict(priors)
-    weights = log_weights.copy()
-    for name in coefficients:
-        other = widened(priors[name], factor)
-        if other is not None:
-            weights += np.asarray(other.log_density(values[name]) - priors[name].log_density(values[name]))
-            priors[name] = other
-    log_evidence = float(logsumexp(weights) - np.log(weights.size))
-    w = np.exp(weights - log_evidence)
-    size = effective(weights)
-    if size >= ENOUGH and diagnostics.pareto_k(weights) < K_LIMIT:
-        return log_evidence, float(np.std(w, ddof=1) / np.sqrt(w.size)), size, False, True
-    try:
-        mode = near(priors)
-        found = Importance().evidence("", mode.likelihood.target, mode, seed)
-    except Refusal:
-        return np.nan, np.nan, size, True, False
-    return found.log_evidence, found.stderr, size, True, found.outcome == OK
 
 
 def under_priors(mode: Mode, priors: Mapping[str, Prior]) -> Mode:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,16 +12,6 @@ from bayesdamp.types import Seed
 
 SAME_MODE = 1.0
 """Posterior sds within which two ends are one mode."""
-
-
-@dataclass(frozen=True)
-class Basin:
-    """A mode that seeds reached: its scores (d,), its log posterior and its share of the posterior's mass by Laplace's
-    approximation."""
-
-    z: np.ndarray
-    log_posterior: float
-    share: float
 
 
 def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[str, float]]:
@@ -39,8 +28,11 @@ def reached(climb: LocalSearch) -> bool:
     return climb.converged and bool(np.isfinite(climb.end))
 
 
-def basins(mode: Mode) -> tuple[list[Basin], list[int | None]]:
-    """The modes that the seeds reached, the highest first, and which of them each climb ended in (None: in none)."""
+def basins(mode: Mode) -> tuple[list[tuple[LocalSearch, float]], list[int | None]]:
+    """Tell the modes that the seeds reached, the highest first, and which of them each climb ended in (None: in none).
+
+    Of each mode: the climb to it, and its share of the posterior's mass by Laplace's approximation.
+    """
     order = sorted(
         (i for i, c in enumerate(mode.searches) if reached(c)), key=lambda i: -mode.searches[i].end
     )
@@ -60,8 +52,4 @@ def basins(mode: Mode) -> tuple[list[Basin], list[int | None]]:
     heights = np.where(np.isfinite(heights), heights, -np.inf)
     mass = np.exp(heights - max(heights.max(initial=-np.inf), -1e300))
     shares = mass / max(mass.sum(), 1e-300)
-    found = [
-        Basin(mode.searches[i].z, mode.searches[i].end, float(share))
-        for i, share in zip(tops, shares, strict=True)
-    ]
-    return found, where
+    return [(mode.searches[i], float(share)) for i, share in zip(tops, shares, strict=True)], where

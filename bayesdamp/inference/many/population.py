@@ -89,7 +89,17 @@ def population(samples: Sequence[Sample], scale: float, *, from_zero: bool = Tru
     mean, spread = _moments(m, tau) if from_zero else (m, tau)
     shrunk, size = {}, {}
     for sample, kernel in zip(samples, kernels, strict=True):
-        shrunk[sample.name], size[sample.name] = _shrunk(sample, kernel, weights, m, tau, from_zero)
+        low, high = kernel.mean - WIDE * kernel.sd, kernel.mean + WIDE * kernel.sd
+        x, gap = np.linspace(max(low, 0.0) if from_zero else low, high, POINTS, retstep=True)
+        some = np.random.default_rng(0).choice(weights.size, HYPER_DRAWS, p=weights.ravel())
+        # A normal narrower than the grid's gap could fall between its points.
+        wide = np.sqrt(tau.ravel()[some] ** 2 + gap**2)[:, None]
+        given = _density(kernel, x, from_zero) - 0.5 * ((x - m.ravel()[some][:, None]) / wide) ** 2
+        given = np.exp(given - np.asarray(logsumexp(given, axis=1, keepdims=True))).mean(axis=0)
+        ratio = given / np.maximum(np.exp(_density(kernel, x, from_zero)), 1e-300)
+        log_ratio = np.log(np.maximum(np.interp(sample.values, x, ratio, left=0.0, right=0.0), 1e-300))
+        shrunk[sample.name] = summarise(x, given)
+        size[sample.name] = effective(sample.log_weights - sample.log_prior + log_ratio)
     return Population(
         summarise(mean.ravel(), weights.ravel()),
         summarise(spread.ravel(), weights.ravel()),
@@ -188,30 +198,6 @@ def _moments(m: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ratio = m / tau
     hazard = np.exp(-0.5 * ratio**2 - log_ndtr(ratio)) / np.sqrt(2 * np.pi)
     return m + tau * hazard, tau * np.sqrt(np.maximum(1 - ratio * hazard - hazard**2, 0.0))
-
-
-def _shrunk(
-    sample: Sample,
-    kernel: _Kernels,
-    weights: np.ndarray,
-    m: np.ndarray,
-    tau: np.ndarray,
-    from_zero: bool,
-) -> tuple[dict[str, float], float]:
-    """A specimen's coefficient given all specimens, and how many of its draws are effective then.
-
-    weights: of (m, τ) given all; of these some are drawn, and the coefficient's density given each is on a grid.
-    """
-    low, high = kernel.mean - WIDE * kernel.sd, kernel.mean + WIDE * kernel.sd
-    x, gap = np.linspace(max(low, 0.0) if from_zero else low, high, POINTS, retstep=True)
-    some = np.random.default_rng(0).choice(weights.size, HYPER_DRAWS, p=weights.ravel())
-    # A normal narrower than the grid's gap could fall between its points.
-    wide = np.sqrt(tau.ravel()[some] ** 2 + gap**2)[:, None]
-    given = _density(kernel, x, from_zero) - 0.5 * ((x - m.ravel()[some][:, None]) / wide) ** 2
-    given = np.exp(given - np.asarray(logsumexp(given, axis=1, keepdims=True))).mean(axis=0)
-    ratio = given / np.maximum(np.exp(_density(kernel, x, from_zero)), 1e-300)
-    log_ratio = np.log(np.maximum(np.interp(sample.values, x, ratio, left=0.0, right=0.0), 1e-300))
-    return summarise(x, given), effective(sample.log_weights - sample.log_prior + log_ratio)
 
 
 def _density(kernel: _Kernels, x: np.ndarray, from_zero: bool) -> np.ndarray:

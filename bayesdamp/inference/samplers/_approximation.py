@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 
 import numpy as np
@@ -29,7 +28,6 @@ def approximate_posterior(
     z: np.ndarray,
     log_density: np.ndarray,
     settings: Settings,
-    began: float,
     more: Mapping[str, object] | None = None,
 ) -> Posterior:
     """Independent draws of an approximation as they are, and their importance weights against the posterior.
@@ -58,7 +56,6 @@ def approximate_posterior(
         log_likelihood=likelihood.reshape(grid),
         stats={"log_weight": weights.reshape(grid)},
         diagnostics={"pareto_k": shape, **(more or {})},
-        seconds=time.perf_counter() - began,
         outcome=outcome,
         summaries={n: diagnostics.summarise(v, effective=size) for n, v in values.items()},
         divergences=0,

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.types import Posterior
+from bayesdamp.types import OK, Posterior
 
 WARMUP = 50
 """Draws that chains need to forget that they start in a linear model."""
@@ -44,3 +48,18 @@ class Sampler(ABC):
 
         Raises Refusal where the method cannot work on this target.
         """
+
+    def summarised(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
+        """Sample, and add the seconds that it took and, where the sampler has none, a summary of each parameter and the
+        verdict of these."""
+        began = time.perf_counter()
+        found = self.sample(target, mode, settings)
+        found = replace(found, seconds=time.perf_counter() - began)
+        if found.summaries or not found.draws.size:
+            return found
+        columns = zip(found.names, np.moveaxis(found.draws, -1, 0), strict=True)
+        summary = {n: diagnostics.summarise(x, found.ensembles, found.effective) for n, x in columns}
+        judged = found.outcome == OK and found.effective is None
+        return replace(
+            found, summaries=summary, outcome=diagnostics.verdict(summary) if judged else found.outcome
+        )

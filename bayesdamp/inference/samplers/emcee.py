@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import emcee
@@ -53,7 +52,6 @@ class Emcee(Sampler):
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Walkers about the mode by affine-invariant moves (Goodman and Weare 2010), with draws added where too
         few."""
-        began = time.perf_counter()
         d, warmup = mode.z.size, settings.warmup_of(mode) // 2
         walkers = 4 * max(d + 2, 8, settings.chains)
         reflected = target.reflected
@@ -86,8 +84,9 @@ class Emcee(Sampler):
         for block in [BLOCK] * LONGEST if settings.grows else [settings.draws]:
             ensembles = [(s, s.run_mcmc(state, block)) for s, state in ensembles]
             draws = np.concatenate([s.get_chain().swapaxes(0, 1) for s, _ in ensembles])
-            if self._resolved(target, at, draws):
-                resolved = True
+            sizes = [diagnostics.effective(v) for v in target.values(at.scores(draws)).values()]
+            resolved = not any(n < 1100 or n < 50 * len(draws) for n in sizes)
+            if resolved:
                 break
         thin = max(1, draws.shape[0] * draws.shape[1] // 40_000) if settings.grows else 1
         energy = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
@@ -108,23 +107,12 @@ class Emcee(Sampler):
                 * np.ones(z.shape[1])
             },
             diagnostics={"walkers": walkers, "thinned_by": thin},
-            seconds=time.perf_counter() - began,
             outcome=outcome,
             summaries=summaries,
             divergences=0,
             evaluations=int(ENSEMBLES * walkers * (draws.shape[1] + warmup)),
             ensembles=ENSEMBLES,
         )
-
-    @staticmethod
-    def _resolved(target: Target, at: Whitening, draws: np.ndarray) -> bool:
-        values = target.values(at.scores(draws))
-        total, length = draws.shape[0] * draws.shape[1], draws.shape[1]
-        for v in values.values():
-            effective = diagnostics.effective(v)
-            if effective < 1100 or length < 50 * total / effective:
-                return False
-        return True
 
 
 PLUGIN = Emcee()

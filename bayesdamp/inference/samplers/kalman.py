@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,7 +56,6 @@ class Kalman(Sampler):
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Draws from an unscented Kalman filter and its restarts. Raises Refusal under exact friction."""
-        began = time.perf_counter()
         if target.oscillator.switches and target.known.get("epsilon") == 0.0:
             raise Refusal(
                 "kalman needs ε above 0: its sigma points do not stick; give epsilon, or leave it free"
@@ -78,7 +76,7 @@ class Kalman(Sampler):
         log_density = np.delete(log_density, index, axis=1).sum(axis=1) + last.final.log_density(z[:, index])
         names = [target.names[i] for i in index]
         found = approximate_posterior(
-            self.name, target, mode, z, log_density, settings, began=began, more={"passes": last.passes}
+            self.name, target, mode, z, log_density, settings, more={"passes": last.passes}
         )
         return replace(found, running=tuple(names), arrays=_running(target, names, online, last))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from bayesdamp.inference.coordinates.truncated_normal import laplace
@@ -27,10 +25,9 @@ class Laplace(Sampler):
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Independent draws of the normal distribution about the mode, with their importance weights' worth."""
-        began = time.perf_counter()
         normal = laplace(target, mode)
         z = normal.draw(np.random.default_rng(settings.seed), settings.chains * settings.draws)
-        return approximate_posterior(self.name, target, mode, z, normal.log_density(z), settings, began=began)
+        return approximate_posterior(self.name, target, mode, z, normal.log_density(z), settings)
 
 
 PLUGIN = Laplace()

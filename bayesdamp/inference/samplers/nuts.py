@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -108,15 +107,8 @@ class Nuts(Sampler):
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Chains from the mode's neighbourhood, longer or again with other steps where they are not good enough."""
-        began = time.perf_counter()
         at = whitening_of(target, mode)
-        run = self.attempt(mode, at, settings, not at.good)
-        found = self.finished(target, mode, settings, run)
-        return replace(found, seconds=time.perf_counter() - began)
-
-    def finished(self, target: Target, mode: Mode, settings: Settings, run: Run) -> Posterior:
-        """The posterior of the first attempt where that is good enough, else of the next that is."""
-        run, found = self._enough(mode, settings, run)
+        run, found = self._enough(mode, settings, self.attempt(mode, at, settings, not at.good))
         if found.outcome != OK or poor(found):
             ridge = shear_of(target, mode)
             if ridge is not None:

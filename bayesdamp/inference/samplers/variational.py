@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from bayesdamp.inference.coordinates.truncated_normal import laplace
@@ -43,7 +41,6 @@ class Variational(Sampler):
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Draws of the full-rank normal distribution that is closest to the posterior, weighed by importance."""
-        began = time.perf_counter()
         at = Unbounded.of(laplace(target, mode))
         mean, factor, steps, bound = _train(mode, at, settings.seed)
         n, d = settings.chains * settings.draws, mean.size
@@ -51,9 +48,7 @@ class Variational(Sampler):
         there = at.mapped(mean + normal @ factor.T)
         log_density = -0.5 * np.sum(normal**2, axis=1) - there.log_volume
         more = {"steps": steps, "elbo": bound}
-        return approximate_posterior(
-            self.name, target, mode, there.z, log_density, settings, began=began, more=more
-        )
+        return approximate_posterior(self.name, target, mode, there.z, log_density, settings, more=more)
 
 
 def _train(mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray, int, float]:

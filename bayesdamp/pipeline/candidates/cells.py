@@ -8,7 +8,6 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
-from bayesdamp.pipeline.candidates.backbones import compute_curve
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.estimates import compute_estimate
 from bayesdamp.pipeline.candidates.modes import compute_mode
@@ -30,7 +29,6 @@ SEEDED = {
     "sensitivity": compute_sensitivity,
 }
 """What draws random numbers, of a seed that follows from the cell's name."""
-CERTAIN = {"mode": compute_mode, "curve": compute_curve}
 
 
 def cells_of(branch: Branch) -> dict[str, str]:
@@ -67,8 +65,6 @@ def cells_of(branch: Branch) -> dict[str, str]:
         found[name] = task_key("evidence", *whence, *parts, own)
     for name, source in sensitivity_cells(branch, found).items():
         found[name] = task_key("sensitivity", *whence, source, name)
-    if branch.study.models.prune is not None:
-        found[f"curve/{branch.path}"] = task_key("curve", mode_key)
     return found
 
 
@@ -77,6 +73,6 @@ def compute(branch: Branch, name: str) -> Product:
     if branch.record.cell.outcome != OK:
         raise Refusal(following(branch.parent.name, branch.record.cell.outcome))
     place = Place.of(name)
-    if place.kind in SEEDED:
-        return SEEDED[place.kind](branch, place.method, cell_seed(branch.study, name))
-    return CERTAIN[place.kind](branch)
+    if place.kind == "mode":
+        return compute_mode(branch)
+    return SEEDED[place.kind](branch, place.method, cell_seed(branch.study, name))

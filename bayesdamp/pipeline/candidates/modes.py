@@ -101,8 +101,8 @@ def _climbs(mode: Mode) -> dict[str, object]:
     return {
         "climbs": climbs,
         "modes": [
-            Maximum(b.log_posterior, b.share, {n: float(v) for n, v in target.values(b.z).items()})
-            for b in found
+            Maximum(climb.end, share, {n: float(v) for n, v in target.values(climb.z).items()})
+            for climb, share in found
         ],
         "touching_zero": [n for n, z, sd, reflected in scores if reflected and abs(z) < sd],
     }

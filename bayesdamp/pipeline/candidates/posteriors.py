@@ -10,13 +10,11 @@ import numpy as np
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import CURVE_DRAWS, Motions, against_amplitude, derive, units
 from bayesdamp.inference.curves.weighted import resampled
-from bayesdamp.inference.deviation.single import Single
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records.answering import verdict_of
 from bayesdamp.pipeline.tasks import Product
-from bayesdamp.records.oscillation.features import Features
 from bayesdamp.store.contents.posteriors import NO_DRAWS, PosteriorContent
 from bayesdamp.store.files import write_bytes
 from bayesdamp.types import OK, Posterior, Ratio
@@ -37,7 +35,7 @@ def compute_posterior(branch: Branch, sampler: str, seed: int) -> Product:
     s = branch.study.posterior
     settings = Settings(s.chains, s.warmup, s.draws, seed % 2**31)
     law, mode = branch.law, branch.density
-    found = diagnostics.summarised(SAMPLERS.get(sampler).sample(mode.likelihood.target, mode, settings))
+    found = SAMPLERS.get(sampler).summarised(mode.likelihood.target, mode, settings)
     whole, u = found, None
     if law is not None:
         found = replace(found, summaries=law.with_parts(found.summaries))
@@ -49,13 +47,18 @@ def compute_posterior(branch: Branch, sampler: str, seed: int) -> Product:
     file = folder / "posterior" / f"{branch.path.replace('/', '.')}.{sampler}.nc"
     write_bytes(file, diagnostics.saved(whole))
     motions = _motions(branch, {n: found.draws[..., i] for i, n in enumerate(found.names)})
+    ratios: tuple[Ratio, ...] = ()
+    if law is not None and u is not None:
+        verdict = verdict_of(branch.store, branch.spec.name, branch.repeat)
+        amplitudes = tuple(r.amplitude for r in verdict.damping_ratio) if verdict else ()
+        ratios = law.ratios(amplitudes, u, s.sensor)
     content = replace(
         _content(branch, found, motions),
         posterior=replace(
             found, draws=NO_DRAWS[0], log_likelihood=NO_DRAWS[1], stats={}, arrays={}, summaries={}
         ),
         file=file.relative_to(folder).as_posix(),
-        ratios=() if law is None or u is None else _ratios(branch, law, u),
+        ratios=ratios,
     )
     arrays = {"draws": found.draws, **_curves(branch, motions, u), **found.arrays}
     return Product(content, arrays, found.outcome, found.seconds)
@@ -93,13 +96,6 @@ def _content(branch: Branch, found: Posterior, motions: Motions) -> PosteriorCon
     )
 
 
-def _ratios(branch: Branch, law: Single, u: np.ndarray) -> tuple[Ratio, ...]:
-    """The damping ratio of draws with their deviations, (n, K), at the verdict's amplitudes."""
-    verdict = verdict_of(branch.store, branch.spec.name, branch.repeat)
-    amplitudes = tuple(r.amplitude for r in verdict.damping_ratio) if verdict else ()
-    return law.ratios(amplitudes, u, branch.study.posterior.sensor)
-
-
 def _motions(branch: Branch, inferred: Mapping[str, np.ndarray]) -> Motions:
     """Draws under the laws alone."""
     target, record = branch.density.likelihood.target, branch.record
@@ -109,18 +105,14 @@ def _motions(branch: Branch, inferred: Mapping[str, np.ndarray]) -> Motions:
     )
 
 
-def amplitude_grid(seen: Features) -> np.ndarray:
-    """Amplitudes from the record's last to its first, shape (m,)."""
-    first, last = seen.amplitude, seen.final_amplitude
-    return np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
-
-
 def _curves(branch: Branch, motions: Motions, u: np.ndarray | None) -> dict[str, np.ndarray]:
     """Decrement and equivalent ratio over a record's amplitudes, (m,); those that have no motion are left out.
 
     u: draws with their deviations, (n, K), where laws may hold approximately.
     """
-    grid, law = amplitude_grid(branch.record.seen), branch.law
+    seen, law = branch.record.seen, branch.law
+    least = max(min(seen.amplitude, seen.final_amplitude), FAINTEST * seen.amplitude)
+    grid = np.geomspace(least, seen.amplitude, CURVE_POINTS)
     found = against_amplitude(motions, grid, (*LEVELS, *SPREAD))
     if law is not None and u is not None:
         few = u[:: max(1, len(u) // CURVE_DRAWS)]

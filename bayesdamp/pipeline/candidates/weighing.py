@@ -47,7 +47,7 @@ def compute_evidence(branch: Branch, method: str, seed: int) -> Product:
         return Product(EvidenceContent(), seconds=0.0)
     plugin, mode = EVIDENCES.get(method), branch.density
     draws = _draws(branch, mode) if plugin.needs_draws else None
-    one = plugin.evidence(branch.model, mode.likelihood.target, mode, seed, draws)
+    one = plugin.timed(branch.model, mode.likelihood.target, mode, seed, draws)
     arrays: Mapping[str, np.ndarray] = {}
     if branch.repeat == 0:  # for what is asked of the first repeat alone
         arrays = {n: a.astype(np.float32) if n == "y" else a for n, a in one.arrays.items()}

@@ -34,7 +34,10 @@ def populate(study: Study, store: Store) -> Product:
     if len(bases) > 1:
         raise Refusal(f"no population: some specimens are measured in {', others in '.join(bases)}")
     every = {s.name: candidates_of(s) for s in specimens}
-    logs = {label: log_evidences(rows) for label, (rows, _) in every.items()}
+    logs = {
+        label: {c: r.log_evidence for c, r in rows.items() if r.log_evidence is not None}
+        for label, (rows, _) in every.items()
+    }
     common = set.intersection(*map(set, logs.values()))
     sums = {c: sum(one[c] for one in logs.values()) for c in specimens[0].candidates if c in common}
     joined = [c for c in sums if all(rows[c].summary for rows, _ in every.values())]
@@ -100,8 +103,3 @@ def candidates_of(specimen: Specimen) -> tuple[Mapping[str, JointCandidate], Arr
         return weighed_candidates(specimen)
     except Refusal:
         return {}, {}
-
-
-def log_evidences(rows: Mapping[str, JointCandidate]) -> dict[str, float]:
-    """Return the log evidence of the candidates that have one."""
-    return {c: r.log_evidence for c, r in rows.items() if r.log_evidence is not None}

@@ -51,14 +51,9 @@ class Specimen:
         self.candidates = study.compare(self.specs[0])
 
     @property
-    def approximate(self) -> bool:
-        """Whether laws may hold approximately: where they may in every record's answer."""
-        return all(approximately(self.study, spec) for spec in self.specs)
-
-    @property
     def deviation(self) -> str:
-        """What results say of it: "law" or "none"."""
-        return "law" if self.approximate else "none"
+        """ "law" where laws may hold approximately in every record's answer, else "none"."""
+        return "law" if all(approximately(self.study, spec) for spec in self.specs) else "none"
 
     @property
     def key(self) -> str:

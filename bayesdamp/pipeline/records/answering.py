@@ -109,38 +109,29 @@ class AnswerCell(RecordCell):
             chosen = "epsilon" in self.spec.under(law).known
             return {k: v for k, v in system.known.items() if chosen or k != "epsilon"}
 
+        first = AnswerCell(self.study, self.spec, self.repeat, self.store).key
+        if first not in _MADE:
+            _MADE.clear()
+        priors: dict[str, Prior] = stated_priors(self.study)
+        for law in self.spec.restoring:
+            priors |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
         return answer(
             record.signal,
             deviation="law" if self.approximate else "none",
             damping=self.study.dampings(self.spec),
             restoring=self.spec.restoring,
             known=known,
-            priors=priors_given(self.study, self.spec, record),
+            priors=priors,
             reference=record.reference,
             sensor=self.study.posterior.sensor,
             measured=isinstance(self.spec.source, Recording),
             seed=cell_seed(self.study, self.name),
             notes=record.content.anomalies,
             sample=self.sample,
-            made=self._made(),
+            made=_MADE.setdefault(first, {}),
             repeated=bool(self.spec.specimen),
             noise=self.study.posterior.noise,
         )
-
-    def _made(self) -> dict[str, Weighing]:
-        """The weighing of this record, where this process made it last."""
-        first = AnswerCell(self.study, self.spec, self.repeat, self.store).key
-        if first not in _MADE:
-            _MADE.clear()
-        return _MADE.setdefault(first, {})
-
-
-def priors_given(study: Study, spec: SignalSpec, record: Record) -> dict[str, Prior]:
-    """The priors that a study states for a record, by parameter."""
-    given: dict[str, Prior] = stated_priors(study)
-    for law in spec.restoring:
-        given |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
-    return given
 
 
 def stated_priors(study: Study) -> dict[str, Prior]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -24,8 +24,7 @@ from bayesdamp.plugins import sources_below
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.records.oscillation.law_free import amplitude_curves
-from bayesdamp.records.record import RawRecord
+from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.reference import FRICTION_WIDTH, reference_of
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
@@ -118,7 +117,11 @@ class SignalCell(RecordCell):
             except InputError as error:
                 raise of_file(error, source) from None
             signal = self._with_noise(signal, source.least_noise)
-            arrays = _raw(raw, source)
+            times = np.arange(raw.y.size) / raw.rate if raw.t is None and raw.rate else raw.t
+            every = max(1, raw.y.size // RAW_POINTS)
+            if times is not None:
+                scale = UNITS[source.unit].factor
+                arrays = {"raw_t": np.asarray(times)[::every], "raw_y": raw.y[::every] * scale}
         content = RecordContent(
             name=signal.name,
             unit=signal.unit,
@@ -130,8 +133,7 @@ class SignalCell(RecordCell):
         arrays |= {"t": signal.t, "y": signal.y}
         try:
             content, outcome = self._known(signal, content), OK
-            curves = asdict(amplitude_curves(signal, features(signal)))
-            arrays |= {f"against_amplitude/{name}": v for name, v in curves.items()}
+            law_free(signal, features(signal))  # refuses a record of too few cycles
         except Refusal as refusal:
             if isinstance(source, Recording):
                 raise InputError(f"signal {self.spec.name}: {refusal}") from None
@@ -170,23 +172,19 @@ class SignalCell(RecordCell):
             known["epsilon"] = reference.friction_width
             share = f"{100 * FRICTION_WIDTH:g} % of the peak velocity"
             note = f"ε was not given: {share}, {known['epsilon']:.3g} {signal.unit}/s."
+        other = no_free_decay(signal) if isinstance(self.spec.source, Recording) else None
+        instead = []
+        if other is not None and other.motion is not None:
+            instead = [seen_instead(in_unit(other, UNITS[self.spec.source.unit]), other.motion)]
         return replace(
             content,
             features=FeaturesSeen(**{f.name: getattr(seen, f.name) for f in fields(FeaturesSeen)}),
-            anomalies=(*anomalies(signal, seen), *self._instead(signal)),
+            anomalies=(*anomalies(signal, seen), *instead),
             reference=Scales(reference.amplitude, reference.frequency),
             known=known,
             epsilon_note=note,
             noisy=bool(noise_level(signal) > NO_NOISE * _size(seen)),
         )
-
-    def _instead(self, signal: Signal) -> tuple[str, ...]:
-        """What a measured record shows in place of the free decay of one oscillator, in words; nothing where it may be
-        one."""
-        other = no_free_decay(signal) if isinstance(self.spec.source, Recording) else None
-        if other is None or other.motion is None:
-            return ()
-        return (seen_instead(in_unit(other, UNITS[self.spec.source.unit]), other.motion),)
 
     def _bound(self, signal: Signal) -> dict[str, float]:
         """The Cramér–Rao bound of a simulated record with white noise: sd by parameter; else nothing.
@@ -207,14 +205,6 @@ class SignalCell(RecordCell):
 def _size(seen: Features) -> float:
     """The largest amplitude of a record."""
     return float(np.abs(seen.turning_amplitudes).max())
-
-
-def _raw(raw: RawRecord, source: Recording) -> dict[str, np.ndarray]:
-    """The record as it was, thinned for the picture: times of the file, values in SI."""
-    times = np.arange(raw.y.size) / raw.rate if raw.t is None and raw.rate else raw.t
-    every = max(1, raw.y.size // RAW_POINTS)
-    scale = UNITS[source.unit].factor
-    return {} if times is None else {"raw_t": np.asarray(times)[::every], "raw_y": raw.y[::every] * scale}
 
 
 def signal_of(record: CellResult) -> Signal:

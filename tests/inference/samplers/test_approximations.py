@@ -58,7 +58,7 @@ def test_a_wrong_normal_is_called_poor(shift, stretch):
     wrong = TruncatedNormal(right.mean + away, stretch**2 * right.covariance, right.reflected)
     settings = Settings(draws=1000)
     z = wrong.draw(np.random.default_rng(1), 4000)
-    found = approximate_posterior("wrong", target, mode, z, wrong.log_density(z), settings, began=0.0)
+    found = approximate_posterior("wrong", target, mode, z, wrong.log_density(z), settings)
     assert (found.outcome == "ok") is (shift == 0.0 and stretch == 1.0)
 
 

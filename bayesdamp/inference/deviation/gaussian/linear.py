@@ -242,14 +242,11 @@ def with_priors(
             means, factors = found.means[:, places], found.factors[:, places]
         else:
             means, factors = scaled.posteriors(combos, scales, places)
-        log_each = log_each + _folded(means, factors @ np.swapaxes(factors, 1, 2))
+        # The part of the doubled normals that is positive.
+        inside = log_probability(means, factors @ np.swapaxes(factors, 1, 2))
+        log_each = log_each + (means.shape[1] * np.log(2.0) + inside)
     evidence = float(np.logaddexp.reduce(log_each))
     return Weighed(log_each, evidence, combos, found, scaled, scales, damping)
-
-
-def _folded(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Log of the part of the doubled normals that is positive, (m,)."""
-    return mean.shape[1] * np.log(2.0) + log_probability(mean, covariance)
 
 
 @dataclass(frozen=True)

@@ -129,7 +129,8 @@ def joined(
         # Of one run the factor and the coefficients are told together only: its spread is the prior's.
         spreads, masses = np.array([spread or 0.0]), np.ones(1)
     else:
-        spreads, masses = SPREADS, _masses()
+        # Of the half-normal prior between the middles, in the logarithm, of neighbours.
+        spreads, masses = SPREADS, np.diff(erf(_edges() / (SPREAD * np.sqrt(2.0))))
     logs = np.stack([r.likelihood.log for r in runs])
     slope = np.stack([r.likelihood.slope for r in runs])
     information = np.stack([r.likelihood.information for r in runs])
@@ -146,11 +147,6 @@ def joined(
     natural = np.column_stack([p.value(z[:, i]) for i, p in enumerate(priors.values())])
     drawn = spreads[at[of]] if spreads.size == 1 else _within_cells(at[of], np.random.default_rng([seed, 1]))
     return Repeats(weighed.log_evidence, runs[0].names, natural, drawn, combo[of])
-
-
-def _masses() -> np.ndarray:
-    """Prior probability of each spread: the half-normal's between the middles, in the logarithm, of neighbours."""
-    return np.diff(erf(_edges() / (SPREAD * np.sqrt(2.0))))
 
 
 def _edges() -> np.ndarray:

@@ -102,7 +102,18 @@ def sampled(
         beta, passed = beta + rise, passed + 1
         cloud.taken(resampled(logs, draws, rng))
         for _ in range(LAST if beta >= 1.0 else MOVES):
-            accepted = _moved(rng, cloud, weighed, positive, ratio, beta, step)
+            # One Crank–Nicolson step of every draw within its combination of hyperparameters.
+            means, factors = weighed.means[cloud.combo], weighed.factors[cloud.combo]
+            noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(cloud.u.shape))
+            new = means + np.sqrt(1 - step**2) * (cloud.u - means) + step * noise
+            inside = np.all(new[:, np.flatnonzero(positive)] >= 0, axis=1)
+            there = np.full(len(new), -np.inf)
+            if inside.any():
+                there[inside] = ratio(new[inside])
+            gain = beta * (there - np.where(np.isfinite(cloud.ratio), cloud.ratio, -1e300))
+            yes = np.log(rng.random(len(new))) < gain
+            cloud.u[yes], cloud.ratio[yes] = new[yes], there[yes]
+            accepted = float(np.mean(yes))
             step = float(np.clip(step * np.exp(accepted - WANTED), LEAST_STEP, 1.0))
     if beta < 1.0:
         accepted = 0.0
@@ -155,26 +166,3 @@ def _rise(ratio: np.ndarray, most: float) -> float:
 def _worth(ratio: np.ndarray, rise: float) -> float:
     """Which share of the draws their weights are worth after such a rise of β (Kong 1992)."""
     return effective(rise * np.maximum(ratio, -1e300)) / ratio.size
-
-
-def _moved(
-    rng: np.random.Generator,
-    cloud: _Cloud,
-    weighed: Weighed,
-    positive: np.ndarray,
-    ratio: Callable[[np.ndarray], np.ndarray],
-    beta: float,
-    step: float,
-) -> float:
-    """One Crank–Nicolson step of every draw within its combination of hyperparameters; the share that moved."""
-    means, factors = weighed.means[cloud.combo], weighed.factors[cloud.combo]
-    noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(cloud.u.shape))
-    new = means + np.sqrt(1 - step**2) * (cloud.u - means) + step * noise
-    inside = np.all(new[:, np.flatnonzero(positive)] >= 0, axis=1)
-    there = np.full(len(new), -np.inf)
-    if inside.any():
-        there[inside] = ratio(new[inside])
-    gain = beta * (there - np.where(np.isfinite(cloud.ratio), cloud.ratio, -1e300))
-    yes = np.log(rng.random(len(new))) < gain
-    cloud.u[yes], cloud.ratio[yes] = new[yes], there[yes]
-    return float(np.mean(yes))

@@ -57,7 +57,7 @@ def bounds_of_others(
     sources, work, moved, own = _sources(weighing, result, forms)
     more = _tangents(weighing, result, sources)
     absorbs = result.fit.parameters.absorbs
-    knots = _knots(weighing, result) if approximate else 0
+    knots = weighing.solvers[result.candidate.restoring].knots.size if approximate else 0
     grid = grid_of(knots, exact=not approximate, coarse=True, absorbed=absorbs)
     found: dict[str, float] = {}
     at, positive, shared = result.fit.z.size, result.fit.parameters.positive, result.fit.parameters.shared
@@ -123,10 +123,6 @@ def _rest(weighing: Weighing, result: Result) -> float:
     name = result.candidate.restoring
     law = values_of(result)[weighing.solvers[name].law_places]
     return weighing.data.rest_under(name, law)
-
-
-def _knots(weighing: Weighing, result: Result) -> int:
-    return weighing.solvers[result.candidate.restoring].knots.size
 
 
 def columns_of(weighing: Weighing, result: Result, approximate: bool) -> tuple[np.ndarray, np.ndarray] | None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from zlib import crc32
 
 import numpy as np
 
-from bayesdamp.inference.deviation.gaussian.linear import Linear
 from bayesdamp.inference.deviation.gaussian.tempered import DRAWS, sampled
-from bayesdamp.inference.deviation.sampled.motions import Motions, motions_near
+from bayesdamp.inference.deviation.sampled.motions import motions_near
 from bayesdamp.inference.deviation.sampled.reference import reference_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.machine.threads import at_once
@@ -48,9 +46,19 @@ def sampled_result(
     motions = motions_near(
         result.solver, start.parameters, result.fit.active, start.weighed, float(np.sqrt(variance))
     )
-    ratio = likelihood_ratio(
-        motions, start.model, weighing.data.y, variance, start.parameters.log_prior_ratio
-    )
+    y, model, d = weighing.data.y, start.model, start.parameters.free.size
+
+    def squares(row: np.ndarray) -> float:
+        motion = motions.at(row)
+        return np.inf if motion is None else float(np.sum((y - motion) ** 2))
+
+    def ratio(u: np.ndarray) -> np.ndarray:
+        """Return the log of the likelihood of the motion itself over the linear model's, of draws (n, K): (n,), −∞
+        where it escapes."""
+        exact = np.array(at_once(squares, u))
+        linear = np.sum((u @ model.root.T - model.target) ** 2, axis=1) + model.rest
+        return 0.5 * (linear - exact) / variance + [start.parameters.log_prior_ratio(row[:d]) for row in u]
+
     found = sampled(
         ratio,
         start.weighed,
@@ -59,29 +67,3 @@ def sampled_result(
         seed=crc32(result.candidate.name.encode()) + seed % 2**32,
     )
     return replace(result, sampled=replace(found, draws=start.scores(found.draws)))
-
-
-def likelihood_ratio(
-    motions: Motions,
-    model: Linear,
-    y: np.ndarray,
-    variance: float,
-    log_prior: Callable[[np.ndarray], float],
-) -> Callable[[np.ndarray], np.ndarray]:
-    """Log of the likelihood of the motion itself over the linear model's, of draws (n, K): (n,), −∞ where it escapes.
-
-    y: the record, (m,); variance: of the noise that counts, in its unit squared. log_prior: log of the prior's density
-    over the linear model's, of scores (d,).
-    """
-    d = motions.parameters.free.size
-
-    def squares(row: np.ndarray) -> float:
-        motion = motions.at(row)
-        return np.inf if motion is None else float(np.sum((y - motion) ** 2))
-
-    def ratio(u: np.ndarray) -> np.ndarray:
-        exact = np.array(at_once(squares, u))
-        linear = np.sum((u @ model.root.T - model.target) ** 2, axis=1) + model.rest
-        return 0.5 * (linear - exact) / variance + [log_prior(row[:d]) for row in u]
-
-    return ratio

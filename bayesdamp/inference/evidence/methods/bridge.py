@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,7 +53,6 @@ class Bridge(EvidenceMethod):
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
         """By bridge sampling between the posterior's draws and a heavy-tailed fit to them (Meng and Wong 1996)."""
-        began = time.perf_counter()
         evaluations = 0
         if draws is None:
             found = SAMPLERS.get("nuts").sample(target, mode, Settings(seed=seed % 2**31))
@@ -77,7 +75,6 @@ class Bridge(EvidenceMethod):
             stderr=0.5 * float(np.linalg.norm([s.stderr for s in spans])),
             diagnostic=f"overlap {overlap:.2f}, halves {apart:.1f} standard errors apart",
             evaluations=evaluations,
-            seconds=time.perf_counter() - began,
             outcome=_outcome(draws, overlap, float(apart)),
         )
 

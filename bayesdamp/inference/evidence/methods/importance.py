@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 from scipy.special import logsumexp
 
@@ -56,7 +54,6 @@ class Importance(EvidenceMethod):
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
         """By importance sampling from a heavy-tailed fit to the posterior."""
-        began = time.perf_counter()
         rng = np.random.default_rng(seed)
         reflected = target.reflected
         if mode.linear is None:
@@ -96,7 +93,6 @@ class Importance(EvidenceMethod):
             stderr=float(np.std(relative, ddof=1) / np.sqrt(final)),
             diagnostic=f"Pareto k {k:.2f}, effective share {share:.2f}",
             evaluations=evaluations,
-            seconds=time.perf_counter() - began,
             outcome=trusted(k, share * final),
             arrays={"y": place[1].scores(y), "log_weights": log_weights},
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -59,7 +58,6 @@ class Nested(EvidenceMethod):
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
         """By importance nested sampling (nautilus; Lange 2023)."""
-        began = time.perf_counter()
         reflected, likelihood = target.reflected, mode.likelihood
         best = np.where(reflected, np.abs(mode.z), mode.z)
         try:
@@ -101,7 +99,6 @@ class Nested(EvidenceMethod):
             stderr=effective**-0.5,
             diagnostic=f"{effective:.0f} effective draws of {count} likelihoods{how}",
             evaluations=int(count),
-            seconds=time.perf_counter() - began,
             outcome=outcome,
         )
 
