@@ -104,15 +104,7 @@ def find_layout(lines: list[str]) -> Layout | None:
         return None
     sample = filled[len(filled) // 2 :][:: max(1, len(filled) // 120)]
     best: tuple[tuple[float, int], str, str, int] | None = None
-    for separator, decimal in (
-        (";", ","),
-        (";", "."),
-        ("\t", ","),
-        ("\t", "."),
-        (",", "."),
-        (" ", ","),
-        (" ", "."),
-    ):
+    for separator, decimal in (";,", ";.", "\t,", "\t.", ",.", " ,", " ."):
         rows = [split(line, separator) for line in sample]
         columns = Counter(map(len, rows)).most_common(1)[0][0]
         rows = [row for row in rows if len(row) == columns]
