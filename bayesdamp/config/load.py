@@ -11,7 +11,6 @@ from typing import Any
 from bayesdamp.config.again import read_asked
 from bayesdamp.config.checks import (
     StudyError,
-    as_input_error,
     below,
     distinct,
     known_keys,
@@ -185,7 +184,7 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
             raise InputError(f"{what}; give it with --plugin")
         return study
     except (StudyError, InputError) as error:
-        raise as_input_error(path, error) from None
+        raise InputError(str(error), str(path)) from None
 
 
 def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModule] = ()) -> Study:

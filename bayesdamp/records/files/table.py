@@ -74,13 +74,7 @@ def number(cell: str, decimal: str) -> float | None:
             return None
         cell = cell.replace(other, "")
     cell = cell.replace(",", ".")
-    if _NUMBER.fullmatch(cell):
-        return (
-            float(cell.replace("d", "e").replace("D", "e"))
-            if cell[-1:].isdigit() or "." in cell
-            else float(cell)
-        )
-    return None
+    return float(cell.lower().replace("d", "e")) if _NUMBER.fullmatch(cell) else None
 
 
 def without_arrows(lines: list[str]) -> list[str]:
