@@ -22,7 +22,7 @@ def number(value: float | None, digits: int = 4) -> str:
     power = _power(value, digits)
     if -4 <= power < 6:
         return _signed(f"{value:.{max(0, digits - 1 - power)}f}")
-    return _scientific(value, power, digits - 1)
+    return f"{_signed(f'{value / 10.0**power:.{digits - 1}f}')} × 10{str(power).translate(_RAISED)}"
 
 
 def short(error: float) -> str:
@@ -136,10 +136,6 @@ def _power(value: float, digits: int) -> int:
 
 def _signed(text: str) -> str:
     return text.replace("-", "−")
-
-
-def _scientific(value: float, power: int, places: int) -> str:
-    return f"{_signed(f'{value / 10.0**power:.{places}f}')} × 10{str(power).translate(_RAISED)}"
 
 
 def compact(value: float, digits: int = 4) -> str:

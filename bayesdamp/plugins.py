@@ -173,15 +173,9 @@ def read_modules(files: Iterable[str | Path], folder: Path | None = None) -> tup
     for file in dict.fromkeys(str(f) for f in files):
         path = (folder or Path()) / at_home(Path(file))
         try:
-            text = read_plain(path)
-        except FileNotFoundError:
-            raise InputError(f"plug-in {file}: there is no such file; give a Python file") from None
-        except UnicodeDecodeError:
-            raise InputError(f"plug-in {file}: is no UTF-8 text; give a Python file") from None
-        except OSError as error:
-            what = (error.strerror or str(error)).lower()
-            raise InputError(f"plug-in {file}: cannot be read: {what}; give a Python file") from None
-        found.append(PluginModule(file, text))
+            found.append(PluginModule(file, read_plain(path, "a Python file")))
+        except InputError as error:
+            raise InputError(f"plug-in {file}: {error}") from None
     return tuple(found)
 
 

@@ -30,29 +30,24 @@ _ONLY_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.M
 _TEXTS: dict[str, str | None] = {}
 """Each module's source as it was when it was first asked for: a process computes with what it has loaded."""
 _IMPORTED: dict[str, frozenset[str]] = {}
-_DIGESTS: dict[tuple[str, ...], str] = {}
 
 
+@cache
 def code_digest(*modules: str) -> str:
     """SHA-256 of the sources of modules of the package and of all of the package that they import, at any depth.
 
     A plug-in that is looked up by its name is no import: its own source has to be added where it is used.
     """
-    if modules not in _DIGESTS:
-        digest = hashlib.sha256()
-        for name in sorted(reached(modules)):
-            digest.update(f"{name}\0{_text(name)}\0".encode())
-        _DIGESTS[modules] = digest.hexdigest()
-    return _DIGESTS[modules]
+    digest = hashlib.sha256()
+    for name in sorted(reached(modules)):
+        digest.update(f"{name}\0{_text(name)}\0".encode())
+    return digest.hexdigest()
 
 
+@cache
 def package_digest() -> str:
-    """The same of the whole package."""
-    names = sorted(_files())
-    whole = ("*",)
-    if whole not in _DIGESTS:
-        _DIGESTS[whole] = hashlib.sha256("\0".join(f"{n}\0{_text(n)}" for n in names).encode()).hexdigest()
-    return _DIGESTS[whole]
+    """Return the SHA-256 of the sources of the whole package."""
+    return hashlib.sha256("\0".join(f"{n}\0{_text(n)}" for n in sorted(_files())).encode()).hexdigest()
 
 
 def reached(modules: Iterable[str]) -> set[str]:

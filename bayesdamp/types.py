@@ -45,17 +45,13 @@ class InputError(BayesdampError):
         self.what, self.where, self.at, self.arguments = what, where, at, tuple(arguments)
         self.likely = dict(likely or {})
         place = ", ".join(filter(None, (where, at)))
-        options = ", ".join(map(_option, self.arguments))
+        options = ", ".join(f"--{_OPTIONS.get(a, a).replace('_', '-')}" for a in self.arguments)
         super().__init__((f"{place}: {what}" if place else what) + (f" ({options})" if options else ""))
 
     def naming(self, name: Callable[[str], str]) -> InputError:
         """Return the error with its arguments named by a function: as keywords, or keys of a study."""
         named = ", ".join(map(name, self.arguments))
         return InputError(f"{self.what} ({named})" if named else self.what, self.where, self.at)
-
-
-def _option(argument: str) -> str:
-    return f"--{_OPTIONS.get(argument, argument).replace('_', '-')}"
 
 
 class Refusal(BayesdampError):  # noqa: N818 - a method's answer, not an error

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp import __version__
-from bayesdamp.cli.border import flush, one_line, present, refused_by_the_machine, say, silence
+from bayesdamp.cli.border import one_line, present, refused_by_the_machine, say, silence
 from bayesdamp.cli.commands.calibrate import calibrate
 from bayesdamp.cli.commands.check import check
 from bayesdamp.cli.commands.claims import claims
@@ -69,16 +69,6 @@ def _of_one_kind(said: str) -> str:
     return f"{at[1]}: must be {at[2]}" if at else said
 
 
-def _meant(given: Sequence[str], option: str | None) -> str:
-    """What is meant by an option of `simulate` that names a damping term or a parameter."""
-    if option is None or given[:1] != ["simulate"]:
-        return ""
-    from bayesdamp.cli.simulated import meant
-
-    typed = meant(option)
-    return f"; it is {typed}" if typed else ""
-
-
 def _version(asked: bool) -> None:
     if asked:
         typer.echo(f"bayesdamp {__version__}")
@@ -110,7 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )
         with kill_as_interrupt():
             status = _commands()(args=given, standalone_mode=False)
-        flush()
+        sys.stdout.flush()
     except BayesdampError as error:
         _trace()
         return _refused(error)
@@ -126,12 +116,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         usage = getattr(error, "format_message", None)
         if usage is not None:
-            said = _of_one_kind(usage().rstrip(".")) + _meant(given, getattr(error, "option_name", None))
-            return (
-                _refused(f"{said}{'' if said.endswith('?') else ';'} see {_help_of(given)}")
-                if said
-                else WRONG_INPUT
-            )
+            said = _of_one_kind(usage().rstrip("."))
+            if given[:1] == ["simulate"]:
+                from bayesdamp.cli.simulated import meant
+
+                said += meant(getattr(error, "option_name", None) or "")
+            if not said:
+                return WRONG_INPUT
+            return _refused(f"{said}{'' if said.endswith('?') else ';'} see {_help_of(given)}")
         _trace()
         said = refused_by_the_machine(error)
         silence()

@@ -62,11 +62,6 @@ def present() -> None:
         os.environ["MPLBACKEND"] = "agg"
 
 
-def flush() -> None:
-    """Hand over what was printed. Raises OSError where it cannot be."""
-    sys.stdout.flush()
-
-
 def say(line: str) -> None:
     """A line on stderr, or nowhere where nobody reads it."""
     try:

@@ -48,11 +48,8 @@ def all_at_once(error: InputError, path: Path, options: Options) -> InputError:
         answers |= {option: refused.likely.get(name, _UNKNOWN[option]) for option, name in asked.items()}
         rate = answers.get("rate", "")
         trial = replace(trial, angle=answers.get("angle", options.angle))
-        trial = (
-            replace(trial, rate=1.0 if rate == _UNKNOWN["rate"] else float(rate), time=None)
-            if rate
-            else trial
-        )
+        if rate:
+            trial = replace(trial, rate=1.0 if rate == _UNKNOWN["rate"] else float(rate), time=None)
         try:
             raws = read(path, trial)
         except InputError as another:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,18 +14,18 @@ READING, WEIGHED, RUNNING, SAID = "Reading the file", "What is weighed", "The ru
 """Groups of options."""
 
 
-def _option(group: str, text: str, *names: str, **more: Any) -> Any:
+def option(group: str, text: str, *names: str, **more: Any) -> Any:
     """Return an option of a group with its help."""
     return typer.Option(*names, help=text, rich_help_panel=group, **more)
 
 
-Angle = Annotated[str | None, _option(READING, "Column of the recorded quantity, by name or number from 1.")]
-Time = Annotated[str | None, _option(READING, "Column of the times, by name or number.")]
-TimeUnit = Annotated[str | None, _option(READING, "Unit of the times: s, ms, us, ns or min.")]
-Rate = Annotated[float | None, _option(READING, "Sampling rate in Hz, for a file without times.")]
+Angle = Annotated[str | None, option(READING, "Column of the recorded quantity, by name or number from 1.")]
+Time = Annotated[str | None, option(READING, "Column of the times, by name or number.")]
+TimeUnit = Annotated[str | None, option(READING, "Unit of the times: s, ms, us, ns or min.")]
+Rate = Annotated[float | None, option(READING, "Sampling rate in Hz, for a file without times.")]
 Unit = Annotated[
     str | None,
-    _option(
+    option(
         READING,
         "rad, deg, m, mm, V, g and others (a wrong one lists them): of the displacement itself, or g, rpm, dps; "
         "else as the file says, else rad, or deg or counts where the values are too large for that.",
@@ -32,35 +33,35 @@ Unit = Annotated[
 ]
 Quantity = Annotated[
     str | None,
-    _option(
+    option(
         READING,
         "angle (any displacement), velocity or acceleration; compare and look: envelope too (amplitude, power or "
         "level alone); else as the file says, else angle.",
     ),
 ]
-Clock = Annotated[str, _option(READING, "auto, as_logged or uniform.")]
-Start = Annotated[str, _option(READING, "Where the free decay starts, in s, or auto.")]
-Stop = Annotated[str, _option(READING, "Where it stops, in s, or auto.")]
-Runs = Annotated[str | None, _option(READING, "Runs of a file that has several: 1,3-5; all by default.")]
+Clock = Annotated[str, option(READING, "auto, as_logged or uniform.")]
+Start = Annotated[str, option(READING, "Where the free decay starts, in s, or auto.")]
+Stop = Annotated[str, option(READING, "Where it stops, in s, or auto.")]
+Runs = Annotated[str | None, option(READING, "Runs of a file that has several: 1,3-5; all by default.")]
 Channels = Annotated[
     list[str] | None,
-    _option(READING, "A channel of a file that has several, may be given again.", "--channel"),
+    option(READING, "A channel of a file that has several, may be given again.", "--channel"),
 ]
 Plugins = Annotated[
     list[Path] | None,
-    _option(WEIGHED, "A Python file with plug-ins of your own; may be given again.", "--plugin"),
+    option(WEIGHED, "A Python file with plug-ins of your own; may be given again.", "--plugin"),
 ]
-Out = Annotated[Path | None, _option(RUNNING, "The folder to write; by default reports/NAME.")]
-Workers = Annotated[int | None, _option(RUNNING, "Processes; as many as cores by default.", min=1)]
+Out = Annotated[Path | None, option(RUNNING, "The folder to write; by default reports/NAME.")]
+Workers = Annotated[int | None, option(RUNNING, "Processes; as many as cores by default.", min=1)]
 Scheduler = Annotated[
-    str | None, _option(RUNNING, "Address of a Dask scheduler whose workers share the work.")
+    str | None, option(RUNNING, "Address of a Dask scheduler whose workers share the work.")
 ]
-Fresh = Annotated[bool, _option(RUNNING, "Compute everything again.", "--fresh")]
+Fresh = Annotated[bool, option(RUNNING, "Compute everything again.", "--fresh")]
 Quick = Annotated[
-    bool, _option(RUNNING, "Only the answer, within seconds; no sampling to confirm it.", "--quick")
+    bool, option(RUNNING, "Only the answer, within seconds; no sampling to confirm it.", "--quick")
 ]
-Quiet = Annotated[bool, _option(SAID, "The answer and what failed; nothing else.", "--quiet", "-q")]
-AsJson = Annotated[bool, _option(SAID, "The verdicts as JSON, as in verdict.json.", "--json")]
+Quiet = Annotated[bool, option(SAID, "The answer and what failed; nothing else.", "--quiet", "-q")]
+AsJson = Annotated[bool, option(SAID, "The verdicts as JSON, as in verdict.json.", "--json")]
 
 
 LONGEST = 40
@@ -73,11 +74,13 @@ def wrong(option: str, value: object, right: str) -> InputError:
     return InputError(f"{option}: is {shown}; it must be {right}")
 
 
-def bound(text: str, option: str) -> float | str:
-    """A time in s, or "auto". Raises InputError."""
+def bound(text: float | str, name: str) -> float | str:
+    """Return a time in s, or "auto". Raises InputError."""
     if text == "auto":
         return text
     try:
-        return float(text)
+        if math.isfinite(number := float(text)):
+            return number
     except ValueError:
-        raise wrong(option, text, "a time in s, or auto") from None
+        pass
+    raise wrong(name, text, "a time in s, or auto")

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
 
 from bayesdamp.cli.options import bound, wrong
 from bayesdamp.records.files.named_units import SECONDS, by_name
@@ -32,33 +30,13 @@ class Options:
     start: float | str = "auto"
     stop: float | str = "auto"
     runs: str | None = None
-    channels: tuple[str, ...] = ()
-
-    @classmethod
-    def of(
-        cls,
-        columns: tuple[str | None, str | None, float | None, str | None],
-        unit: str | None,
-        quantity: str | None,
-        clock: str,
-        span: tuple[str, str],
-        runs: str | None,
-        channels: Sequence[str] | None,
-    ) -> Self:
-        """Of options as they are typed. columns: time, angle, rate, time_unit; span: start, stop. Raises InputError."""
-        bounds = bound(span[0], "--start"), bound(span[1], "--stop")
-        return cls(*columns, unit, quantity, clock, *bounds, runs, tuple(channels or ()))
+    channels: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         """Raises InputError for what no file could be read by."""
         for field, value in zip(("unit", "quantity"), by_name(self.unit, self.quantity), strict=True):
             object.__setattr__(self, field, value)
-        known = {
-            "unit": tuple(UNITS),
-            "quantity": QUANTITIES,
-            "clock": CLOCKS,
-            "time_unit": tuple(TIME_UNITS),
-        }
+        known = {"unit": UNITS, "quantity": QUANTITIES, "clock": CLOCKS, "time_unit": TIME_UNITS}
         for name, valid in known.items():
             given = getattr(self, name)
             if (
@@ -69,9 +47,7 @@ class Options:
                 also = "; compare and look take envelope too" if name == "quantity" else ""
                 raise wrong(f"--{name.replace('_', '-')}", given, f"one of {', '.join(valid)}{also}")
         for name in ("start", "stop"):
-            given = getattr(self, name)
-            if isinstance(given, float) and not math.isfinite(given):
-                raise wrong(f"--{name}", given, "a time in s, or auto")
+            object.__setattr__(self, name, bound(getattr(self, name), f"--{name}"))
         if isinstance(self.start, float) and isinstance(self.stop, float) and self.start >= self.stop:
             raise wrong("--stop", self.stop, f"later than --start ({self.start:g})")
         if self.rate is not None and not SLOWEST <= self.rate <= FASTEST:

@@ -50,12 +50,12 @@ def taken(damping: Mapping[str, float], other: Mapping[str, float], restoring: s
 
 
 def meant(option: str) -> str:
-    """What is typed for an option that there is not but that names a damping term or a parameter; empty elsewhere."""
+    """Return what to type for an unknown option that names a damping term or a parameter; empty for others."""
     name = option.lstrip("-").replace("-", "_")
     if name in TERMS.names():
-        return f"--damping {name}=NUMBER"
+        return f"; it is --damping {name}=NUMBER"
     parameters = {*START, *(p for law in LAWS.names() for p in LAWS.get(law).parameters)}
-    return f"--set {name}=NUMBER" if name in parameters else ""
+    return f"; it is --set {name}=NUMBER" if name in parameters else ""
 
 
 NOISE = 0.01

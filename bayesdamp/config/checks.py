@@ -145,8 +145,3 @@ def in_keys() -> Iterator[None]:
         if not error.arguments:
             raise
         raise error.naming(lambda argument: f"signal.{_KEYS.get(argument, argument)}") from None
-
-
-def as_input_error(source: object, error: StudyError | InputError) -> InputError:
-    """The one line that a user reads."""
-    return InputError(str(error), str(source))

@@ -6,12 +6,11 @@ import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from bayesdamp.config.again import read_asked
 from bayesdamp.config.checks import (
     StudyError,
-    as_input_error,
     below,
     distinct,
     known_keys,
@@ -48,7 +47,6 @@ from bayesdamp.plain_text import read_plain
 from bayesdamp.plugins import PluginModule, Registry, read_modules, use
 from bayesdamp.types import InputError
 
-Sampling = TypeVar("Sampling", PosteriorTable, CalibrationTable)
 _TABLES = (
     "system",
     "signal",
@@ -65,13 +63,7 @@ _TABLES = (
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        raw = tomllib.loads(read_plain(path))
-    except FileNotFoundError:
-        raise StudyError("", "there is no such file; give the path of a study file (TOML)") from None
-    except OSError as error:
-        raise StudyError(
-            "", f"cannot be read: {(error.strerror or str(error)).lower()}; give a study file (TOML)"
-        ) from None
+        raw = tomllib.loads(read_plain(path, "the path of a study file (TOML)"))
     except tomllib.TOMLDecodeError as error:
         what, place = re.fullmatch(r"(.*?)(?: \(at (.*)\))?", str(error), re.DOTALL).groups()  # type: ignore[union-attr]
         raise StudyError(
@@ -80,8 +72,8 @@ def _read(path: Path) -> dict[str, Any]:
     except (
         ValueError,
         RecursionError,
-    ) as error:  # another encoding, an endless number, tables a thousand deep
-        raise StudyError("", f"is not TOML in UTF-8 that can be read ({error}); write key = value") from None
+    ) as error:  # an endless number, tables a thousand deep
+        raise StudyError("", f"is not TOML that can be read ({error}); write key = value") from None
     if not raw:
         raise StudyError("", "is empty; a study starts with version = 1 and has at least one [[signal]]")
     return raw
@@ -94,20 +86,10 @@ def _list_of_tables(raw: dict[str, Any], name: str) -> list[dict[str, Any]]:
     return entries
 
 
-def _header(raw: dict[str, Any]) -> Header:
-    version = raw.get("version")
-    if version is None:
-        raise StudyError("version", "is missing; it must be 1")
-    if version != 1 or isinstance(version, bool):
-        raise StudyError("version", f"is {shown(version)}, which this program does not know; it must be 1")
-    names = list(Header.model_fields)
-    known_keys(raw, [*names, *_TABLES], "")
-    return section(Header, {n: v for n, v in raw.items() if n in names}, "")
-
-
 def _signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> tuple[SignalSpec, ...]:
     written = _list_of_tables(raw, "signal")
-    own = [law for entry in written for law in _names(entry.get("restoring"))]
+    lists = [entry["restoring"] for entry in written if isinstance(entry.get("restoring"), list)]
+    own = [law for laws in lists for law in laws if law in LAWS.names()]  # others are told with their signal
     base = check_base(raw.get("system", {}), (*laws, *own))
     if not written:
         raise StudyError("signal", "is missing; a study has at least one [[signal]]")
@@ -118,11 +100,6 @@ def _signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> tuple[
         signals.append(resolve_signal(entry, base, folder, f"signal[{label}]", laws))
     distinct((s.name for s in signals), "signal", "the signal")
     return tuple(signals)
-
-
-def _names(raw: object) -> list[str]:
-    """The laws in a raw list; a wrong list is told where its signal is read."""
-    return [name for name in raw if name in LAWS.names()] if isinstance(raw, list) else []
 
 
 def _estimators(raw: object) -> Estimators:
@@ -182,40 +159,10 @@ def _models(raw: object) -> Models:
     )
 
 
-def _posterior(raw: object) -> PosteriorTable:
-    from bayesdamp.inference.noise import NOISES
-
-    checked = _with_samplers(PosteriorTable, raw, "posterior")
-    if checked.noise != "auto":
-        names = (checked.noise,) if isinstance(checked.noise, str) else checked.noise
-        _check_plugins(NOISES, names, "posterior.noise", "the noise model")
-    return checked
-
-
-def _with_samplers(model: type[Sampling], raw: object, key: str) -> Sampling:
-    from bayesdamp.inference.samplers import SAMPLERS
-
-    checked = section(model, raw, key)
-    _check_plugins(SAMPLERS, checked.samplers, f"{key}.samplers", "the sampler")
-    return checked
-
-
-def _evidence(raw: object) -> EvidenceTable:
-    from bayesdamp.inference.evidence import EVIDENCES
-
-    checked = section(EvidenceTable, raw, "evidence")
-    _check_plugins(EVIDENCES, checked.methods, "evidence.methods", "the method")
-    return checked
-
-
 def _check_plugins(registry: Registry[Any], names: Sequence[str], key: str, what: str) -> None:
     for name in names:
         plugin_name(registry, name, key)
     distinct(names, key, what)
-
-
-def _plugins(raw: object, folder: Path) -> tuple[PluginModule, ...]:
-    return read_modules(section(PluginsTable, raw, "plugins").modules or (), folder)
 
 
 def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
@@ -237,7 +184,7 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
             raise InputError(f"{what}; give it with --plugin")
         return study
     except (StudyError, InputError) as error:
-        raise as_input_error(path, error) from None
+        raise InputError(str(error), str(path)) from None
 
 
 def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModule] = ()) -> Study:
@@ -247,9 +194,14 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     Raises StudyError and InputError without the file's name.
     """
     from bayesdamp.estimators import ESTIMATORS
+    from bayesdamp.inference.evidence import EVIDENCES
+    from bayesdamp.inference.noise import NOISES
+    from bayesdamp.inference.samplers import SAMPLERS
 
-    header = _header(raw)
-    modules = tuple(dict.fromkeys((*_plugins(raw.get("plugins", {}), path.parent), *plugins)))
+    header = section(Header, {n: v for n, v in raw.items() if n in Header.model_fields}, "")
+    known_keys(raw, [*Header.model_fields, *_TABLES], "")
+    named = section(PluginsTable, raw.get("plugins", {}), "plugins").modules or ()
+    modules = tuple(dict.fromkeys((*read_modules(named, path.parent), *plugins)))
     use(modules)
     name = header.name if header.name is not None else re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)
     models = _models(raw.get("models", {}))
@@ -259,18 +211,27 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     if header.published is not None:
         methods = [*ESTIMATORS.names(), *estimators.variants]
         published = read_published(path.parent / header.published, [s.name for s in signals], methods)
+    posterior = section(PosteriorTable, raw.get("posterior", {}), "posterior")
+    _check_plugins(SAMPLERS, posterior.samplers, "posterior.samplers", "the sampler")
+    if posterior.noise != "auto":
+        noises = (posterior.noise,) if isinstance(posterior.noise, str) else posterior.noise
+        _check_plugins(NOISES, noises, "posterior.noise", "the noise model")
+    evidence = section(EvidenceTable, raw.get("evidence", {}), "evidence")
+    _check_plugins(EVIDENCES, evidence.methods, "evidence.methods", "the method")
+    calibration = section(CalibrationTable, raw.get("calibration", {}), "calibration")
+    _check_plugins(SAMPLERS, calibration.samplers, "calibration.samplers", "the sampler")
     study = Study(
         source=path,
         name=name,
         signals=signals,
         estimators=estimators,
         models=models,
-        posterior=_posterior(raw.get("posterior", {})),
-        evidence=_evidence(raw.get("evidence", {})),
+        posterior=posterior,
+        evidence=evidence,
         seed=header.seed,
         description=header.description,
         published=published,
-        calibration=_with_samplers(CalibrationTable, raw.get("calibration", {}), "calibration"),
+        calibration=calibration,
         recovery=section(RecoveryTable, raw.get("recovery", {}), "recovery"),
         plugins=modules,
         tables=raw,

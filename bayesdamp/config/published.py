@@ -11,6 +11,7 @@ from pathlib import Path
 from bayesdamp.config.checks import StudyError, shown
 from bayesdamp.plain_text import read_plain
 from bayesdamp.plugins import nearest
+from bayesdamp.types import InputError
 
 COLUMNS = ("estimator", "signal", "error_pct", "time")
 
@@ -28,12 +29,11 @@ class Published:
 def read_published(path: Path, signals: Iterable[str], estimators: Iterable[str]) -> tuple[Published, ...]:
     """The rows of a CSV file with the columns of `COLUMNS`. Raises StudyError."""
     try:
-        reader = csv.DictReader(io.StringIO(read_plain(path), newline=""))
+        reader = csv.DictReader(io.StringIO(read_plain(path, "a CSV file"), newline=""))
         missing = [c for c in COLUMNS if c not in (reader.fieldnames or ())]
         rows = list(reader)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise StudyError("published", f"is {shown(path.name)}, which cannot be read ({reason})") from None
+    except (InputError, csv.Error) as error:
+        raise StudyError("published", f"is {shown(path.name)}, which cannot be read ({error})") from None
     if missing:
         what = f"is {path.name!r}, which has no column {missing[0]}"
         raise StudyError("published", f"{what}; its columns must be {', '.join(COLUMNS)}")

@@ -31,6 +31,7 @@ RECORDS = 1_000_000
 CHAINS = 1000
 COLUMN = 100_000
 """The largest number of a column or of a run."""
+ColumnName = Annotated[int, Field(ge=1, le=COLUMN)] | Annotated[str, Field(min_length=1)]
 UNIT = f"one of {', '.join(UNITS)} (of the displacement itself)"
 _A_COUNT = "a whole number from 1 to 1,000,000"
 
@@ -51,7 +52,7 @@ class Section(BaseModel):
 class Header(Section):
     """The top of the file; the tables are checked one by one after it."""
 
-    version: Literal[1] = Field(description="1, the version of this format")
+    version: int = Field(ge=1, le=1, description="1, the version of this format")
     name: str | None = Field(
         None, pattern=NAME, max_length=64, description="at most 64 letters, digits, - and _"
     )
@@ -69,10 +70,8 @@ class FileTable(Section):
     in s of the record's own clock. What is not given the file says, or it is chosen.
     """
 
-    time: Annotated[int, Field(ge=1, le=COLUMN)] | Annotated[str, Field(min_length=1)] | None = Field(
-        None, description="a column's name or its number from 1"
-    )
-    angle: Annotated[int, Field(ge=1, le=COLUMN)] | Annotated[str, Field(min_length=1)] | None = Field(
+    time: ColumnName | None = Field(None, description="a column's name or its number from 1")
+    angle: ColumnName | None = Field(
         None, description="the name of the recorded quantity's column or its number from 1"
     )
     unit: str = Field("rad", min_length=1, description=UNIT)

@@ -103,11 +103,9 @@ def _system(
 ) -> tuple[System, dict[str, float]]:
     valid = _system_keys(law.parameters)
     values = {
-        name: _value(name, raw, below("system", name)) for name, raw in base.items() if name in valid[1:]
-    }
-    values |= {
-        name: _value(name, raw, below(key, f"system.{name}"))
-        for name, raw in own.items()
+        name: _value(name, raw, below(where, name))
+        for where, given in (("system", base), (below(key, "system"), own))
+        for name, raw in given.items()
         if name in valid[1:]
     }
     reference = {name: float(values.pop(name)) for name in REFERENCE if name in values}  # type: ignore[arg-type]
@@ -121,14 +119,10 @@ def _system(
 
 def _simulation(raw: object, system: System, key: str) -> Simulation:
     law = LAWS.get(system.restoring)
-    own = (
-        {n for t in damping_order() if t in raw for n in TERMS.get(t).further}
-        if isinstance(raw, dict)
-        else set()
-    )
+    given = table(raw, key)
+    own = {n for t in damping_order() if t in given for n in TERMS.get(t).further}
     numbers = (*law.parameters, *START, "epsilon", *NOISE, *sorted(own - {"rest"}))
     options = SimulateTable.model_fields
-    given = table(raw, key)
     named = term_keys(law.parameters)
     known_keys(given, [*named, *numbers, *options], key)
     settings = section(SimulateTable, {n: v for n, v in given.items() if n in options}, key)
@@ -271,11 +265,9 @@ def resolve_signal(
     else:
         stray = [n for n in given if n not in _SIMULATED]
         if stray:
-            inside = " inside simulate = { ... }" if stray[0] in SimulateTable.model_fields else ""
-            raise StudyError(
-                below(key, stray[0]),
-                f"belongs to a file{'; put it' + inside if inside else '; remove it here'}",
-            )
+            is_inside = stray[0] in SimulateTable.model_fields
+            right = "put it inside simulate = { ... }" if is_inside else "remove it here"
+            raise StudyError(below(key, stray[0]), f"belongs to a file; {right}")
         source = _simulation(entry.simulate, system, below(key, "simulate"))
         unit_key = below(key, "simulate.unit")
     for name in (system.restoring, *laws):
@@ -285,7 +277,6 @@ def resolve_signal(
         name: None if models is None else canonical_models(models, below(key, name))
         for name, models in (("compare", entry.compare), ("estimate", entry.estimate))
     }
-    alternatives = tuple(s for s in others if s.restoring in laws)
     return SignalSpec(
         entry.name,
         system,
@@ -293,7 +284,7 @@ def resolve_signal(
         reference.get("inertia"),
         **own,
         laws=laws,
-        alternatives=alternatives,
+        alternatives=tuple(s for s in others if s.restoring in laws),
         specimen=entry.specimen or "",
     )
 

@@ -9,7 +9,6 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from bayesdamp.config.checks import as_input_error
 from bayesdamp.config.published import Published
 from bayesdamp.config.sections import (
     CalibrationTable,
@@ -220,4 +219,4 @@ class Study:
         try:
             return parse_options(self.estimators.method(name), self.estimators.options.get(name), name)
         except InputError as error:
-            raise as_input_error(self.source, error) from None
+            raise InputError(str(error), str(self.source)) from None

@@ -65,8 +65,11 @@ def simulate_signal(
     if quantum:
         y = np.round(y / quantum) * quantum
         notes.append(f"The values lie on steps of {quantum:.4g}.")
-    keep = _kept(samples, gaps, length, rng)
-    if not keep.all():
+    keep = np.ones(samples, bool)
+    if gaps:  # stretches that do not touch
+        free = samples - gaps * (length + 1) - 2
+        starts = np.sort(rng.integers(0, free + 1, gaps)) + 1 + np.arange(gaps) * (length + 1)
+        keep[(starts[:, None] + np.arange(length)).ravel()] = False
         notes.append(f"{int((~keep).sum())} samples are missing.")
     provenance = Provenance(
         notes=tuple(notes),
@@ -94,14 +97,3 @@ def _noise(
     for i in range(1, t.size):
         out[i] = rho[i - 1] * out[i - 1] + np.sqrt(1 - rho[i - 1] ** 2) * white[i]
     return out
-
-
-def _kept(samples: int, gaps: int, length: int, rng: np.random.Generator) -> np.ndarray:
-    """Which samples are there, shape (samples,): `gaps` stretches that do not touch are not."""
-    keep = np.ones(samples, bool)
-    if gaps:
-        free = samples - gaps * (length + 1) - 2
-        starts = np.sort(rng.integers(0, free + 1, gaps)) + 1 + np.arange(gaps) * (length + 1)
-        for start in starts:
-            keep[start : start + length] = False
-    return keep

@@ -149,7 +149,7 @@ def _files() -> list[Case]:
 CASES = [
     *_in_tables(), *_in_signals(), *_in_system(), *_beyond(), *_files(),
     *(study(content, name) for name, content in OTHERS.items()),
-    Case("a study of random bytes", ("check", "FILE"), "a.toml", raw(bytes(range(256)) * 9), "no UTF-8"),
+    Case("a study of random bytes", ("check", "FILE"), "a.toml", raw(bytes(range(256)) * 9), "text in UTF-8"),
     Case("a study of UTF-16", ("check", "FILE"), "a.toml", raw("version = 1".encode("utf-16"))),
     Case("a study of blanks", ("check", "FILE"), "a.toml", raw(b"\n \n" * 99), "is empty"),
     Case("a study that is empty", ("study", "FILE"), "a.toml", raw(b""), "is empty"),

@@ -28,9 +28,9 @@ FAULTS = {
     "syntax": ("version = 1\nname =\n", "line 2, column 7: is not TOML"),
     "key twice": ("version = 1\nversion = 1\n", "line 2, column 12: is not TOML: cannot overwrite"),
     "no version": (SYSTEM + SIGNAL, "version: is missing; it must be 1"),
-    "version 2": (swap("version = 1", "version = 2"), "version: is 2, which this program does not know"),
-    "version true": (swap("version = 1", "version = true"), "version: is true, which"),
-    "version text": (swap("version = 1", 'version = "1"'), "version: is '1', which"),
+    "version 2": (swap("version = 1", "version = 2"), "version: is 2; it must be 1, the version of"),
+    "version true": (swap("version = 1", "version = true"), "version: is true; it must be 1"),
+    "version text": (swap("version = 1", 'version = "1"'), "version: is '1'; it must be 1"),
     "top key": (swap("version = 1", "version = 1\nseeds = 3"), "seeds: unknown key; did you mean 'seed'?"),
     "top table": (GOOD + "[posteriors]\n", "posteriors: unknown key; did you mean 'posterior'?"),
     "seed": (swap("version = 1", "version = 1\nseed = -1"), "seed: is -1; it must be a whole number"),
@@ -333,7 +333,7 @@ def test_files_that_are_no_study(tmp_path: Path) -> None:
             load_study(path)
     latin = tmp_path / "latin.toml"
     latin.write_bytes("name = 'Müller'".encode("latin-1"))
-    with pytest.raises(InputError, match="is not TOML in UTF-8"):
+    with pytest.raises(InputError, match="is not text in UTF-8"):
         load_study(latin)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -33,10 +32,7 @@ def compare(
     quantity: o.Quantity = None,
     frequency: Annotated[
         float | None,
-        typer.Option(
-            help="Of the oscillation, in Hz, for an envelope; else as the file's head says.",
-            rich_help_panel=READING,
-        ),
+        o.option(READING, "Of the oscillation, in Hz, for an envelope; else as the file's head says."),
     ] = None,
     clock: o.Clock = "auto",
     start: o.Start = "auto",
@@ -46,32 +42,26 @@ def compare(
     time_unit: o.TimeUnit = None,
     restoring: Annotated[
         list[str] | None,
-        typer.Option(
-            help="A restoring law to compare, may be given again; all by default.", rich_help_panel=WEIGHED
-        ),
+        o.option(WEIGHED, "A restoring law to compare, may be given again; all by default."),
     ] = None,
     damping: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Damping sums to compare, such as stribeck,viscous+cubic; may be given again. By default the "
+        o.option(
+            WEIGHED,
+            "Damping sums to compare, such as stribeck,viscous+cubic; may be given again. By default the "
             "seven sums of viscous, Coulomb and quadratic damping, and other forms that may be likelier.",
-            rich_help_panel=WEIGHED,
         ),
     ] = None,
-    noise: Annotated[
-        str, typer.Option(help="A noise model, or auto: chosen for each record.", rich_help_panel=WEIGHED)
-    ] = "auto",
+    noise: Annotated[str, o.option(WEIGHED, "A noise model, or auto: chosen for each record.")] = "auto",
     repeats: Annotated[
         bool,
-        typer.Option(
+        o.option(
+            WEIGHED,
+            "The records are of one specimen: fit them jointly, each from its own start.",
             "--repeats",
-            help="The records are of one specimen: fit them jointly, each from its own start.",
-            rich_help_panel=WEIGHED,
         ),
     ] = False,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Every random number follows from it.", rich_help_panel=WEIGHED)
-    ] = 0,
+    seed: Annotated[int, o.option(WEIGHED, "Every random number follows from it.", min=0)] = 0,
     out: o.Out = None,
     workers: o.Workers = None,
     scheduler: o.Scheduler = None,
@@ -80,25 +70,22 @@ def compare(
     quick: o.Quick = False,
     exact: Annotated[
         bool,
-        typer.Option(
-            "--exact",
-            help="Also check the answer by NUTS and bridge sampling under laws that hold exactly; "
+        o.option(
+            RUNNING,
+            "Also check the answer by NUTS and bridge sampling under laws that hold exactly; "
             "minutes. With --deviation law under the answer's own deviations. "
             "With --repeats the joint fit, whose laws hold as --deviation says.",
-            rich_help_panel=RUNNING,
+            "--exact",
         ),
     ] = False,
     deviation: Annotated[
         str,
-        typer.Option(
-            help="auto or law: laws may hold approximately; none: they hold exactly.", rich_help_panel=WEIGHED
-        ),
+        o.option(WEIGHED, "auto or law: laws may hold approximately; none: they hold exactly."),
     ] = "auto",
     sensor: Annotated[
         float,
-        typer.Option(
-            help="Linearity error of the sensor (0.002 is 0.2 %): no damping ratio is known better.",
-            rich_help_panel=WEIGHED,
+        o.option(
+            WEIGHED, "Linearity error of the sensor (0.002 is 0.2 %): no damping ratio is known better."
         ),
     ] = 0.002,
     quiet: o.Quiet = False,
@@ -119,10 +106,11 @@ def compare(
     words: list[str] = []
     envelopes = are_envelopes(records, angle, unit, quantity)
     if envelopes:
-        _refuse_for_envelopes({
-            "restoring": restoring, "exact": exact, "runs": runs, "channel": channel, "time-unit": time_unit,
-            "deviation": deviation if deviation != "auto" else None, "noise": noise if noise != "auto" else None,
-        })  # fmt: skip
+        given = {"restoring": restoring, "exact": exact, "runs": runs, "channel": channel}
+        given |= {"time-unit": time_unit, "deviation": deviation != "auto", "noise": noise != "auto"}
+        for name, value in given.items():
+            if value:
+                raise InputError(f"--{name}: does not apply to envelope records; remove it")
         ends = {"start": o.bound(start, "--start"), "stop": o.bound(stop, "--stop")}
         signals, failed = chosen_envelopes(
             records, unit, time=time, angle=angle, rate=rate, frequency=frequency, **ends
@@ -130,8 +118,8 @@ def compare(
     else:
         if frequency is not None:
             raise InputError("--frequency: is for envelopes; give --quantity envelope, or leave it out")
-        reading = Options.of(
-            (time, angle, rate, time_unit), unit, quantity, clock, (start, stop), runs, channel
+        reading = Options(
+            time, angle, rate, time_unit, unit, quantity, clock, start, stop, runs, channel or ()
         )
         selection = chosen_records(records, reading)
         found, failed = selection.records, selection.failed
@@ -172,10 +160,3 @@ def compare(
     for error in failed:
         say(one_line(f"failed: {error}"))
     return WRONG_CELLS if failed else status
-
-
-def _refuse_for_envelopes(given: Mapping[str, object]) -> None:
-    """Raises InputError for the first option that is given and does not apply to envelopes."""
-    for name, value in given.items():
-        if value:
-            raise InputError(f"--{name}: does not apply to envelope records; remove it")

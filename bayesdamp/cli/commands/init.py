@@ -45,8 +45,7 @@ def init(
     taken = InputError(f"{out}: is there already; it is not written over: move it away first")
     if os.path.lexists(out):
         raise taken
-    columns = time, angle, rate, time_unit
-    asked = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
+    asked = Options(time, angle, rate, time_unit, unit, quantity, clock, start, stop, runs, channel or ())
     chosen = chosen_records(files, asked, every=True)
     for line in [*chosen.doubted, *chosen.said]:
         typer.echo(line, err=True)

@@ -63,9 +63,7 @@ def look(
         shown = [shown_envelope(file, (time, angle, rate, unit), ends)]
         _show_file(console, file, held)
     else:
-        asked = Options.of(
-            (time, angle, rate, time_unit), unit, quantity, clock, (start, stop), runs, channel
-        )
+        asked = Options(time, angle, rate, time_unit, unit, quantity, clock, start, stop, runs, channel or ())
         try:
             found = found_records(file, asked)
         except InputError:

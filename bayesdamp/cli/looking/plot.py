@@ -24,10 +24,8 @@ def dots(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[str]:
         bottom, top = int(held.min()), int(held.max())
         if last is not None:  # joined to the column before it
             bottom, top = min(bottom, max(last, bottom)), max(top, min(last, top))
-            bottom, top = (
-                min(bottom, last + 1) if last < bottom else bottom,
-                max(top, last - 1) if last > top else top,
-            )
+            bottom = min(bottom, last + 1) if last < bottom else bottom
+            top = max(top, last - 1) if last > top else top
         canvas[high - 1 - top : high - bottom, x] = True
         last = int(held[-1])
     bits = (canvas.reshape(rows, 4, columns, 2) * _DOTS[None, :, None, :]).sum(axis=(1, 3))

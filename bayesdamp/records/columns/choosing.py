@@ -381,11 +381,8 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], str]:
     if len(moving) > 1:
         out = ", ".join([shown(found.columns, c) for c in left if c not in moving][:LEFT_OUT])
         return moving, f"Left out are columns that do not swing and die down: {out}." if out else ""
-    taken = shown(found.columns, moving[0])
-    return (
-        moving,
-        f"Column {taken} is taken: of {len(left)} that change, it is the one that swings and dies down.",
-    )
+    taken = f"Column {shown(found.columns, moving[0])} is taken"
+    return moving, f"{taken}: of {len(left)} that change, it is the one that swings and dies down."
 
 
 def contains_gravity(column: Column) -> bool:

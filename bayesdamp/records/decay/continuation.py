@@ -52,31 +52,20 @@ class Swings:
 
     def breaks(self, i: int) -> Reason | None:
         """In what swing i does not continue the later ones; None where it does, or where they are too few to tell."""
-        if not self._in_time(i):
-            return "period"
-        if not self._in_line(i):
-            return "midline"
-        return None if self._like_later(i, self.misfit(i)) else "shape"
-
-    def _in_time(self, i: int) -> bool:
-        """Whether swing i lasts as long as the later ones foretell: a hand lets go when it likes."""
         later = self.gaps[i + 1 : i + 1 + LATER]
-        if later.size < 2:
-            return True
-        foretold, slack = _foretold(later)
-        usual = float(np.median(later))
-        blur = 0.3 * self.floor / self.ranges[i] * usual
-        share = PERIOD if later.size >= 6 else 2.5 * PERIOD
-        return abs(self.gaps[i] - foretold) <= max(share * usual, blur) + slack
-
-    def _in_line(self, i: int) -> bool:
-        """Return whether swing i goes about the midline that the later ones foretell."""
+        if later.size >= 2:  # it must last as long as these foretell: a hand lets go when it likes
+            foretold, slack = _foretold(later)
+            usual = float(np.median(later))
+            blur = 0.3 * self.floor / self.ranges[i] * usual
+            share = PERIOD if later.size >= 6 else 2.5 * PERIOD
+            if not abs(self.gaps[i] - foretold) <= max(share * usual, blur) + slack:
+                return "period"
         later = self.midlines[i + 1 : i + 1 + LATER]
-        if later.size < 3:
-            return True
-        foretold, slack = _foretold(later)
-        off = abs(self.midlines[i] - foretold)
-        return bool(off <= max(MIDLINE * self.ranges[i], self.floor) + slack)
+        if later.size >= 3:
+            foretold, slack = _foretold(later)
+            if not abs(self.midlines[i] - foretold) <= max(MIDLINE * self.ranges[i], self.floor) + slack:
+                return "midline"
+        return None if self._like_later(i, self.misfit(i)) else "shape"
 
     def opens_like_later(self, begin: float) -> bool:
         """Whether what is recorded from begin (s) to the first turning point has no more misfit than the swings."""

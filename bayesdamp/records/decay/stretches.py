@@ -183,10 +183,7 @@ def _breaks(ranges: np.ndarray, floor: float) -> list[int]:
     def beyond(i: int, j: int) -> np.ndarray:
         """What the fall of the amplitude does not explain of the change of the rate from part i to part j."""
         factor = np.exp(POWER * np.abs(sizes[i] - sizes[j]))
-        low, high = (
-            np.minimum(parts[j] / factor, parts[j] * factor),
-            np.maximum(parts[j] / factor, parts[j] * factor),
-        )
+        low, high = np.sort([parts[j] / factor, parts[j] * factor], axis=0)
         return np.maximum(np.maximum(low - parts[i], parts[i] - high), 0.0)
 
     inner = np.maximum(beyond(0, 1), beyond(2, 3))

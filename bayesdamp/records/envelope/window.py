@@ -96,27 +96,19 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
         # Unless what it takes for its floor is a decay.
         if min(fall(yb, begin, end), fall(yb, behind, end)) < LEAST_DROP:
             begin, broken, end, floor = begun, begun > 0, behind, lower
-    why = []
-    start = int(edges[begin])
+    start, stop = int(edges[begin]), int(edges[end])
+    begins = "starts with the record" if begin == 0 else f"starts at {t[start]:.4g} s, the highest reading"
     if broken:
-        why.append(f"starts at {t[start]:.4g} s, where the reading before it is no continuation of the decay")
-    else:
-        why.append(
-            "starts with the record" if begin == 0 else f"starts at {t[start]:.4g} s, the highest reading"
-        )
-    stop = int(edges[end])
+        begins = f"starts at {t[start]:.4g} s, where the reading before it is no continuation of the decay"
+    ends = "ends with the record, above any floor" if stop == t.size else f"ends at {t[stop - 1]:.4g} s"
     if floor is not None:
-        why.append(f"ends at {t[stop - 1]:.4g} s, {ABOVE_FLOOR:g} dB above the noise floor")
-    else:
-        why.append(
-            "ends with the record, above any floor" if stop == t.size else f"ends at {t[stop - 1]:.4g} s"
-        )
+        ends = f"ends at {t[stop - 1]:.4g} s, {ABOVE_FLOOR:g} dB above the noise floor"
     if stop - start < LEAST_POINTS:
         raise Refusal(f"{stop - start} readings stand between the start and the noise floor")
     drop = fall(yb, begin, end)
     if drop < LEAST_DROP:
         raise Refusal(f"the level falls by {max(drop, 0):.1f} dB, {LEAST_DROP:g} are needed")
-    return Window(start, stop, floor, tuple(why))
+    return Window(start, stop, floor, (begins, ends))
 
 
 def _table(t: np.ndarray, y: np.ndarray) -> Window:

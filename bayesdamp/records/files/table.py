@@ -74,13 +74,7 @@ def number(cell: str, decimal: str) -> float | None:
             return None
         cell = cell.replace(other, "")
     cell = cell.replace(",", ".")
-    if _NUMBER.fullmatch(cell):
-        return (
-            float(cell.replace("d", "e").replace("D", "e"))
-            if cell[-1:].isdigit() or "." in cell
-            else float(cell)
-        )
-    return None
+    return float(cell.lower().replace("d", "e")) if _NUMBER.fullmatch(cell) else None
 
 
 def without_arrows(lines: list[str]) -> list[str]:
@@ -104,15 +98,7 @@ def find_layout(lines: list[str]) -> Layout | None:
         return None
     sample = filled[len(filled) // 2 :][:: max(1, len(filled) // 120)]
     best: tuple[tuple[float, int], str, str, int] | None = None
-    for separator, decimal in (
-        (";", ","),
-        (";", "."),
-        ("\t", ","),
-        ("\t", "."),
-        (",", "."),
-        (" ", ","),
-        (" ", "."),
-    ):
+    for separator, decimal in (";,", ";.", "\t,", "\t.", ",.", " ,", " ."):
         rows = [split(line, separator) for line in sample]
         columns = Counter(map(len, rows)).most_common(1)[0][0]
         rows = [row for row in rows if len(row) == columns]

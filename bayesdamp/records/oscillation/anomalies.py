@@ -74,16 +74,9 @@ def clipped(y: np.ndarray, per_cycle: float) -> bool:
     # A sinusoid that just reaches the extreme level stays within one step of it for this share of a cycle.
     usual = np.arccos(max(1.0 - step / size, -1.0)) / np.pi * per_cycle
     limit = max(FLAT, MARGIN * usual + 1) * _held(y, size)
-    for edge in (levels[0], levels[-1]):
-        for begin, end in true_runs(np.abs(y - edge) <= 1e-9 * size):
-            inside = begin > 0 and end < y.size  # at its ends a record may be held, or stick
-            if (
-                inside
-                and limit <= end - begin < 0.5 * per_cycle
-                and _cornered(y, begin, end, per_cycle, step)
-            ):
-                return True
-    return False
+    runs = [run for edge in (levels[0], levels[-1]) for run in true_runs(np.abs(y - edge) <= 1e-9 * size)]
+    runs = [(a, b) for a, b in runs if a > 0 and b < y.size]  # at its ends a record may be held, or stick
+    return any(limit <= b - a < 0.5 * per_cycle and _cornered(y, a, b, per_cycle, step) for a, b in runs)
 
 
 def _held(y: np.ndarray, size: float) -> int:

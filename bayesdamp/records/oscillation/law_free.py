@@ -105,10 +105,8 @@ class LawFree:
         windows, half = self.windows, 0.5 * (self.span[1] - self.span[0])
         with threadpool_limits(1, "blas"):
             fits = _smoothed(windows.places, windows.phases, windows.covariance, 0.0, self._place(times))
-        weights = _weights(fits)
-        slopes, sds = (np.array([getattr(f, n) for f in fits]) for n in ("slopes", "sds"))
-        mean = weights @ slopes
-        return mean / half, np.sqrt(weights @ (sds**2 + (slopes - mean) ** 2)) / half
+        mean, variance = _mixed(_weights(fits), [f.slopes for f in fits], [f.sds for f in fits])
+        return mean / half, np.sqrt(variance) / half
 
     def _place(self, times: np.ndarray) -> np.ndarray:
         first, last = self.span
@@ -183,10 +181,17 @@ def _smooth(
     with threadpool_limits(1, "blas"):  # threads of a linear algebra library only wait for each other here
         fits = [f for p in POWERS for f in _smoothed(windows.places, sizes, windows.covariance, p, at)]
     weights = _weights(fits)
-    levels, slopes, sds = (np.array([getattr(f, n) for f in fits]) for n in ("sizes", "slopes", "sds"))
-    slope = weights @ slopes
-    spread = weights @ (sds**2 + (slopes - slope) ** 2) + (SYSTEMATIC * slope) ** 2
-    return weights @ levels, slope, np.sqrt(spread)
+    slope, variance = _mixed(weights, [f.slopes for f in fits], [f.sds for f in fits])
+    level = weights @ np.array([f.sizes for f in fits])
+    return level, slope, np.sqrt(variance + (SYSTEMATIC * slope) ** 2)
+
+
+def _mixed(
+    weights: np.ndarray, values: Sequence[np.ndarray], sds: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and variance, (k,), of a mixture of curves with these weights (m,), values and sds, (m, k)."""
+    mean = weights @ np.array(values)
+    return mean, weights @ (np.square(sds) + (np.array(values) - mean) ** 2)
 
 
 def _weights(fits: Sequence[_Smoothed]) -> np.ndarray:
@@ -223,14 +228,12 @@ class Backbone:
         """Evaluate at amplitudes (k,): frequency and its sd (rad/s); what turns a rate of decay (1/s) into a damping
         ratio, and its sd (s)."""
         a = amplitude / self.largest
-        rows = [(w, *self._one(c, a), *self._spread(c, cov, a)) for w, c, cov in self.parts]
-        weights = np.array([r[0] for r in rows])
-        found = []
-        for value, sd in ((1, 3), (2, 4)):
-            values, sds = np.array([r[value] for r in rows]), np.array([r[sd] for r in rows])
-            mean = weights @ values
-            found += [mean, np.sqrt(weights @ (sds**2 + (values - mean) ** 2))]
-        return found[0], found[1], found[2], found[3]
+        weights = np.array([w for w, _, _ in self.parts])
+        paces, ratios = zip(*(self._one(c, a) for _, c, _ in self.parts), strict=True)
+        pace_sds, ratio_sds = zip(*(self._spread(c, cov, a) for _, c, cov in self.parts), strict=True)
+        pace, pace_variance = _mixed(weights, paces, pace_sds)
+        ratio, ratio_variance = _mixed(weights, ratios, ratio_sds)
+        return pace, np.sqrt(pace_variance), ratio, np.sqrt(ratio_variance)
 
     @staticmethod
     def _one(c: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -316,10 +319,8 @@ def _smoothed(
     noise = errors * np.outer(base, base)
     scale = float(np.exp(np.mean(np.log(np.diag(noise)))))
     columns = np.stack([np.ones_like(x), x], axis=1)
-    there, there_slope = (
-        np.stack([np.ones_like(at), at], axis=1),
-        np.stack([0 * at, np.ones_like(at)], axis=1),
-    )
+    there = np.stack([np.ones_like(at), at], axis=1)
+    there_slope = np.stack([0 * at, np.ones_like(at)], axis=1)
     z, w = x + 1.0, np.maximum(at + 1.0, 0.0)  # distances from the start, where the walk begins
     less, more = np.minimum(z[:, None], z), np.maximum(z[:, None], z)
     walk = less**2 * (3 * more - less) / 6
@@ -354,9 +355,8 @@ def _smoothed(
         spread = ratio * (w - np.einsum("ij,ji->i", walk_slope, by_walk)) + np.einsum(
             "ij,jk,ik->i", line, inverse, line
         )
-        stretched = np.clip(
-            1 + power * level, 0.8 * seen, 1.25 * seen
-        )  # the curve may not leave the amplitudes
+        # The curve may not leave the amplitudes.
+        stretched = np.clip(1 + power * level, 0.8 * seen, 1.25 * seen)
         found.append(
             _Smoothed(
                 log,

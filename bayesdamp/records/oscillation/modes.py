@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesdamp.records.oscillation.spectrum import averaged
+
 MOST = 1500
 """Samples that are fitted at most; of more, neighbours are averaged as long as a period keeps `PER_CYCLE`."""
 PER_CYCLE = 12
@@ -163,5 +165,4 @@ def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray
     cycles = float(t[-1] - t[0]) / period
     block = int(max(t.size // max(MOST, round(PER_CYCLE * cycles)), 1))
     block = min(block, max(int(period * t.size / float(t[-1] - t[0]) / PER_CYCLE), 1))
-    many = t.size // block * block
-    return t[:many].reshape(-1, block).mean(axis=1), y[:many].reshape(-1, block).mean(axis=1)
+    return averaged(t, block), averaged(y, block)

@@ -170,17 +170,12 @@ def passing(two: Modes, longest: float) -> float:
     return long if long < min(PASSING / float(two.frequencies[slow]), longest) else 0.0
 
 
-def _filled(t: np.ndarray, a: int, b: int, widest: float) -> bool:
-    """Whether no hole is among samples a to b, nor beside them."""
-    return bool(np.diff(t[max(a - 1, 0) : b + 1]).max() <= widest)
-
-
 def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
     """The ranges of whole periods without a hole, in order."""
     edges = np.searchsorted(t, np.arange(t[0], t[-1], period))
     widest = max(HOLE * period, 2.5 * float(np.median(np.diff(t))))
-    whole = [(a, b) for a, b in pairwise(edges) if b - a > 3 and _filled(t, a, b, widest)]
-    return np.array([np.ptp(y[a:b]) for a, b in whole])
+    long = [(a, b) for a, b in pairwise(edges) if b - a > 3]
+    return np.array([np.ptp(y[a:b]) for a, b in long if np.diff(t[max(a - 1, 0) : b + 1]).max() <= widest])
 
 
 def lifted(ranges: np.ndarray, noise: float, together: int = TOGETHER) -> float:

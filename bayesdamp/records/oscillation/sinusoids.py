@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from bayesdamp.records.oscillation.features import Features
+from bayesdamp.records.oscillation.spectrum import averaged
 from bayesdamp.types import Refusal, Signal
 
 SHORTEST, LONGEST, SHARE = 2.0, 8.0, 0.05
@@ -69,7 +70,7 @@ def sinusoids(signal: Signal, seen: Features) -> Sinusoids:
     Raises Refusal where the record is too short for three windows.
     """
     block = max(int(seen.samples_per_cycle / PER_CYCLE), 1)
-    t, y = (_averaged(np.asarray(values, float), block) for values in (signal.t, signal.y))
+    t, y = (averaged(np.asarray(values, float), block) for values in (signal.t, signal.y))
     first = max(float(t[0]), float(seen.swing_times[0]) - 0.75 * seen.period)
     last = min(float(t[-1]), float(seen.swing_times[-1]) + 0.75 * seen.period)
     span = (last - first) / seen.period
@@ -111,11 +112,6 @@ def _fits(
         raise Refusal("the record has too few cycles to read damping and frequency from")
     times, amplitudes, phases, gains, used = np.array(rows).T
     return times, amplitudes, _continuous(times, phases, used, seen), gains, used
-
-
-def _averaged(values: np.ndarray, block: int) -> np.ndarray:
-    """Return the means of neighbouring values, so many in each."""
-    return values[: values.size // block * block].reshape(-1, block).mean(axis=1)
 
 
 def _periods(seen: Features, at: np.ndarray) -> np.ndarray:

@@ -18,13 +18,15 @@ WEAK = 0.1
 """Share of the strongest period's power below which another is none."""
 
 
+def averaged(values: np.ndarray, block: int) -> np.ndarray:
+    """Return the means of neighbouring values (n,), so many in each."""
+    return values[: values.size // block * block].reshape(-1, block).mean(axis=1)
+
+
 def on_grid(t: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[float, np.ndarray]:
     """(spacing in s, y on equally spaced times): shapes (n,) in, (m ≤ most,) out; linear interpolation."""
     block = -(-t.size // most)
-    if block > 1:
-        m = t.size // block
-        t = t[: m * block].reshape(m, block).mean(1)
-        y = y[: m * block].reshape(m, block).mean(1)
+    t, y = averaged(t, block), averaged(y, block)
     spacing = float((t[-1] - t[0]) / (t.size - 1))
     return spacing, np.interp(t[0] + spacing * np.arange(t.size), t, y)
 
@@ -80,11 +82,11 @@ def coarse_periods(
     """Up to `most` such periods with their shares, the most powerful first: where a hand moves a record to and fro,
     that may be the hand's.
     """
-    spacing, averaged = on_grid(t, y)
-    found = _periods(averaged, spacing, longest, most)
+    spacing, coarse = on_grid(t, y)
+    found = _periods(coarse, spacing, longest, most)
     if t.size <= MOST:
         return found
-    left = float(np.var(averaged) / np.var(y))
+    left = float(np.var(coarse) / np.var(y))
     if left < LOST or found[0][1] < UNSURE or found[0][0] < WITHIN * spacing:
         # Averages over blocks miss what swings within one or a few: the liveliest piece of the samples themselves.
         ends = np.arange(MOST, t.size + 1, MOST)

@@ -78,12 +78,12 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         )
     first = layout.first - (len(lines) - given)
     head = [(line, _named_columns(line, layout)) for line in lines[: layout.first]]
-    beyond: tuple[str, ...] = ()
+    warnings: list[str] = []
     most = max((names for _, names in head), default=0)
     if most > layout.columns and layout.separator != BLANKS:
-        what = f"its head names {most} columns and its rows have {layout.columns}: names are taken from the left."
-        beyond = (what,)
-    table, uneven, again = _plain(body, layout), (), []
+        what = f"its head names {most} columns and its rows have {layout.columns}"
+        warnings.append(f"{what}: names are taken from the left.")
+    table, again = _plain(body, layout), []
     if table is not None:
         at = np.arange(len(table))
         columns = [
@@ -98,7 +98,7 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         at = np.array([i for i, _ in filled])
         rows = [row for _, row in filled]
         columns = [column_of(rows, i, layout.decimal, *head) for i, head in enumerate(_heads(layout))]
-        uneven = _uneven(rows, at + first + 1, layout.columns)
+        warnings += _uneven(rows, at + first + 1, layout.columns)
     while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
         columns.pop()  # a separator at the end of each line
     return Contents(
@@ -115,7 +115,7 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         },
         first + 1,
         at,
-        warnings=(*beyond, *uneven),
+        warnings=tuple(warnings),
     )
 
 
