@@ -48,7 +48,6 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
     of velocities (`velocity`, rad/s) beside that of the law with the coefficients found (`law`).
     """
 
-    name = "neural_ode"
     by_position = "its network is a force of the velocity alone"
     with_parameters = "its force is projected on functions with one coefficient each"
     options = NeuralOdeOptions

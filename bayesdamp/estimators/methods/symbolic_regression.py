@@ -64,7 +64,6 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
     parameters that are not known, a regression with an arbitrary function of θ̇ takes the force off first.
     """
 
-    name = "symbolic_regression"
     by_position = "its expressions are of the velocity alone"
     options = SymbolicRegressionOptions
 

@@ -68,7 +68,6 @@ class Pairs:
 class Topological(Estimator[TopologicalOptions]):
     """One damping coefficient from the lifetimes of a cycle's sublevel components."""
 
-    name = "topological"
     options = TopologicalOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
