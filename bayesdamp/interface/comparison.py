@@ -20,7 +20,8 @@ from bayesdamp.pipeline.answer import Answer, answer
 from bayesdamp.pipeline.envelopes import answer_envelope, specimen_of_envelopes
 from bayesdamp.priors import Prior
 from bayesdamp.records.envelope.record import EnvelopeRecord
-from bayesdamp.store import DAMPING_CURVES, CellResult, write_bytes
+from bayesdamp.store import DAMPING_CURVES, CellResult
+from bayesdamp.store.files import save_bytes
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit, unit_named
@@ -167,11 +168,7 @@ class Comparison(Result):
         }
         info = {"name": self.verdict.record, "signals": about, "models": []}
         page, _ = page_of(Run.of_cells(info, cells))
-        try:
-            write_bytes(Path(path), page.encode())
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-        return Path(path)
+        return save_bytes(path, page.encode())
 
     def _table(self) -> Table:
         v = self.verdict
