@@ -9,6 +9,8 @@ from __future__ import annotations
 from enum import Enum
 
 _BETWEEN = ": "
+P_LIMIT = 0.01
+"""Predictive p below which, and above one less it, records drawn from a model look different from the record."""
 
 
 class _Beginning(Enum):

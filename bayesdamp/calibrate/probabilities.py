@@ -13,7 +13,6 @@ from scipy.stats import binomtest
 
 from bayesdamp.calibrate import statistics
 from bayesdamp.calibrate.tables import ALARM
-from bayesdamp.config import Study
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.calibration import RecoveryContent
 from bayesdamp.types import OK
@@ -52,7 +51,7 @@ def _rows(found: Mapping[str, Sequence[CellResult]]) -> Iterator[Row]:
                 yield {**head, "outcome": outcome, "doubts": doubts, **shares}
 
 
-def about(study: Study, found: Mapping[str, Sequence[CellResult]]) -> Row:
+def about(found: Mapping[str, Sequence[CellResult]]) -> Row:
     """What run.json holds of a model recovery, by series."""
     return {"alarm": ALARM, **{name: _judged(chunks) for name, chunks in found.items()}}
 

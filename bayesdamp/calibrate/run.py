@@ -38,7 +38,13 @@ def run_calibration(
     Raises InputError where the study cannot be calibrated; nothing is written then.
     """
     console = console or Console(stderr=True)
-    study = _with_records(study, records)
+    if records is not None:
+        recover = {"records": records, "single": min(study.recovery.single, records)}
+        study = replace(
+            study,
+            calibration=study.calibration.model_copy(update={"records": records}),
+            recovery=study.recovery.model_copy(update=recover),
+        )
     (recovery if models else ranks).checked(study)
     store = Store(out)
     with store.lock():
@@ -79,17 +85,6 @@ def _failures(found: Mapping[str, Sequence[CellResult]]) -> list[str]:
     return lines
 
 
-def _with_records(study: Study, records: int | None) -> Study:
-    if records is None:
-        return study
-    recover = {"records": records, "single": min(study.recovery.single, records)}
-    return replace(
-        study,
-        calibration=study.calibration.model_copy(update={"records": records}),
-        recovery=study.recovery.model_copy(update=recover),
-    )
-
-
 def _series(study: Study, models: bool) -> list[Series]:
     if not models:
         compared = study.compare(study.signals[0])
@@ -109,7 +104,7 @@ def _write_ranks(study: Study, store: Store, found: Mapping[str, Sequence[CellRe
 def _write_models(study: Study, store: Store, found: Mapping[str, Sequence[CellResult]]) -> None:
     columns, rows = probabilities.record_table(found)
     write_table(store.folder / "recovery.csv", columns, rows)
-    _write_info(study, store, "model recovery", probabilities.about(study, found))
+    _write_info(study, store, "model recovery", probabilities.about(found))
 
 
 def _write_info(study: Study, store: Store, kind: str, result: Mapping[str, Any]) -> None:

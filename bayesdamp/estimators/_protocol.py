@@ -23,7 +23,7 @@ Chosen = TypeVar("Chosen", bound=Options)
 class Estimator(ABC, Generic[Chosen]):
     """A way to read damping coefficients off one record.
 
-    name: the module's name. options: the class of its options.
+    name: of an estimator of the package the name of its file. options: the class of its options.
     """
 
     name: str
@@ -32,6 +32,13 @@ class Estimator(ABC, Generic[Chosen]):
     """Why it cannot estimate a force that depends on the position, in a clause; empty where it can."""
     with_parameters: str = ""
     """Why it cannot estimate a term with parameters beside its coefficient; empty where it can."""
+
+    def __init_subclass__(cls) -> None:
+        """Name an estimator of the package by its file."""
+        super().__init_subclass__()
+        package, _, file = cls.__module__.rpartition(".")
+        if package == f"{__package__}.methods":
+            cls.name = file
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
         """A sentence why this sum of damping terms cannot be estimated, or None, which is the default."""

@@ -95,7 +95,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     found = least_squares(fit.evaluate, x, floor)
     lost = 0.3 * float(np.std(signal.y))
     for start in (x, np.array([{**base, **decay_start(problem, seen)}[name] for name in names])):
-        if not _rms(found.costs[-1], signal) < lost:
+        if not np.sqrt(found.costs[-1] / signal.t.size) < lost:
             other = _growing(fit, start, floor, seen)
             found = other if other.costs[-1] < found.costs[-1] else found
     evaluations += found.evaluations
@@ -152,10 +152,6 @@ def _mean_square(r: np.ndarray, size: float) -> float:
     """Mean square, or that of a residual ten times the record's size where the trajectory escapes."""
     value = float(np.mean(r**2)) if np.all(np.isfinite(r)) else np.inf
     return value if np.isfinite(value) else 100.0 * size**2
-
-
-def _rms(cost: float, signal: Signal) -> float:
-    return float(np.sqrt(cost / signal.t.size))
 
 
 def _stderr(

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from bayesdamp import types
 from bayesdamp.inference.deviation.findings import SENSOR
@@ -20,7 +20,8 @@ from bayesdamp.pipeline.answer import Answer, answer
 from bayesdamp.pipeline.envelopes import answer_envelope, specimen_of_envelopes
 from bayesdamp.priors import Prior
 from bayesdamp.records.envelope.record import EnvelopeRecord
-from bayesdamp.store import DAMPING_CURVES, CellResult, write_bytes
+from bayesdamp.store import DAMPING_CURVES, CellResult
+from bayesdamp.store.files import save_bytes
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit, unit_named
@@ -52,19 +53,6 @@ class Comparison(Result):
     answers: tuple[Answer, ...]
     units: tuple[str, ...]
     quantities: tuple[str, ...]
-
-    @classmethod
-    def _of(
-        cls,
-        verdict: Verdict,
-        answers: tuple[Answer, ...],
-        units: tuple[str, ...],
-        quantities: tuple[str, ...],
-    ) -> Self:
-        """Of a verdict in base units, shown in the records' own unit where they have one."""
-        own = [unit_named(name) for name in units]
-        shown = in_unit(verdict, own[0]) if len({one.displacement.name for one in own}) == 1 else verdict
-        return cls(shown, answers, units, quantities)
 
     @cached_property
     def records(self) -> tuple[Comparison, ...]:
@@ -180,11 +168,7 @@ class Comparison(Result):
         }
         info = {"name": self.verdict.record, "signals": about, "models": []}
         page, _ = page_of(Run.of_cells(info, cells))
-        try:
-            write_bytes(Path(path), page.encode())
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-        return Path(path)
+        return save_bytes(path, page.encode())
 
     def _table(self) -> Table:
         v = self.verdict
@@ -245,47 +229,43 @@ def compare(
     if not every or (len(every) > 1 and not repeats) or not one_kind:
         raise InputError("compare takes one signal, or several of one specimen with repeats=True")
     if envelopes:
-        given = {
+        options = {
             "noise": noise != "auto",
             "deviation": deviation != "auto",
             "amplitudes": amplitudes is not None,
         }
-        given |= {"restoring": bool(restoring), "known": bool(known), "priors": bool(priors)}
-        stray = next((option for option, is_given in given.items() if is_given), None)
+        options |= {"restoring": bool(restoring), "known": bool(known), "priors": bool(priors)}
+        stray = next((option for option, is_given in options.items() if is_given), None)
         if stray:
             raise InputError(f"compare: {stray} does not apply to envelopes; leave it out")
-        return _envelopes(envelopes, name, sums, seed)
-    units = tuple(Signal.of(s).own_unit.name for s in motions)
-    quantities = tuple(s.quantity for s in motions)
-    answers = tuple(
-        answer(
-            s,
-            amplitudes,
-            unit=UNITS[unit],
-            deviation=deviation,
-            noise=noise,
-            damping=sums,
-            restoring=laws,
-            known=values,
-            priors=given,
-            sensor=sensor,
-            sample=sample,
-            seed=seed,
-            repeated=len(every) > 1,
+        units, quantities = tuple(r.unit for r in envelopes), ("envelope",) * len(envelopes)
+        weighed = [parse_model(one) for one in sums or all_sums()]
+        answers = tuple(answer_envelope(r, None, weighed, seed, len(every) > 1) for r in envelopes)
+        together = specimen_of_envelopes(name, answers) if len(every) > 1 else None
+    else:
+        units = tuple(Signal.of(s).own_unit.name for s in motions)
+        quantities = tuple(s.quantity for s in motions)
+        answers = tuple(
+            answer(
+                s,
+                amplitudes,
+                unit=UNITS[unit],
+                deviation=deviation,
+                noise=noise,
+                damping=sums,
+                restoring=laws,
+                known=values,
+                priors=given,
+                sensor=sensor,
+                sample=sample,
+                seed=seed,
+                repeated=len(every) > 1,
+            )
+            for s, unit in zip(motions, units, strict=True)
         )
-        for s, unit in zip(motions, units, strict=True)
-    )
-    together = answers[0].verdict
-    if len(answers) > 1:
         good = [a.of_specimen() for a in answers if a.arrays]
-        together = specimen(name, good, given, sensor, seed) if good else together
-    return Comparison._of(together, answers, units, quantities)
-
-
-def _envelopes(records: Sequence[EnvelopeRecord], name: str, sums: Sequence[str], seed: int) -> Comparison:
-    """Compare envelopes: one, or several of one specimen."""
-    weighed = [parse_model(one) for one in sums or all_sums()]
-    answers = tuple(answer_envelope(record, None, weighed, seed, len(records) > 1) for record in records)
-    together = specimen_of_envelopes(name, answers) if len(records) > 1 else None
-    units, quantities = tuple(r.unit for r in records), ("envelope",) * len(answers)
-    return Comparison._of(together or answers[0].verdict, answers, units, quantities)
+        together = specimen(name, good, given, sensor, seed) if good and len(every) > 1 else None
+    verdict, own = together or answers[0].verdict, [unit_named(unit) for unit in units]
+    if len({unit.displacement.name for unit in own}) == 1:
+        verdict = in_unit(verdict, own[0])
+    return Comparison(verdict, answers, units, quantities)

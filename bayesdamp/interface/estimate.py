@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-_TRACE = "trace"
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(Result):

@@ -228,38 +228,28 @@ class Fit(Result, Reduced):
             unit = self.signal.own_unit
             rms = float(np.sqrt(np.nanmean(self.residuals**2))) * unit.scale
             title += f": {self.noise} noise, residual {compact(rms, 3)} {unit.of(self.signal.quantity)} rms"
-        parts = (self.sd_noise, self.sd_law) if self.law is not None else (self.sd,)
+        approximate = self.law is not None
+        parts = (self.sd_noise, self.sd_law) if approximate else (self.sd,)
+        spreads = ("sd noise", "sd law", "95 %") if approximate else ("sd",)
         rows = [
             (n, self.units[n], compact(v, 6), *(compact(p[n], 2) for p in parts))
             for n, v in self.values.items()
         ]
-        columns = (
-            "parameter",
-            "unit",
-            "value",
-            *(("sd noise", "sd law") if self.law is not None else ("sd",)),
-        )
-        if self.law is not None:
-            columns = (*columns, "95 %")
+        if approximate:
             ends = [f"{compact(low, 4)} to {compact(high, 4)}" for low, high in self.intervals.values()]
             rows = [(*row, end) for row, end in zip(rows, ends, strict=True)]
-        empty = ("",) * (len(columns) - 4)
+        empty = ("",) * (len(spreads) - 1)
         rows += [(n, "", compact(v, 6), "known", *empty) for n, v in self.known.items()]
-        return Table(
-            columns, rows, caption=title, notes=outcome_notes(self.outcome, (*self.notes, *self._deviates))
-        )
-
-    @property
-    def _deviates(self) -> tuple[str, ...]:
-        """How well the laws hold, in sentences."""
         both = (("damping", self.deviation), ("frequency", self.frequency_deviation))
-        return tuple(
+        deviates = tuple(
             f"No deviation of the {what} from its law is seen (95 %: below {100 * q.high:.2g} %)."
             if q.value < UNSEEN
             else f"The {what} follows its law within {100 * q.value:.2g} % (95 %: below {100 * q.high:.2g} %)."
             for what, q in both
             if q is not None
         )
+        notes = outcome_notes(self.outcome, (*self.notes, *deviates))
+        return Table(("parameter", "unit", "value", *spreads), rows, caption=title, notes=notes)
 
     def _reduced(self) -> StoredFit:
         target = self.target

@@ -62,22 +62,16 @@ class Candidate(Shown):
 
     def _table(self) -> Table:
         rows = [(n, compact(v, 6), compact(self.sd.get(n, float("nan")), 2)) for n, v in self.values.items()]
-        notes = [f"{kind}: {', '.join(found)}" for kind, found in self._more() if found]
-        title = f"{types.candidate_name(self.damping, self.restoring)} on {self.record}/{self.repeat}"
-        return Table(
-            ("parameter", "value", "sd"), rows, caption=title, notes=outcome_notes(self.outcome, notes)
-        )
-
-    def _more(self) -> tuple[tuple[str, list[str]], ...]:
-        found = [
+        weighed = [
             f"{m} {compact(e.log_evidence, 7)}"
             for m, e in self.evidence.items()
             if np.isfinite(e.log_evidence)
         ]
-        return (
-            ("estimates", list(self.estimates)),
-            ("posteriors", list(self.posteriors)),
-            ("log evidence", found),
+        more = {"estimates": self.estimates, "posteriors": self.posteriors, "log evidence": weighed}
+        notes = [f"{kind}: {', '.join(found)}" for kind, found in more.items() if found]
+        title = f"{types.candidate_name(self.damping, self.restoring)} on {self.record}/{self.repeat}"
+        return Table(
+            ("parameter", "value", "sd"), rows, caption=title, notes=outcome_notes(self.outcome, notes)
         )
 
 

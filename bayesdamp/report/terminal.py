@@ -98,8 +98,11 @@ def conclude(folder: Path, console: Console) -> None:
         )
     for signal in run.signals:
         if signal not in said:
+            cell = run.cell("answer", signal, run.repeats(signal)[0])
+            outcome = cell.outcome if cell is not None else str(run.about(signal).get("outcome", OK))
+            why = "" if outcome == OK else f": {outcome.rstrip('.')}"
             console.print()
-            console.print(Text(f"{signal}: {_why(run, signal)}"), soft_wrap=True)
+            console.print(Text(f"{signal}: no verdict{why}."), soft_wrap=True)
     beware(folder, console)
     console.print(str(folder / "report.html"), soft_wrap=True, highlight=False)
 
@@ -111,10 +114,3 @@ def beware(folder: Path, console: Console) -> None:
         whose = f"{signal}: " if len(run.signals) > 1 else ""
         for warning in run.provenance(signal).warnings:
             console.print(Text(f"Beware: {whose}{warning}"), soft_wrap=True)
-
-
-def _why(run: Run, signal: str) -> str:
-    """Why a record has no verdict."""
-    cell = run.cell("answer", signal, run.repeats(signal)[0])
-    outcome = cell.outcome if cell is not None else str(run.about(signal).get("outcome", OK))
-    return f"no verdict{'' if outcome == OK else ': ' + outcome.rstrip('.')}."

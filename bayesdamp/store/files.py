@@ -40,6 +40,16 @@ def write_bytes(path: Path, content: bytes) -> None:
         os.replace(partial, path)
 
 
+def save_bytes(path: str | Path, content: bytes) -> Path:
+    """Write a file for a user as `write_bytes` does, and return its path. Raises InputError where that fails."""
+    path = Path(path)
+    try:
+        write_bytes(path, content)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+    return path
+
+
 def write_json(path: Path, obj: object) -> None:
     """Write strict, indented JSON in one step; nan becomes null, infinities the words "inf" and "-inf"."""
     text = json.dumps(_strict(split(obj)), indent=2, ensure_ascii=False, allow_nan=False)

@@ -75,6 +75,7 @@ def decide(
     decided = (
         grade is not Grade.DEVIATES and found.damping[first] >= thresholds.DECIDED and same and not untold
     )
+    shares = [Share(t, q.value, q.low, q.high, found.term[t]) for t, q in found.energy.items()]
     verdict = Verdict(
         record=record,
         grade=grade,
@@ -87,7 +88,7 @@ def decide(
         frequency=natural,
         exponent=None if found.exponent is None else interval_of(found.exponent),
         damping_ratio=ratios if instead is None else instead.ratios,
-        energy=_energy(found),
+        energy=tuple(sorted(shares, key=lambda s: -s.share)),
         other_forms=(
             *(Bound(t, found.bound[t]) for t in found.bound if t not in first.split("+")),
             *([Bound("any other form", found.other)] if approximate else []),
@@ -191,11 +192,6 @@ def _over_law(found: Findings, unit: str) -> OverLaw | None:
         return None
     _, amplitude, q = max(off, key=lambda one: one[0])
     return OverLaw(amplitude, unit, q.value, q.low, q.high)
-
-
-def _energy(found: Findings) -> tuple[Share, ...]:
-    shares = [Share(t, q.value, q.low, q.high, found.term[t]) for t, q in found.energy.items()]
-    return tuple(sorted(shares, key=lambda s: -s.share))
 
 
 def _coefficients(found: Findings, unit: str) -> tuple[Coefficient, ...]:

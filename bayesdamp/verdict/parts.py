@@ -31,8 +31,8 @@ class Interval:
 
 
 @dataclass(frozen=True)
-class FrequencyAt:
-    """Frequency in Hz of the oscillation at an amplitude of the record, with its 95 % interval."""
+class IntervalAt:
+    """A value at an amplitude of the record, with its 95 % interval."""
 
     amplitude: float
     unit: str
@@ -41,15 +41,12 @@ class FrequencyAt:
     high: float
 
 
-@dataclass(frozen=True)
-class OverLaw:
-    """How many times its law's own the damping is at an amplitude of the record, with its 95 % interval."""
+class FrequencyAt(IntervalAt):
+    """Frequency in Hz of the oscillation at an amplitude."""
 
-    amplitude: float
-    unit: str
-    value: float
-    low: float
-    high: float
+
+class OverLaw(IntervalAt):
+    """How many times its law's own the damping is at an amplitude."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,6 @@ class AtAmplitude:
     high: float
 
 
-@dataclass(frozen=True)
 class DampingRatio(AtAmplitude):
     """Equivalent viscous damping ratio at an amplitude."""
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from bayesdamp.calls import Told
 from bayesdamp.serial import join, split
-from bayesdamp.store.files import write_json
+from bayesdamp.store.files import save_bytes
 from bayesdamp.types import VERDICT_SCHEMA, InputError
 from bayesdamp.verdict.parts import (
     NAN,
@@ -179,12 +179,7 @@ class Verdict(Told):
 
     def save(self, path: str | Path) -> Path:
         """Write it as JSON, all of it or nothing; the path. Raises InputError where it cannot be written."""
-        path = Path(path)
-        try:
-            write_json(path, self.to_dict())
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-        return path
+        return save_bytes(path, f"{self.to_json()}\n".encode())
 
     @classmethod
     def load(cls, path: str | Path, record: str | None = None) -> Self:

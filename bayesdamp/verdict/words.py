@@ -50,7 +50,9 @@ def sentence(v: Verdict) -> str:
 
 def _answer(v: Verdict) -> str:
     if v.motion is not None:
-        return _no_free_decay(v, v.motion)
+        said = seen_instead(v, v.motion)
+        steady = v.motion is Motion.STEADY
+        return f"{_first(said)}." if steady else f"Not the free decay of one oscillator: {said}."
     if v.unexplained_pct > 100 * thresholds.UNDESCRIBED:
         return (
             "No damped oscillation that was weighed describes the record: the nearest, with "
@@ -161,18 +163,18 @@ def extrapolated(natural: Interval, at: FrequencyAt) -> bool:
     return off > thresholds.EXTRAPOLATED * natural.value
 
 
-def _no_free_decay(v: Verdict, motion: Motion) -> str:
-    said = seen_instead(v, motion)
-    if motion is Motion.STEADY:
-        return f"{_first(said)}."
-    return f"Not the free decay of one oscillator: {said}."
-
-
 def seen_instead(v: Verdict, motion: Motion) -> str:
     """What is seen in place of the free decay of one oscillator, and how large it is."""
     one = v.modes[0]
     if motion is Motion.STEADY:
-        return _no_decay(one, v)
+        # What it may lose at most, should nothing keep it in motion.
+        limit = max(one.damping_ratio, 0.0) + 0.5 * (one.high - one.low)
+        cycles = f" over {v.window.cycles:.0f} cycles" if v.window else ""
+        return (
+            f"no decay is seen: it oscillates at {digits(one.frequency, _slack(one))} Hz with an amplitude of "
+            f"{one.first:.3g} {one.unit} that stays{cycles}. Something keeps it in motion, or its damping ratio is "
+            f"below {100 * limit:.2g} % (95 %), Q above {float(f'{0.5 / limit:.2g}'):,.0f}"
+        )
     if motion is Motion.EXCITED:
         f, span = f"{one.frequency:.3g} Hz", f"{one.first:.2g} and {one.last:.2g} {one.unit}"
         return (
@@ -192,17 +194,6 @@ def seen_instead(v: Verdict, motion: Motion) -> str:
     what = "two oscillations beat" if motion is Motion.BEATS else "two modes are in it"
     second = f"the second with {share} of the amplitude of the first"
     return f"{what}, at {_mode(one)} and at {_mode(other)}, {second}"
-
-
-def _no_decay(one: Mode, v: Verdict) -> str:
-    """An oscillation that stays; what it may lose at most, should nothing keep it in motion."""
-    limit = max(one.damping_ratio, 0.0) + 0.5 * (one.high - one.low)
-    cycles = f" over {v.window.cycles:.0f} cycles" if v.window else ""
-    return (
-        f"no decay is seen: it oscillates at {digits(one.frequency, _slack(one))} Hz with an amplitude of "
-        f"{one.first:.3g} {one.unit} that stays{cycles}. Something keeps it in motion, or its damping ratio is below "
-        f"{100 * limit:.2g} % (95 %), Q above {float(f'{0.5 / limit:.2g}'):,.0f}"
-    )
 
 
 def _mode(m: Mode) -> str:

@@ -39,7 +39,8 @@ class Force:
         columns += [(self.motion.t - self.motion.t[0]) ** j for j in range(drift)]
         self._count, self._decode = form.columns.shape[1], form.decode
         self._columns = np.column_stack(columns) if columns else np.zeros((self.motion.t.size, 0))
-        self._basis = np.linalg.svd(_unit(self._columns), full_matrices=False)[0]
+        columns_of_unit_length = self._columns / np.maximum(np.linalg.norm(self._columns, axis=0), 1e-300)
+        self._basis = np.linalg.svd(columns_of_unit_length, full_matrices=False)[0]
         duration = float(self.motion.t[-1] - self.motion.t[0])
         self.independent = (
             self.motion.t.size if self.motion.clean else max(self.motion.bandwidth * duration / np.pi, 4.0)
@@ -86,10 +87,6 @@ class Force:
             return {}
         left = self.target - self.motion.project(expression(self.omega))
         return self._decode(solved(self._columns, left)[: self._count])
-
-
-def _unit(a: np.ndarray) -> np.ndarray:
-    return a / np.maximum(np.linalg.norm(a, axis=0), 1e-300)
 
 
 def _knots_per_period(signal: Signal, seen: Features) -> float:

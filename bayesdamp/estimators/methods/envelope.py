@@ -45,7 +45,6 @@ class Envelope(Estimator[EnvelopeOptions]):
     and trajectories are both read at the record's times and interpolated to an even one.
     """
 
-    name = "envelope"
     options = EnvelopeOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:

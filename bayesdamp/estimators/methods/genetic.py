@@ -43,7 +43,6 @@ class GeneticOptions(Options):
 class Genetic(Estimator[GeneticOptions]):
     """Least misfit of a population of trajectories."""
 
-    name = "genetic"
     options = GeneticOptions
 
     def initial(

@@ -79,7 +79,6 @@ class Koopman(Estimator[KoopmanOptions]):
     filtered alike (a linear relation among them outlives a linear filter), and the lag is many samples.
     """
 
-    name = "koopman"
     with_parameters = "its library is of fixed functions"
     options = KoopmanOptions
 

@@ -39,7 +39,6 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
     A coefficient may come out negative: it is reported as it is.
     """
 
-    name = "least_squares"
     options = LeastSquaresOptions
 
     def initial(

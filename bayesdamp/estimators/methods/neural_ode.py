@@ -12,12 +12,9 @@ motion, segment by segment, as the learnt force does over the velocities of the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import torch
 from pydantic import Field
-from torch import Tensor
 
 from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.networks.shooting import Shooting
@@ -48,7 +45,6 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
     of velocities (`velocity`, rad/s) beside that of the law with the coefficients found (`law`).
     """
 
-    name = "neural_ode"
     by_position = "its network is a force of the velocity alone"
     with_parameters = "its force is projected on functions with one coefficient each"
     options = NeuralOdeOptions
@@ -81,7 +77,12 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
             coefficients = trained.watched * shooting.units
             values = dict(zip(shooting.coefficients, map(float, coefficients[-1])))
             free = shooting.found(trained.x)
-            details = _learnt(shooting, trained.x, coefficients[-1])
+            velocity = np.linspace(-shooting.peak, shooting.peak, GRID)
+            details = {
+                "velocity": velocity.tolist(),
+                "force": shooting.force(trained.x, velocity).tolist(),
+                "law": (shooting.forces.shapes(velocity)[0] @ coefficients[-1]).tolist(),
+            }
         values |= {name: free[name] for name in free_names(problem)}
         return Estimate(
             self.name,
@@ -92,15 +93,6 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
             evaluations=trained.evaluations,
             outcome=trained.outcome,
         )
-
-
-def _learnt(shooting: Shooting, x: Tensor, coefficients: np.ndarray) -> Mapping[str, object]:
-    velocity = np.linspace(-shooting.peak, shooting.peak, GRID)
-    return {
-        "velocity": velocity.tolist(),
-        "force": shooting.force(x, velocity).tolist(),
-        "law": (shooting.forces.shapes(velocity)[0] @ coefficients).tolist(),
-    }
 
 
 PLUGIN = NeuralOde()

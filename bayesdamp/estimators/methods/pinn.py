@@ -16,9 +16,8 @@ from pydantic import Field
 from torch import Tensor
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.networks.forces import Forces
 from bayesdamp.estimators.networks.jets import jets, slopes
-from bayesdamp.estimators.networks.record import Phase, thinned
+from bayesdamp.estimators.networks.record import Phase, Scaled
 from bayesdamp.estimators.networks.training import (
     REAL,
     gauss_newton,
@@ -27,18 +26,14 @@ from bayesdamp.estimators.networks.training import (
     single_thread,
 )
 from bayesdamp.estimators.shared import (
-    ORDER,
     checked_features,
     decay_start,
-    epsilon_of,
     free_start,
     oscillator,
-    start_parameters,
 )
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
-MOST_SAMPLES = 1500
 UNINFORMED = 0.05
 """Equivalent damping ratio of each term at an uninformed start."""
 
@@ -66,7 +61,6 @@ class Pinn(Estimator[PinnOptions]):
     A coefficient may come out negative: it is reported as it is.
     """
 
-    name = "pinn"
     by_position = "the damping in its loss is a function of the velocity alone"
     with_parameters = "its loss has one weight for each term"
     options = PinnOptions
@@ -100,7 +94,7 @@ class Pinn(Estimator[PinnOptions]):
         )
 
 
-class _Loss:
+class _Loss(Scaled):
     """Equation (17) as a sum of squares; unknown are the weights, then the physical parameters in units.
 
     start: the first unknowns. coefficients, restoring: names of the physical ones.
@@ -109,20 +103,12 @@ class _Loss:
     def __init__(
         self, signal: Signal, problem: Problem, options: PinnOptions, seen: Features, rng: np.random.Generator
     ) -> None:
-        osc, known = oscillator(problem), problem.system.known
-        base = start_parameters(signal, problem, seen)
-        self.amplitude, self.frequency = seen.amplitude, seen.frequency
-        self.rest = seen.rest if signal.quantity == "angle" else osc.equilibrium(base)
-        self.order = ORDER[signal.quantity]
-        self.coefficients = osc.coefficients
-        self.restoring = tuple(name for name in osc.law.parameters if name not in known)
-        self.forces = Forces(osc, base, self.restoring, epsilon_of(problem, seen))
-
-        per_ratio = [1.0 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms]
+        super().__init__(signal, problem, seen)
+        per_ratio = [1.0 / term.ratio_per_unit(self.a, self.w) for term in oscillator(problem).terms]
         guess = decay_start(problem, seen)
-        direct = [guess[name] for name in osc.coefficients]
+        direct = [guess[name] for name in self.coefficients]
         damping = direct if options.start == "direct" else [UNINFORMED * unit for unit in per_ratio]
-        free = [base[name] for name in self.restoring]
+        free = [self.base[name] for name in self.restoring]
         self.units = torch.tensor(
             [0.1 * unit for unit in per_ratio] + [max(abs(v), seen.amplitude) for v in free], dtype=REAL
         )
@@ -138,25 +124,13 @@ class _Loss:
         def rows(t: np.ndarray) -> Tensor:
             return _inputs(t, end, phase, options.harmonics, seen.frequency)
 
-        t, y = thinned(signal, seen, MOST_SAMPLES)
-        self.data = rows(t)[:, : self.order + 1]
-        self.y = torch.tensor(
-            (y - (self.rest if self.order == 0 else 0.0)) / (seen.amplitude * seen.frequency**self.order)
-        )
+        self.data = rows(self.t)[:, : self.order + 1]
         # Evenly spread but at no fixed phase, so that what friction does within a cycle is seen everywhere.
         spread = (
             np.arange(options.collocation) + rng.uniform(0.0, 1.0, options.collocation)
         ) / options.collocation
         self.inside = rows(end * spread)
         self.first = rows(np.zeros(1))[:, :2]
-        wanted = [known.get("theta0"), known.get("omega0")]
-        self.given = [i for i, value in enumerate(wanted) if value is not None]
-        scaled = [
-            (float(v) - (self.rest if i == 0 else 0.0)) / (seen.amplitude * seen.frequency**i)
-            for i, v in enumerate(wanted)
-            if v is not None
-        ]
-        self.begin = torch.tensor(scaled, dtype=REAL)
         self.weight = (
             1.0 / self.y.numel() ** 0.5,
             (options.physics_weight / options.collocation) ** 0.5,
@@ -174,11 +148,11 @@ class _Loss:
     def beginning(self, x: Tensor) -> tuple[float, float]:
         """The network's θ(0) and θ̇(0)."""
         n, n1 = jets(x[: self.count], self.first, self.sizes)[0].tolist()
-        return self.rest + self.amplitude * n, self.amplitude * self.frequency * n1
+        return self.rest + self.a * n, self.a * self.w * n1
 
     def _physics(self, jet: Tensor, x: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """Residual (m,) in Aω², and its derivatives by N, by N', by the physical unknowns."""
-        a, w = self.amplitude, self.frequency
+        a, w = self.a, self.w
         values, c = self.physical(x), len(self.coefficients)
         theta, omega = (self.rest + a * jet[:, 0]).numpy(), (a * w * jet[:, 1]).numpy()
         force, slope, by = self.forces.restoring(theta, values[c:])

@@ -66,7 +66,6 @@ class Rnn(Estimator[RnnOptions]):
     Free restoring parameters and a free start are those that the record's features show.
     """
 
-    name = "rnn"
     with_parameters = "its network is trained to give one number"
     options = RnnOptions
 

@@ -111,7 +111,6 @@ class Sindy(Estimator[SindyOptions]):
     damping is the model's, and the outcome says so.
     """
 
-    name = "sindy"
     with_parameters = "its library is of fixed functions"
     options = SindyOptions
 

@@ -64,7 +64,6 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
     parameters that are not known, a regression with an arbitrary function of θ̇ takes the force off first.
     """
 
-    name = "symbolic_regression"
     by_position = "its expressions are of the velocity alone"
     options = SymbolicRegressionOptions
 
@@ -181,22 +180,19 @@ def _read(
     fastest = float(np.abs(force.omega).max())
     own = [abs(width) for width in expression.widths()] if any(term.switches for term in terms) else []
     own = sorted((w for w in own if w > 0), key=lambda width: abs(width - epsilon))
+    switch = own[0] if own else None
     near = [width for width in own if abs(width - epsilon) <= SWITCH * fastest]
     for width in [*near[:1], epsilon]:
         columns = shapes(width)
         c = solved(columns, f)
         if np.sqrt(np.mean((f - columns @ c) ** 2)) <= SAME * np.sqrt(np.mean(f**2)):
-            return (
-                {**_named(terms, c), **further},
-                own[0] if own else None,
-                "the expression is the law: its own constants",
-            )
+            return {**_named(terms, c), **further}, switch, "the expression is the law: its own constants"
     smooth = np.column_stack([force.motion.project(column) for column in shapes(epsilon).T])
     if len(terms) == 1:
         c = np.atleast_1d(force.motion.project(f) @ force.motion.omega / (smooth[:, 0] @ force.motion.omega))
-        return {**_named(terms, c), **further}, own[0] if own else None, "the law that does the same work"
+        return {**_named(terms, c), **further}, switch, "the law that does the same work"
     c = solved(smooth, force.motion.project(f))
-    return {**_named(terms, c), **further}, own[0] if own else None, "the law nearest to the expression"
+    return {**_named(terms, c), **further}, switch, "the law nearest to the expression"
 
 
 def _named(terms: tuple, c: np.ndarray) -> dict[str, float]:

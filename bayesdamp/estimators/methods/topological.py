@@ -68,7 +68,6 @@ class Pairs:
 class Topological(Estimator[TopologicalOptions]):
     """One damping coefficient from the lifetimes of a cycle's sublevel components."""
 
-    name = "topological"
     options = TopologicalOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
@@ -84,25 +83,21 @@ class Topological(Estimator[TopologicalOptions]):
     ) -> Estimate:
         """The coefficient from the fall of the persistence lifetimes."""
         seen = checked_features(signal)
-        value = self._value(signal, problem, options, seen)
+        damping, y, omega = problem.damping[0], signal.y - seen.rest, natural_frequency(problem, seen)
+        if options.variant == "as_printed":
+            pairs = printed_pairs(y, signal, seen, options.significance)
+            value = AS_PRINTED[damping](pairs, omega, seen)
+        else:
+            pairs = published_pairs(y, signal, problem, seen, options.significance)
+            # Amplitudes of a velocity or an acceleration are those of the displacement times ω or ω².
+            unit = omega ** ORDER[signal.quantity]
+            value = PUBLISHED[damping](replace(pairs, v=pairs.v / unit, p=pairs.p / unit), omega)
         values = {oscillator(problem).coefficients[0]: value}
         free = free_names(problem)
         if free:
             start = start_parameters(signal, problem, seen)
             values |= {name: start[name] for name in free}
         return Estimate(self.name, "initial", values, evaluations=1)
-
-    def _value(self, signal: Signal, problem: Problem, options: TopologicalOptions, seen: Features) -> float:
-        damping = problem.damping[0]
-        y = signal.y - seen.rest
-        omega = natural_frequency(problem, seen)
-        if options.variant == "as_printed":
-            pairs = printed_pairs(y, signal, seen, options.significance)
-            return AS_PRINTED[damping](pairs, omega, seen)
-        pairs = published_pairs(y, signal, problem, seen, options.significance)
-        # Amplitudes of a velocity or an acceleration are those of the displacement times ω or ω².
-        unit = omega ** ORDER[signal.quantity]
-        return PUBLISHED[damping](replace(pairs, v=pairs.v / unit, p=pairs.p / unit), omega)
 
 
 def natural_frequency(problem: Problem, seen: Features) -> float:

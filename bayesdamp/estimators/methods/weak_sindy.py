@@ -58,7 +58,6 @@ class WeakSindy(Estimator[WeakSindyOptions]):
     Terms fall from the library by their t-value; the number kept has the least Bayesian information criterion.
     """
 
-    name = "weak_sindy"
     with_parameters = "its library is of fixed functions"
     options = WeakSindyOptions
 

@@ -1,13 +1,17 @@
-"""A record as a network is shown it: few enough samples, and a phase that runs with its own oscillation."""
+"""A record as a network is shown it: few enough samples, its own scales, and a phase that runs with its oscillation."""
 
 from __future__ import annotations
 
 import numpy as np
+import torch
 
-from bayesdamp.estimators.shared import noise_level
+from bayesdamp.estimators.networks.forces import Forces
+from bayesdamp.estimators.networks.training import REAL
+from bayesdamp.estimators.shared import ORDER, epsilon_of, noise_level, oscillator, start_parameters
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Signal
+from bayesdamp.types import Problem, Signal
 
+MOST_SAMPLES = 1500
 PER_CYCLE = 40.0
 """Means are not taken over more than this part of a cycle: the mean of a sinusoid is then 0.1 % small."""
 
@@ -24,6 +28,31 @@ def thinned(signal: Signal, seen: Features, most: int) -> tuple[np.ndarray, np.n
         t, y = times.mean(axis=1)[whole], y[: blocks * group].reshape(blocks, group).mean(axis=1)[whole]
     rows = np.unique(np.linspace(0, t.size - 1, min(most, t.size)).round().astype(int))
     return t[rows], y[rows]
+
+
+class Scaled:
+    """A record and its oscillator in the record's scales: the amplitude a and the angular frequency w.
+
+    t, recorded: samples, (n,) each. y: the samples about the rest, in amplitudes. base: all parameters but damping.
+    coefficients, restoring: names of what is sought. given, begin: which of angle and velocity at the start are known,
+    and their values in amplitudes.
+    """
+
+    def __init__(self, signal: Signal, problem: Problem, seen: Features) -> None:
+        osc, known = oscillator(problem), problem.system.known
+        self.base = start_parameters(signal, problem, seen)
+        self.a, self.w, self.order = seen.amplitude, seen.frequency, ORDER[signal.quantity]
+        self.rest = seen.rest if self.order == 0 else osc.equilibrium(self.base)
+        self.coefficients = osc.coefficients
+        self.restoring = tuple(name for name in osc.law.parameters if name not in known)
+        self.forces = Forces(osc, self.base, self.restoring, epsilon_of(problem, seen))
+        self.t, self.recorded = thinned(signal, seen, MOST_SAMPLES)
+        middle = self.rest if self.order == 0 else 0.0
+        self.y = torch.from_numpy((self.recorded - middle) / (self.a * self.w**self.order))
+        wanted = [(known.get("theta0"), self.rest, self.a), (known.get("omega0"), 0.0, self.a * self.w)]
+        self.given = [i for i, (value, _, _) in enumerate(wanted) if value is not None]
+        scaled = [(v - zero) / unit for v, zero, unit in wanted if v is not None]
+        self.begin = torch.tensor(scaled, dtype=REAL)
 
 
 class Phase:

@@ -8,15 +8,13 @@ from numpy.polynomial import Polynomial
 from torch import Tensor
 from torchdiffeq import odeint
 
-from bayesdamp.estimators.networks.forces import Forces
 from bayesdamp.estimators.networks.jets import jets, slopes
-from bayesdamp.estimators.networks.record import thinned
+from bayesdamp.estimators.networks.record import Scaled
 from bayesdamp.estimators.networks.training import REAL, layers
-from bayesdamp.estimators.shared import ORDER, epsilon_of, oscillator, start_parameters
+from bayesdamp.estimators.shared import oscillator
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Problem, Signal
 
-MOST_SAMPLES = 1500
 MOST_SEGMENTS = 160
 QUINTIC = np.array(
     [
@@ -31,7 +29,7 @@ QUINTIC = np.array(
 """Powers 0 to 5 of the share of a step, in the polynomials of value, slope and curvature at either end."""
 
 
-class Shooting:
+class Shooting(Scaled):
     """The loss of a learnt damping force as a sum of squares.
 
     Angles are in amplitudes A about the rest, times in 1/ω, forces in Aω². Unknown are the weights of the network, the
@@ -50,15 +48,11 @@ class Shooting:
         continuity: float,
         random: torch.Generator,
     ) -> None:
-        osc, known = oscillator(problem), problem.system.known
-        base = start_parameters(signal, problem, seen)
-        self.a, self.w, self.order = seen.amplitude, seen.frequency, ORDER[signal.quantity]
-        self.rest = seen.rest if self.order == 0 else osc.equilibrium(base)
-        self.coefficients = osc.coefficients
-        self.units = np.array([0.1 / term.ratio_per_unit(self.a, self.w) for term in osc.terms])
-        self.restoring = tuple(name for name in osc.law.parameters if name not in known)
-        self.forces = Forces(osc, base, self.restoring, epsilon_of(problem, seen))
-        free = np.array([base[name] for name in self.restoring])
+        super().__init__(signal, problem, seen)
+        self.units = np.array(
+            [0.1 / term.ratio_per_unit(self.a, self.w) for term in oscillator(problem).terms]
+        )
+        free = np.array([self.base[name] for name in self.restoring])
         self.free_units = np.maximum(np.abs(free), self.a)
 
         self.sizes = (1, width, width, 1)
@@ -74,22 +68,17 @@ class Shooting:
             0.0, length, max(8, int(np.ceil(steps * length / (2 * np.pi)))) + 1, dtype=REAL
         )
 
-        t, y = thinned(signal, seen, MOST_SAMPLES)
-        self._place(t * self.w, (y - (self.rest if self.order == 0 else 0.0)) / (self.a * self.w**self.order))
-        self.weight = (1.0 / y.size**0.5, continuity)
-        wanted = [(known.get("theta0"), self.rest, self.a), (known.get("omega0"), 0.0, self.a * self.w)]
-        self.given = [i for i, (value, _, _) in enumerate(wanted) if value is not None]
-        self.begin = torch.tensor(
-            [(v - zero) / unit for v, zero, unit in wanted if v is not None], dtype=REAL
-        )
-        states = self._states(t * self.w, y / (self.a * self.w**self.order), length)
+        self._place(self.t * self.w)
+        self.weight = (1.0 / self.t.size**0.5, continuity)
+        recorded = self.recorded / (self.a * self.w**self.order)
+        states = self._states(self.t * self.w, recorded, length)
         self.start = torch.cat(
             [weights, torch.tensor(free / self.free_units, dtype=REAL), states.reshape(-1)]
         )
         self.physical = self.count + free.size
         self.peak = float(self.a * self.w * states[:, 1].abs().max())
 
-    def _place(self, s: np.ndarray, y: np.ndarray) -> None:
+    def _place(self, s: np.ndarray) -> None:
         """Where each sample lies: its segment, its step in there, and the weights of the nodes on either side."""
         step = float(self.nodes[1])
         per = self.nodes.numel() - 1
@@ -97,7 +86,6 @@ class Shooting:
         weights = _hermite(s / step - at, step, self.order)
         self.segment, self.step = torch.from_numpy(at // per), torch.from_numpy(at % per)
         self.dense = torch.from_numpy(weights).reshape(-1, 2, 3)
-        self.y = torch.from_numpy(y)
 
     def _states(self, s: np.ndarray, y: np.ndarray, length: float) -> Tensor:
         """Angle and velocity at the start of each segment (segments, 2), from a sinusoid through the samples near."""

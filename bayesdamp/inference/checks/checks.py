@@ -19,7 +19,7 @@ from bayesdamp.inference.fit.mode import Mode, whitening
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NoiseModel
-from bayesdamp.outcomes import Fitting
+from bayesdamp.outcomes import P_LIMIT, Fitting
 from bayesdamp.types import AddedForm, Forecast, PartialFit, Refusal
 
 DRAWS = 200
@@ -27,7 +27,6 @@ STEP = 0.1
 """Posterior sds by which a parameter is moved to see what it does to the residuals."""
 HELD = 1e-6
 """Score of a coefficient up to which it is held at zero."""
-P_LIMIT = 0.01
 LINE_LIMIT = 0.005
 """Chance from which a part of the residuals' spectrum stands out: with the other two limits, 2 % of true models are
 refused."""

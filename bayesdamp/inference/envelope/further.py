@@ -48,7 +48,10 @@ class Explored:
 
     def resampled(self, count: int) -> np.ndarray:
         """Points, (count, e), that are worth the same each, evenly through the posterior."""
-        order = np.argsort(self.points @ _first_axis(self.points, _normalised(self.log_weight)))
+        weight = _normalised(self.log_weight)
+        off = self.points - weight @ self.points
+        widest = np.linalg.eigh((off.T * weight) @ off)[1][:, -1]
+        order = np.argsort(self.points @ widest)
         cumulative = np.cumsum(_normalised(self.log_weight[order]))
         at = np.searchsorted(cumulative, (np.arange(count) + 0.5) / count)
         return self.points[order][np.minimum(at, len(order) - 1)]
@@ -114,9 +117,3 @@ def _log_normal(points: np.ndarray, mean: np.ndarray, triangle: np.ndarray) -> n
     return (
         -0.5 * np.sum(z * z, axis=0) - np.log(np.diag(triangle)).sum() - 0.5 * mean.size * np.log(2 * np.pi)
     )
-
-
-def _first_axis(points: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """The direction in which weighted points spread most, (e,)."""
-    off = points - weight @ points
-    return np.linalg.eigh((off.T * weight) @ off)[1][:, -1]

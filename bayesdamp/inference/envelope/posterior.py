@@ -50,7 +50,10 @@ def draw(
     """
     log_z = np.array([(c.total_exact if exact else c.total) + c.log_share for c in candidates])
     probability = np.exp(log_z - log_z.max())
-    counts = _shared(probability / probability.sum(), rng)
+    # Draws are shared out by systematic resampling (Kitagawa 1996).
+    at = (rng.random() + np.arange(DRAWS)) / DRAWS
+    shares = np.cumsum(probability / probability.sum())
+    counts = np.bincount(np.searchsorted(shares[:-1], at), minlength=probability.size)
     parts = [
         (*_draws(blocks, c, *c.draws(exact, n, rng), terms, amplitudes, sensor, rng), np.full(n, i))
         for i, (c, n) in enumerate(zip(candidates, counts, strict=True))
@@ -59,12 +62,6 @@ def draw(
     at, whole, energy, rms, rates, candidate = (np.concatenate(column) for column in zip(*parts, strict=True))
     known = {term: column[np.isfinite(column)] for term, column in zip(terms, rates.T, strict=True)}
     return Draws(at, whole, energy, rms, candidate, known)
-
-
-def _shared(probability: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """How many of all draws each gets: systematic resampling (Kitagawa 1996)."""
-    at = (rng.random() + np.arange(DRAWS)) / DRAWS
-    return np.bincount(np.searchsorted(np.cumsum(probability)[:-1], at), minlength=probability.size)
 
 
 def _draws(

@@ -13,7 +13,7 @@ import numpy as np
 from bayesdamp import __version__
 from bayesdamp.calls import Told
 from bayesdamp.serial import join, split
-from bayesdamp.store.files import BROKEN, packed, unpacked, write_bytes
+from bayesdamp.store.files import BROKEN, packed, save_bytes, unpacked
 from bayesdamp.table import Table
 from bayesdamp.types import InputError
 
@@ -39,13 +39,9 @@ class Result(Shown):
 
     def save(self, path: str | Path) -> Path:
         """Write it to a file, all of it or nothing; the path. Raises InputError where it cannot be written."""
-        path, arrays = Path(path), dict[str, np.ndarray]()
+        arrays = dict[str, np.ndarray]()
         head = {"kind": type(self).__name__, "version": __version__, "value": split(self, arrays)}
-        try:
-            write_bytes(path, packed(META, head, arrays, zipfile.ZIP_DEFLATED))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-        return path
+        return save_bytes(path, packed(META, head, arrays, zipfile.ZIP_DEFLATED))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -59,13 +60,11 @@ class Record(Result):
         """Start and stop in s of each free decay in each of the `runs`, as `bayesdamp look` shows them; empty where a
         run has none. `signal(run, start=..., stop=...)` takes one of them.
         """
-        return {run: self._releases(run) for run in self.runs}
-
-    def _releases(self, run: int) -> tuple[tuple[float, float], ...]:
-        try:
-            return tuple((d.start, d.stop) for d in self.signal(run).provenance.decays)
-        except InputError:
-            return ()
+        found: dict[int, tuple[tuple[float, float], ...]] = dict.fromkeys(self.runs, ())
+        for run in self.runs:
+            with suppress(InputError):
+                found[run] = tuple((d.start, d.stop) for d in self.signal(run).provenance.decays)
+        return found
 
     def signal(
         self,
@@ -86,15 +85,8 @@ class Record(Result):
         if run not in self.runs:
             raise InputError(f"{self.path.name}: has no run {run!r}; it has {', '.join(map(str, self.runs))}")
         own = self.path.stem if len(self.raw) == 1 else f"{self.path.stem}-{run}"
-        return cut(
-            self.raw[run - 1],
-            name=name or own,
-            unit=self.unit,
-            quantity=self.quantity,
-            clock=clock,
-            start=start,
-            stop=stop,
-        )
+        window = {"clock": clock, "start": start, "stop": stop}
+        return cut(self.raw[run - 1], name or own, self.unit, self.quantity, **window)
 
     def signals(self) -> tuple[Signal, ...]:
         """The free decay of each run. Raises InputError as `signal` does."""

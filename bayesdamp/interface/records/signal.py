@@ -166,7 +166,7 @@ def signal(
     scale, base = known_unit(unit, quantity, name)
     raw = RawRecord(times, values, rows=np.arange(times.size))
     if cleaned:
-        return cut(raw, name=name, unit=unit, quantity=quantity, clock=clock, start=start, stop=stop)
+        return cut(raw, name, unit, quantity, clock=clock, start=start, stop=stop)
     if np.any(np.diff(times) <= 0):
         at = int(np.argmax(np.diff(times) <= 0)) + 1
         raise InputError(
@@ -178,20 +178,12 @@ def signal(
     return Signal(times - times[0], values * scale, quantity, base, name, step, provenance)
 
 
-def cut(
-    raw: RawRecord,
-    *,
-    name: str,
-    unit: str = "rad",
-    quantity: str = "angle",
-    clock: str = "auto",
-    start: str | float = "auto",
-    stop: str | float = "auto",
-) -> Signal:
-    """The free decay in a raw record, with the whole of it beside. Options and errors are those of `clean`."""
+def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> Signal:
+    """Return the free decay in a raw record, with the whole of it; window: clock, start and stop as of `clean`, whose
+    errors it has too."""
     raw = unwrapped(raw, unit, quantity)
-    kept = clean(raw, name=name, unit=unit, quantity=quantity, clock=clock, start=start, stop=stop)
-    whole = clock_times(raw, clock, name).t
+    kept = clean(raw, name=name, unit=unit, quantity=quantity, **window)
+    whole = clock_times(raw, window["clock"], name).t
     return Signal.of(
         kept, whole_t=np.asarray(whole), whole_y=raw.y * UNITS[unit].factor - kept.provenance.offset
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bayesdamp import formatting as fmt
@@ -35,15 +34,11 @@ def sweep(found: Series, methods: list[str]) -> Figure:
             label = f"{words.method(method)}, {repeats}"
             ax.plot(x, y, lw=0.9, ls=dash, ms=4, mfc="white", label=label, **look)
         ax.plot(x, found.bounds, color=INK, lw=1.4, ls=(0, (3, 2)), label="Cramér–Rao bound")
-        _finish(ax, x, found)
+        ax.set(xscale="log", yscale="log", xlabel=FACTORS[found.factor])
+        ax.set_xticks(x, [fmt.given(v) for v in found.values])
+        ax.minorticks_off()
         ax.set_title(words.stage(stage))
     axes[0].set_ylabel("rms error / %")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right upper", title="method, repeats")
     return figure
-
-
-def _finish(ax: Axes, x: np.ndarray, found: Series) -> None:
-    ax.set(xscale="log", yscale="log", xlabel=FACTORS[found.factor])
-    ax.set_xticks(x, [fmt.given(v) for v in found.values])
-    ax.minorticks_off()

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp import formatting as fmt
-from bayesdamp.outcomes import Fitting, Status, fitting_of, status_of
+from bayesdamp.outcomes import P_LIMIT, Fitting, Status, fitting_of, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.answers import answer_of
 from bayesdamp.report.results.comparing import true_models
@@ -37,8 +37,6 @@ from bayesdamp.verdict.units import in_unit
 
 WINDOW_SPREAD = 3.0
 """Standard deviations by which a coefficient seldom moves by chance between parts of a record."""
-PREDICTIVE = 0.01
-"""Predictive p below which, and above one less it, records drawn from a model look different."""
 ANSWERS = "smc"
 """The sampler whose draws and evidence the answer itself rests on."""
 SILENT = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
@@ -330,7 +328,7 @@ class Checks:
                     f"{fmt.number(row['window_spread'], 2)} of the standard deviations that chance allows them."
                 )
                 yield Check(text, fails=True)
-            if math.isfinite(row["predictive_p"]) and not PREDICTIVE < row["predictive_p"] < 1 - PREDICTIVE:
+            if math.isfinite(row["predictive_p"]) and not P_LIMIT < row["predictive_p"] < 1 - P_LIMIT:
                 p = fmt.number(row["predictive_p"], 2)
                 text = f"Records drawn from the model look different from this one (predictive p {p})."
                 yield Check(text, fails=not self.exact_only)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from bayesdamp.report.results.reading import damping_parameters
@@ -99,15 +99,16 @@ def compared(run: Run) -> Comparison:
             key = (row["estimator"], row["stage"])
             seconds[key] = seconds.get(key, 0.0) + row["seconds"]
     damping = set(damping_parameters(run).values())
-    errors = {key: error for key, found in rows.items() if math.isfinite(error := _error(found, damping))}
+    own = {
+        key: [r["error_pct"] for r in found if r["parameter"] in damping and math.isfinite(r["error_pct"])]
+        for key, found in rows.items()
+    }
+    errors = {key: rms(sizes) for key, sizes in own.items() if sizes}
     outcomes = {
         key: next((r["outcome"] for r in found if r["outcome"] != OK), OK) for key, found in rows.items()
     }
-    order = [m for members in CATEGORIES.values() for m in members]
-    methods = list(dict.fromkeys(key[0] for key in rows))
-    methods.sort(key=lambda m: order.index(m) if m in order else len(order))
     return Comparison(
-        methods,
+        in_order(key[0] for key in rows),
         signals,
         errors,
         outcomes,
@@ -117,6 +118,12 @@ def compared(run: Run) -> Comparison:
     )
 
 
-def _error(rows: Sequence[Row], damping: set[str]) -> float:
-    found = [r["error_pct"] for r in rows if r["parameter"] in damping and math.isfinite(r["error_pct"])]
-    return math.sqrt(sum(e * e for e in found) / len(found)) if found else math.nan
+def rms(errors: Collection[float]) -> float:
+    """Return the root mean square; nan of none."""
+    return math.sqrt(sum(e * e for e in errors) / len(errors)) if errors else math.nan
+
+
+def in_order(methods: Iterable[str]) -> list[str]:
+    """Return methods in the order of their categories; those of none behind them."""
+    order = [m for members in CATEGORIES.values() for m in members]
+    return sorted(dict.fromkeys(methods), key=lambda m: order.index(m) if m in order else len(order))

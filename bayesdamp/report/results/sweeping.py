@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
-from bayesdamp.report.results.comparing import STAGES, true_models
+from bayesdamp.report.results.comparing import STAGES, rms, true_models
 from bayesdamp.report.results.reading import damping_parameters
 from bayesdamp.report.results.run import Run
 
@@ -88,18 +88,13 @@ def _series(run: Run, model: str, factor: str, signals: list[str], values: list[
         if row["parameter"] in damping and math.isfinite(row["error_pct"]):
             places = found.setdefault(key, [{} for _ in signals])
             places[signals.index(row["signal"])][int(row["repeat"])] = row["error_pct"]
-    errors = {key: [_size(own) for own in places] for key, places in found.items()}
+    errors = {key: [rms(own.values()) for own in places] for key, places in found.items()}
     answers = {
         key: [(len(own), tried[(*key, s)]) for own, s in zip(places, signals)]
         for key, places in found.items()
     }
     bounds = [_bound(run, s, model) for s in signals]
     return Series(model, factor, values, signals, errors, answers, bounds, found)
-
-
-def _size(errors: dict[int, float]) -> float:
-    """Root mean square; nan of none."""
-    return math.sqrt(sum(e * e for e in errors.values()) / len(errors)) if errors else math.nan
 
 
 def _bound(run: Run, signal: str, model: str) -> float:

@@ -23,12 +23,18 @@ class Section(ABC):
     order: int
     """Sections are shown in the order of this number."""
     name: str
-    """Anchor in the report; the name of the section's file."""
+    """Anchor in the report; of a section of the package the name of its file."""
     title: str
 
-    @abstractmethod
+    def __init_subclass__(cls) -> None:
+        """Name a section of the package by its file."""
+        package, _, file = cls.__module__.rpartition(".")
+        if package == __package__ and not file.startswith("_"):
+            cls.name = file
+
     def applies(self, run: Run) -> bool:
-        """Return whether the report of this run has the section."""
+        """Return whether the report of this run has the section: by default every report."""
+        return True
 
     @abstractmethod
     def render(self, run: Run) -> str:

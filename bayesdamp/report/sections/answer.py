@@ -66,7 +66,6 @@ class AnswerSection(Section):
     """The verdict of each record: a sentence, three numbers, one picture, the checks of it."""
 
     order = 5
-    name = "answer"
     title = "Which damping, and how large"
 
     def applies(self, run: Run) -> bool:

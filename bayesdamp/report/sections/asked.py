@@ -22,12 +22,7 @@ class Asked(Section):
     """Signals, what is known and what is free, and the methods in use."""
 
     order = 20
-    name = "asked"
     title = "What was asked"
-
-    def applies(self, run: Run) -> bool:
-        """In every report."""
-        return True
 
     def render(self, run: Run) -> str:
         """Tables of the resolved study, and its text folded."""

@@ -34,7 +34,6 @@ class Calibrated(Section):
     """The verdict, the ranks of each model, the coverage of all intervals, and which records count."""
 
     order = 11
-    name = "calibrated"
     title = "Are the intervals what they say?"
 
     def applies(self, run: Run) -> bool:

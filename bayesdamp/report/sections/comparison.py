@@ -25,7 +25,6 @@ class ComparisonSection(Section):
     """Errors and times of all methods under the model that made each record."""
 
     order = 35
-    name = "comparison"
     title = "The estimators compared"
 
     def place(self, run: Run) -> int:

@@ -36,7 +36,6 @@ class Estimates(SignalSection):
     """Tables and figures of estimates.csv, the best model open, the others folded."""
 
     order = 40
-    name = "estimates"
     title = "The estimators"
     lead = Markup(
         "Each estimator first works by itself (its <em>own estimate</em>, from the record alone), then its result "

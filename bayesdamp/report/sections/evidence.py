@@ -28,7 +28,6 @@ class EvidenceSection(SignalSection):
     """A bar per model, and every method's numbers in a table."""
 
     order = 60
-    name = "evidence"
     title = "Which damping: the evidence"
     lead = (
         "The evidence weighs how well a model predicts the record against how much it could have predicted. A log "

@@ -28,7 +28,6 @@ class FitQuality(SignalSection):
     """fits.csv, and the fits to parts of the record."""
 
     order = 70
-    name = "fit_quality"
     title = "How good the fits are"
     lead = (
         "The residual's autocorrelation at lag one tells whether neighbouring samples are as independent as white "

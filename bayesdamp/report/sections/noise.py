@@ -22,7 +22,6 @@ class Noise(SignalSection):
     """The noise models and the widths of friction with their probabilities, and which are used."""
 
     order = 45
-    name = "noise"
     title = "Which noise, and how sharp friction is"
     lead = (
         "The noise models are compared once for each record, on the residuals of the fit of all damping terms, and all "

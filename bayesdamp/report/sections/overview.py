@@ -25,7 +25,6 @@ class Overview(Section):
     """The specimens' verdicts, their damping curves, and a line a record with a link to it."""
 
     order = 4
-    name = "overview"
     title = "All records"
 
     def applies(self, run: Run) -> bool:

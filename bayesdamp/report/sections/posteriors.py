@@ -32,7 +32,6 @@ class Posteriors(SignalSection):
     """Every model's posterior, the best model open; a table says whether the samplers may be trusted."""
 
     order = 50
-    name = "posteriors"
     title = "The posteriors"
     nothing = "No posterior was sampled in this study."
 

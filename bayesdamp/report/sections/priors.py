@@ -38,7 +38,6 @@ class Priors(SignalSection):
     """The priors of each signal; a parameter with one prior in all models stands once."""
 
     order = 80
-    name = "priors"
     title = "What was assumed: the priors"
 
     def shows(self, run: Run, signal: str) -> bool:

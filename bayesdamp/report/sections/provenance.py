@@ -17,12 +17,7 @@ class Provenance(Section):
     """Versions, revision, machine, inputs, and the seconds of each kind of cell."""
 
     order = 90
-    name = "provenance"
     title = "How this was made"
-
-    def applies(self, run: Run) -> bool:
-        """In every report."""
-        return True
 
     def render(self, run: Run) -> str:
         """What the numbers were made by and from."""

@@ -23,7 +23,6 @@ class Record(SignalSection):
     """Each signal as read, as used, and as every model explains it."""
 
     order = 30
-    name = "record"
     title = "The record and the fits"
 
     def shows(self, run: Run, signal: str) -> bool:

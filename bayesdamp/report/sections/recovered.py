@@ -31,7 +31,6 @@ class Recovered(Section):
     """Hits against what the probabilities promise, for all models and for single dampings."""
 
     order = 12
-    name = "recovered"
     title = "Are the models' probabilities what they say?"
 
     def applies(self, run: Run) -> bool:

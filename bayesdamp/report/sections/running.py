@@ -21,7 +21,6 @@ class Running(SignalSection):
     """Estimate and band of each coefficient against time, where a sampler filtered the record."""
 
     order = 55
-    name = "running"
     title = "The damping while it is measured"
     lead = (
         "What a Kalman filter says of the damping after each sample. Its first pass uses every sample once; the passes "

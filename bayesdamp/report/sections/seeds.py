@@ -28,7 +28,6 @@ class Seeds(SignalSection):
     """Each seed's climb, the modes found, and what each chain made of its start."""
 
     order = 57
-    name = "seeds"
     title = "Where the searches started, and where they ended"
     lead = (
         "An optimisation (Levenberg–Marquardt) starts at every estimate, at each of its stages, and at a few draws "

@@ -32,7 +32,6 @@ class Sensitivity(SignalSection):
     """Of a signal's first repeat: Bayes factors over prior widths, the first half, Savage and Dickey."""
 
     order = 62
-    name = "sensitivity"
     title = "What the evidence depends on"
 
     def shows(self, run: Run, signal: str) -> bool:

@@ -46,7 +46,6 @@ class Specimens(Section):
     """Of each specimen with several records its joint fit; over several specimens their population."""
 
     order = 13
-    name = "specimens"
     title = "Many records"
 
     def applies(self, run: Run) -> bool:

@@ -10,7 +10,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.errors import sweep
 from bayesdamp.report.html import folded, stack
-from bayesdamp.report.results.comparing import CATEGORIES, STAGES
+from bayesdamp.report.results.comparing import STAGES, in_order
 from bayesdamp.report.results.places import interval
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import FACTORS, Series, series
@@ -22,7 +22,6 @@ class Sweeps(Section):
     """One figure and two tables a series."""
 
     order = 37
-    name = "sweeps"
     title = "Errors against noise, sampling and length"
 
     def applies(self, run: Run) -> bool:
@@ -33,7 +32,7 @@ class Sweeps(Section):
         """Errors along each series."""
         parts: list[object] = []
         for found in series(run):
-            methods = _methods(found)
+            methods = in_order(method for method, _ in found.errors)
             counts = sorted({tried for pairs in found.answers.values() for _, tried in pairs if tried})
             repeats = fmt.listing(map(str, counts), "or") if counts else "no"
             caption = (
@@ -45,12 +44,6 @@ class Sweeps(Section):
             parts.append(run.drawings.add(name, caption, lambda f=found, m=methods: sweep(f, m)))
             parts.append(folded("These numbers", *(_table(found, methods, stage) for stage in STAGES)))
         return stack(*parts)
-
-
-def _methods(found: Series) -> list[str]:
-    order = [m for members in CATEGORIES.values() for m in members]
-    names = dict.fromkeys(method for method, _ in found.errors)
-    return sorted(names, key=lambda m: order.index(m) if m in order else len(order))
 
 
 def _table(found: Series, methods: list[str], stage: str) -> Table:

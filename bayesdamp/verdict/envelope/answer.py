@@ -14,7 +14,7 @@ from bayesdamp.inference.envelope.decay import Curve, Decay
 from bayesdamp.inference.envelope.exponent import by_power, power_law
 from bayesdamp.inference.envelope.likelihood import RateLikelihood, likelihood_of
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR, Draws, draw
-from bayesdamp.inference.envelope.ranking import Ranking, ranked
+from bayesdamp.inference.envelope.ranking import ranked
 from bayesdamp.inference.envelope.sums import Sum, weighed
 from bayesdamp.inference.envelope.untold import untold
 from bayesdamp.verdict import thresholds
@@ -73,6 +73,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> Answer:
     probabilities = {name: min(p, thresholds.CAP) for name, p in ranking.by_sum.items()}
     first = probabilities.pop(best.name)
     unexplained, noise = decay.misfit(ranking.fitted.fit)
+    shares = zip(ranking.by_term.items(), map(quantity, by_laws[0].energy.T), strict=True)
 
     def at(kind: type[Kind], of: Callable[[np.ndarray], np.ndarray]) -> tuple[Kind, ...]:
         """Return what follows from the rates at the amplitudes."""
@@ -90,7 +91,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> Answer:
         frequency=Interval(frequency, frequency, frequency, "Hz") if frequency else None,
         exponent=interval_of(power.exponent),
         damping_ratio=at(DampingRatio, lambda rates: rates / omega) if omega else (),
-        energy=_energy(ranking, by_laws[0]),
+        energy=tuple(Share(term, q.value, q.low, q.high, p) for (term, p), q in shares),
         deviation=deviation,
         unexplained_pct=100 * unexplained,
         noise_pct=100 * noise,
@@ -106,24 +107,10 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> Answer:
     )
     verdict = replace(verdict, remarks=remarks(verdict, decay, ranking, alike), sentence=sentence(verdict))
     curve = decay.curve(*ranking.fitted.curve(decay.blocks))
-    return Answer(verdict, curve, _likelihoods(decay, ranking))
-
-
-def _likelihoods(decay: Decay, ranking: Ranking) -> dict[str, RateLikelihood]:
-    plain = {one.name for one in ranking.sums if not one.count}
-    return {
-        c.name: likelihood_of(c, decay.blocks, decay.reference, decay.record.unit)
-        for c in ranking.candidates
-        if c.name in plain
-    }
-
-
-def _energy(ranking: Ranking, draws: Draws) -> tuple[Share, ...]:
-    found = []
-    for i, (term, probability) in enumerate(ranking.by_term.items()):
-        share = quantity(draws.energy[:, i])
-        found.append(Share(term, share.value, share.low, share.high, probability))
-    return tuple(found)
+    without_parameters = {one.name for one in ranking.sums if not one.count}
+    plain_sums = [c for c in ranking.candidates if c.name in without_parameters]
+    likelihoods = {c.name: likelihood_of(c, b, decay.reference, decay.record.unit) for c in plain_sums}
+    return Answer(verdict, curve, likelihoods)
 
 
 def _window(decay: Decay) -> Window:
