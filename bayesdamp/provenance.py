@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Self
-
-from bayesdamp.serial import join
 
 Fact = str | float
 
@@ -66,5 +64,7 @@ class Provenance:
     def of(cls, given: Mapping[str, Any]) -> Self:
         """The inverse of `to_dict`, after a file too."""
         own = {f.name for f in fields(cls)} - {"more"}
-        found = join(cls, {name: value for name, value in given.items() if name in own and value is not None})
-        return replace(found, more={name: value for name, value in given.items() if name not in own})
+        found = {name: value for name, value in given.items() if name in own and value is not None}
+        found |= {name: tuple(found.get(name, ())) for name in ("warnings", "notes", "constant_columns")}
+        found["decays"] = tuple(FreeDecay(**decay) for decay in found.get("decays", ()))
+        return cls(**found, more={name: value for name, value in given.items() if name not in own})
