@@ -29,10 +29,13 @@ def run_folder(out: Path | None, name: str) -> Path:
     """A run's folder. Raises InputError where a file has its name."""
     folder = out if out is not None else Path("reports") / name
     try:
-        present = next(place for place in (folder, *folder.absolute().parents) if os.path.lexists(place))
+        os.lstat(folder)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
     except OSError as error:
         what = (error.strerror or str(error)).lower()
         raise InputError(f"--out: is {str(folder)!r}, {what}; it must be a folder, or a new name") from None
+    present = next(place for place in (folder, *folder.absolute().parents) if os.path.lexists(place))
     if not present.is_dir():
         raise InputError(
             f"--out: is {str(folder)!r}, and {present} is not a folder; it must be a folder, or a new name"

@@ -34,7 +34,10 @@ class StudyError(Exception):
 
 def shown(value: object) -> str:
     """A value as the study file writes it, cut to a line's length."""
-    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    try:
+        text = str(value).lower() if isinstance(value, bool) else repr(value)
+    except ValueError:  # Python writes no integer of more than 4,300 digits
+        text = "a number of thousands of digits"
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 

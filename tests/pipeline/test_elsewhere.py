@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-from dataclasses import replace
-
 import pytest
 
 from bayesdamp.config import load_study
@@ -12,7 +9,6 @@ from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.report import render
 from bayesdamp.store import Store
 from bayesdamp.types import Seed
 
@@ -108,17 +104,3 @@ def test_each_candidates_first_half_foretells_the_second(run):
         assert laplace["log_predictive"] == pytest.approx(sampled["log_predictive"], abs=0.2)
         told[model] = laplace
     assert told["quadratic"]["rms"] > 1.2 * told["viscous"]["rms"]
-
-
-def test_the_report_shows_it_of_candidates_that_were_not_sampled(run, tmp_path):
-    _, store = run
-    folder = tmp_path / "out"
-    shutil.copytree(store.folder, folder)
-    cell = Store(folder).read("sensitivity/noisy/0/quadratic/half")
-    Store(folder).write(replace(cell, outcome="not sampled", meta={}))
-    said = []
-    for page in (store.folder / "report.html", render(folder)):
-        text = page.read_text(encoding="utf-8")
-        table = text[text.index("The first half of the record alone") :]
-        said.append("Laplace&#39;s approximation" in table[: table.index("</table>")])
-    assert said == [False, True]

@@ -75,5 +75,4 @@ def test_rows_refusals_and_the_running_estimate(tmp_path, refusing):
     assert cell.arrays["running/restarted/mean"].shape == (200, 1)
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert 'id="running"' in report
-    figures = {p.stem for p in (tmp_path / "out" / "figures").glob("*.svg")}
-    assert {"running-noisy-viscous", "amplitude-noisy-viscous"} <= figures
+    assert (tmp_path / "out" / "figures" / "running-noisy-viscous.svg").exists()

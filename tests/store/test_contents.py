@@ -109,7 +109,7 @@ RANKS = RanksContent(
 )
 RECOVERY = RecoveryContent(("ok",), (True,), 4, ("viscous", "coulomb"), (("ok", "poor"),))
 OF_RATES = {"viscous": {"reference": 0.5, "unit": "dBm", "omega": None}}
-ENVELOPE = AnswerContent({"record": "r"}, envelope=EnvelopeContent("dBm", OF_RATES, ("A sentence.",)))
+ENVELOPE = AnswerContent({"record": "r"}, envelope=EnvelopeContent("dBm", 400, OF_RATES, ("A sentence.",)))
 ALL = [
     RECORD, MODE, ANSWER, ESTIMATE, POSTERIOR, AVERAGE, EVIDENCE, WidthsContent(("zeta",)), HALF, NOISES, RATIOS,
     JOINT, OVER, RANKS, RECOVERY, ENVELOPE,

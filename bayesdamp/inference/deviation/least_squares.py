@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.numerics.levenberg_marquardt import FIRST, LOWEST
@@ -58,6 +57,8 @@ class Fit:
 
 def nonnegative(root: np.ndarray, target: np.ndarray, positive: np.ndarray) -> np.ndarray:
     """Return the u, (d,), of least |root u − target|² with u ≥ 0 where `positive`; root (n, d)."""
+    from scipy.optimize import nnls  # imports slowly
+
     basis, triangle = np.linalg.qr(root[:, ~positive])
     part, u = root[:, positive], np.zeros(root.shape[1])
     if positive.any():

@@ -43,7 +43,7 @@ def test_probabilities_are_probabilities(weighing: Weighing) -> None:
         assert len(each) == 7 + len(weighing.forms)
         assert {"displacement", "stribeck", "power"} <= {r.candidate.damping[-1] for r in weighing.forms}
         assert sum(each.values()) == pytest.approx(1.0)
-        by_sum = summed(each, "damping")
+        by_sum = summed({c.name: p for c, p in each.items()})
         assert sum(by_sum.values()) == pytest.approx(1.0)
         assert list(by_sum.values()) == sorted(by_sum.values(), reverse=True)
         assert next(iter(by_sum)) == "viscous+coulomb"
