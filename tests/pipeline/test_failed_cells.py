@@ -6,7 +6,7 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
-from bayesdamp.pipeline.candidates.cells import CERTAIN
+from bayesdamp.pipeline.candidates import cells
 from bayesdamp.pipeline.records import records
 from bayesdamp.store import Store, read_table
 
@@ -81,7 +81,7 @@ def test_a_failed_mode(study, tmp_path, monkeypatch):
     def failing(branch):
         raise ArithmeticError("made to fail")
 
-    monkeypatch.setitem(CERTAIN, "mode", failing)
+    monkeypatch.setattr(cells, "compute_mode", failing)
     assert run_study(study, tmp_path / "out", workers=1) == 3
     store = Store(tmp_path / "out")
     assert store.read("mode/good/0/viscous").outcome == "failed: ArithmeticError: made to fail"
