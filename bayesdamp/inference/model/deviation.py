@@ -8,7 +8,7 @@ combinations. Without any knots it is that of exact laws under white noise of a 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -89,14 +89,6 @@ class Deviation(NoiseModel):
         _, across, white, each = self._parts(r)
         pull = (np.exp(each - np.logaddexp.reduce(each))[:, None] * white).ravel() @ self._whitening[0]
         return -(self.basis @ pull + across) / np.sqrt(self.variance)
-
-    def quadratic(self, r: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the gradient of the log density by numbers that move the motion along slopes, (k, m), at residuals
-        (m,), and minus the second derivatives, (k, k), the combinations' weights held as they are there."""
-        _, _, _, each = self._parts(r)
-        held = replace(self, probabilities=np.exp(each - np.logaddexp.reduce(each)))
-        root = held.information_root(slopes, np.empty(0), {})
-        return -slopes @ self.slope(r, np.empty(0), {}), root @ root.T
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return R v for shifts (..., m), with the probabilities of the combinations as they are near the mode."""

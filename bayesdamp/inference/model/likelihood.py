@@ -35,15 +35,11 @@ class Line:
         Derivatives of the motion by the inferred parameters that move it.
     at : ndarray, shape (k,)
         Values of these parameters there.
-    quadratic : tuple of ndarray, shapes (k,) and (k, k), or None
-        Gradient by these parameters of the log likelihood with its deviations integrated out, and minus its second
-        derivatives; None where no deviations are.
     """
 
     residual: np.ndarray
     slopes: np.ndarray
     at: np.ndarray
-    quadratic: tuple[np.ndarray, np.ndarray] | None = None
 
 
 @dataclass(frozen=True)
@@ -172,10 +168,9 @@ class Likelihood:
 
     def line(self, z: np.ndarray) -> Line:
         """Return the motion's straight line at scores z, (d,)."""
-        p, deviation = self.target.all_values(z), self.target.deviation
+        p = self.target.all_values(z)
         motion, slopes = self._solved(p)
-        residual, at = self.y - motion, np.array([p[n] for n in self._moving_names])
-        return Line(residual, slopes, at, deviation and deviation.quadratic(residual, slopes))
+        return Line(self.y - motion, slopes, np.array([p[n] for n in self._moving_names]))
 
     def gradient(self, z: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the log posterior at scores z, (d,), and its gradient, (d,)."""
@@ -186,20 +181,13 @@ class Likelihood:
         return self.log_noise(self._moved(line, z).residual, z) + self._prior(z)[0]
 
     def gradient_along(self, line: Line, z: np.ndarray) -> np.ndarray:
-        """Return the gradient of the same, (d,); under deviations, with the weights of their sizes where the line
-        begins."""
-        if line.quadratic is None:
-            return self._slope(self._moved(line, z), z)
-        found, moving, (pull, curvature) = self._prior(z)[1], self.target.moving, line.quadratic
-        found[moving] += self.target.rates(z)[moving] * (pull - curvature @ self._away(line, z))
-        return found
-
-    def _away(self, line: Line, z: np.ndarray) -> np.ndarray:
-        p = self.target.all_values(z)
-        return np.array([p[n] for n in self._moving_names]) - line.at
+        """Return the gradient of the same, (d,)."""
+        return self._slope(self._moved(line, z), z)
 
     def _moved(self, line: Line, z: np.ndarray) -> Line:
-        return Line(line.residual - self._away(line, z) @ line.slopes, line.slopes, line.at)
+        p = self.target.all_values(z)
+        away = np.array([p[n] for n in self._moving_names]) - line.at
+        return Line(line.residual - away @ line.slopes, line.slopes, line.at)
 
     def curvature(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Return the log posterior at scores z, (d,), its gradient, (d,), and the Gauss–Newton information, (d, d)."""

@@ -107,19 +107,3 @@ def test_deviations_are_drawn_from_their_conditional_distribution() -> None:
     assert np.all(np.abs(drawn.mean(axis=0) - mean) < 5 * sd / np.sqrt(4000))
     assert np.cov(drawn.T) == pytest.approx(covariance, rel=0.1, abs=0.1 * float(sd.min()) ** 2)
     assert np.any(np.abs(mean) > 10 * sd / np.sqrt(4000))
-
-
-def test_the_straight_lines_gradient_is_that_of_the_value_where_it_begins() -> None:
-    """And beyond it that of the normal distribution with the weights held: without deviations it is exact."""
-    for z in scores():
-        assert deviating(3).gradient_along(deviating(3).line(z), z) == pytest.approx(
-            deviating(3).gradient(z)[1]
-        )
-        ours, theirs = deviating(0), exact()
-        far = z + np.array([0.0, 0.02, 0.02])
-        assert ours.gradient_along(ours.line(z), far) == pytest.approx(
-            theirs.gradient_along(theirs.line(z), far)
-        )
-        assert ours.gradient_along(ours.line(z), z) != pytest.approx(
-            theirs.gradient_along(theirs.line(z), far), rel=1e-3
-        )
