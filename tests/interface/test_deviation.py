@@ -315,8 +315,8 @@ def test_a_term_with_parameters_of_its_own() -> None:
 
 
 def test_chains_reach_the_tails_where_two_terms_trade_off() -> None:
-    """The sd of each coefficient by NUTS is that of sequential Monte Carlo within 8 %, four standard errors (false alarm
-    1 in 10,000 at a fixed seed). Negative control: sds without deviations are smaller by more than that.
+    """The sd of each coefficient by NUTS is that of sequential Monte Carlo within 8 %, four standard errors (false
+    alarm 1 in 10,000 at a fixed seed). Negative control: sds without deviations are smaller by more than that.
 
     A force that holds the weights of the deviations' sizes at the mode keeps chains out of the tails: 14 % too small.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from itertools import count
 from types import SimpleNamespace
 
 import pytest
@@ -10,6 +11,7 @@ from rich.console import Console
 
 from bayesdamp.config import load_study
 from bayesdamp.config.shipped import folder
+from bayesdamp.formatting import duration
 from bayesdamp.pipeline import progress as p
 from bayesdamp.pipeline.jobs import Job, jobs_of
 
@@ -34,6 +36,20 @@ def test_a_bar_on_a_terminal() -> None:
         shown._bar.refresh()
     assert "estimating" in out.getvalue()
     assert "40/100" in out.getvalue()
+
+
+def test_the_bar_shows_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second a job: 60 of 100 are left. Control: not that of the jobs that are done."""
+    clock = count(0.0)
+    monkeypatch.setattr(p, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    out = io.StringIO()
+    with p.progress_on(Console(file=out, force_terminal=True, width=100)) as shown:
+        shown.begin("estimating", [Job("a", 0, "viscous")] * 100)
+        for _ in range(40):
+            shown.advance()
+        shown._bar.refresh()
+    assert f"{duration(60.0)} left" in out.getvalue()
+    assert f"{duration(40.0)} left" not in out.getvalue()
 
 
 def test_a_quiet_console_says_nothing() -> None:

@@ -108,3 +108,10 @@ def test_nonsense_is_refused(table):
 
 def test_words():
     assert Normal(mean=0.5, sd=2.0).describe() == "normal(mean 0.5, sd 2)"
+
+
+def test_a_score_far_out_is_a_finite_parameter() -> None:
+    """Proposals of heavy tails have such scores. Control: Python's own exponential overflows."""
+    assert math.isfinite(LogNormal.transform(2000.0, 1.0, 1.0))
+    with pytest.raises(OverflowError):
+        math.exp(2000.0)
