@@ -75,6 +75,16 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
     return Whitening(centre, factor, inverse.T @ (whole - linear) @ inverse, True, shear)
 
 
+def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
+    """The frame of a posterior given a combination of hyperparameters of its deviations: that of the normal
+    distribution about the mode, cut off where a damping is zero."""
+    reflected, d = mode.likelihood.target.reflected, mode.z.size
+    at = np.where(reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
+    _, gradient, information = mode.near.under(combination).curvature(at)
+    centre, factor = truncated_moments(information, gradient, at, np.flatnonzero(reflected))
+    return Whitening(shear.straight(centre), factor, np.zeros((d, d)), True, shear)
+
+
 def truncated_moments(
     information: np.ndarray, gradient: np.ndarray, at: np.ndarray, reflected: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ combinations. Without any knots it is that of exact laws under white noise of a 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -97,10 +97,25 @@ class Deviation(NoiseModel):
         white = along @ self._whitening[0].T * np.repeat(np.sqrt(self.probabilities), along.shape[-1])
         return np.concatenate([v - along @ self.basis.T, white], axis=-1)
 
+    def combination_given(self, r: np.ndarray, rng: np.random.Generator) -> int:
+        """Draw a combination of hyperparameters given residuals (m,)."""
+        return _drawn(self._parts(r)[-1], rng)
+
+    def under(self, combination: int) -> Deviation:
+        """Return the same with the hyperparameters held at one combination."""
+        one = slice(combination, combination + 1)
+        return replace(
+            self,
+            log_prior=self.log_prior[one],
+            maps=self.maps[one],
+            effects=self.effects[one],
+            probabilities=np.ones(1),
+        )
+
     def draw_given(self, r: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Draw log g and h at the knots, (k,), given residuals (m,)."""
         along, _, _, each = self._parts(r)
-        c = rng.choice(each.size, p=np.exp(each - np.logaddexp.reduce(each)))
+        c = _drawn(each, rng)
         inverse, effect = self._conditional[c], self.effects[c]
         return self.maps[c] @ (inverse.T @ (inverse @ (effect.T @ along) + rng.standard_normal(along.size)))
 
@@ -126,3 +141,7 @@ class Deviation(NoiseModel):
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Raise Refusal: samples are independent only given a draw of the deviations."""
         raise Refusal("samples are independent only given the deviations")
+
+
+def _drawn(log_weights: np.ndarray, rng: np.random.Generator) -> int:
+    return int(rng.choice(log_weights.size, p=np.exp(log_weights - np.logaddexp.reduce(log_weights))))

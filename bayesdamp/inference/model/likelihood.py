@@ -75,6 +75,12 @@ class Likelihood:
         """Return the same with the scale that coefficients share held at one value, in scores."""
         return replace(self, scales=(float(scale),))
 
+    def under(self, combination: int) -> Likelihood:
+        """Return the same with the hyperparameters of the deviations held at one combination."""
+        assert self.target.deviation is not None
+        deviation = self.target.deviation.under(combination)
+        return replace(self, target=replace(self.target, deviation=deviation))
+
     def of(self, part: slice) -> Likelihood:
         """Return the same for a part of the samples."""
         return replace(self, part=part)

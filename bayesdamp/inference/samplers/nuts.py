@@ -8,10 +8,10 @@ import numpy as np
 
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.coordinates.shear import shear_of
-from bayesdamp.inference.coordinates.whitening import Whitening, whitening_of
+from bayesdamp.inference.coordinates.whitening import Whitening, whitening_of, whitening_under
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers._no_u_turn import Chain, Whitened
+from bayesdamp.inference.samplers._no_u_turn import Chain, Point, Whitened
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts
 from bayesdamp.types import OK, Posterior
@@ -93,6 +93,56 @@ class Run:
         return replace(self, left=whole)
 
 
+class Mixture:
+    """A posterior that is a mixture over the hyperparameters of deviations: as a whole, and given one combination.
+
+    Attributes
+    ----------
+    mode : Mode
+        The posterior's.
+    whole : Whitened
+        The coordinates of positions that chains leave.
+    """
+
+    def __init__(self, mode: Mode, whole: Whitened) -> None:
+        self.mode, self.whole, self._given = mode, whole, dict[int, Whitened]()
+
+    def given(self, combination: int) -> Whitened:
+        """Return the posterior given a combination, in coordinates of its own."""
+        if combination not in self._given:
+            at = whitening_under(self.mode, combination, self.whole.at.shear)
+            held = replace(self.mode, likelihood=self.mode.likelihood.under(combination))
+            self._given[combination] = Whitened.of(held, at, self.whole.line is None)
+        return self._given[combination]
+
+
+class MixtureChain(Chain):
+    """A chain in a mixture: a combination of hyperparameters is drawn given the position, then a position given the
+    combination (Gibbs sampling). One component may be many times narrower than another, so that no step suits both."""
+
+    def __init__(self, mixture: Mixture, step: float, rng: np.random.Generator) -> None:
+        super().__init__(mixture.whole, step, rng)
+        self.mixture = mixture
+
+    def sampled(self, u: np.ndarray, height: float, count: int) -> tuple[np.ndarray, ...]:
+        """Return what `Chain.sampled` does; positions and heights are those of the whole mixture."""
+        whole, likelihood = self.mixture.whole, self.mixture.mode.likelihood
+        deviation = likelihood.target.deviation
+        assert deviation is not None
+        left = []
+        z = whole.at.scores(u)
+        residual, prior = likelihood.residual(z), float(likelihood.log_prior(z))
+        for _ in range(count):
+            self.space = self.mixture.given(deviation.combination_given(residual, self.rng))
+            u = self.space.at.whitened(z[None])[0]
+            height = prior + self.space.likelihood.log_noise(residual, z)
+            at, *rest = self.transition(Point(u, u, self.space.slope(u), height))
+            z = self.space.at.scores(at.u)
+            residual, prior = likelihood.residual(z), float(likelihood.log_prior(z))
+            left.append((whole.at.whitened(z[None])[0], prior + likelihood.log_noise(residual, z), *rest))
+        return tuple(map(np.array, zip(*left, strict=True)))
+
+
 class Nuts(Sampler):
     """Hoffman and Gelman's NUTS (JMLR 15, 2014) in whitened coordinates that end where a damping is zero.
 
@@ -137,9 +187,10 @@ class Nuts(Sampler):
         space = Whitened.of(mode, at, exact)
         warmup = settings.warmup_of(mode)
         count = warmup + settings.draws
+        mixture = None if target.deviation is None else Mixture(mode, space)
+        step, rngs = shorter * STEP, [np.random.default_rng([settings.seed, i]) for i in range(settings.chains)]
         chains = [
-            Chain(space, shorter * STEP, np.random.default_rng([settings.seed, i]))
-            for i in range(settings.chains)
+            Chain(space, step, rng) if mixture is None else MixtureChain(mixture, step, rng) for rng in rngs
         ]
         left = [
             chain.sampled(u, float(height), count)
