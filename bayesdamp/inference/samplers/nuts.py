@@ -188,7 +188,10 @@ class Nuts(Sampler):
         warmup = settings.warmup_of(mode)
         count = warmup + settings.draws
         mixture = None if target.deviation is None else Mixture(mode, space)
-        step, rngs = shorter * STEP, [np.random.default_rng([settings.seed, i]) for i in range(settings.chains)]
+        step, rngs = (
+            shorter * STEP,
+            [np.random.default_rng([settings.seed, i]) for i in range(settings.chains)],
+        )
         chains = [
             Chain(space, step, rng) if mixture is None else MixtureChain(mixture, step, rng) for rng in rngs
         ]
