@@ -39,11 +39,11 @@ _NAMES = {
     "interface.records.record": ("Record", "read"),
     "interface.records.signal": ("Signal", "signal"),
     "interface.records.simulate": ("simulate",),
-    "interface.run": ("Candidate", "Run", "run_study"),
     "interface.sampling": ("sample",),
     "physics.damping": ("DampingTerm",),
     "physics.oscillator": ("Oscillator",),
     "physics.trajectories": ("trajectory",),
+    "pipeline.results": ("Candidate", "Run", "run_study"),
     "priors": ("HalfNormal", "LogNormal", "LogUniform", "Normal", "Uniform"),
     "records.cleaning.clean": ("clean",),
     "records.envelope.reading": ("read_envelope",),
@@ -81,13 +81,13 @@ if TYPE_CHECKING:
     from bayesdamp.interface.records.signal import Signal as Signal
     from bayesdamp.interface.records.signal import signal as signal
     from bayesdamp.interface.records.simulate import simulate as simulate
-    from bayesdamp.interface.run import Candidate as Candidate
-    from bayesdamp.interface.run import Run as Run
-    from bayesdamp.interface.run import run_study as run_study
     from bayesdamp.interface.sampling import sample as sample
     from bayesdamp.physics.damping import DampingTerm as DampingTerm
     from bayesdamp.physics.oscillator import Oscillator as Oscillator
     from bayesdamp.physics.trajectories import simulate as trajectory
+    from bayesdamp.pipeline.results import Candidate as Candidate
+    from bayesdamp.pipeline.results import Run as Run
+    from bayesdamp.pipeline.results import run_study as run_study
     from bayesdamp.priors import HalfNormal as HalfNormal
     from bayesdamp.priors import LogNormal as LogNormal
     from bayesdamp.priors import LogUniform as LogUniform

@@ -19,6 +19,7 @@ OUTSIDE = (
 part of a key by their values."""
 LEAVES = (
     "bayesdamp.pipeline.candidates.branch", "bayesdamp.pipeline.candidates.cells", "bayesdamp.pipeline.envelopes",
+    "bayesdamp.interface.envelopes",
 )  # fmt: skip
 """Modules that bring many computations together: each counts with its own source, not with what it imports."""
 

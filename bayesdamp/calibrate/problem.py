@@ -16,10 +16,10 @@ from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.interface.records.simulate import simulated
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.records.records import simulated
 from bayesdamp.priors import SHARED_SCALES, SHARED_SIGMAS, Prior
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import OK, Estimate, InputError, Problem, Seed, Signal, System

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 from bayesdamp import types
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.sample_noise import noises_of
+from bayesdamp.interface.answer import Answer, answer
+from bayesdamp.interface.envelopes import answer_envelope, specimen_of_envelopes
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.asked import checked_noise, checked_sensor, known_and_priors, sums_and_laws
 from bayesdamp.interface.parts.result import Result
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.damping import all_sums, parse_model
-from bayesdamp.pipeline.answer import Answer, answer
-from bayesdamp.pipeline.envelopes import answer_envelope, specimen_of_envelopes
 from bayesdamp.priors import Prior
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.store import DAMPING_CURVES, CellResult

@@ -14,10 +14,11 @@ from bayesdamp import types
 from bayesdamp.formatting import compact
 from bayesdamp.inference.deviation.findings import default_amplitudes
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
-from bayesdamp.inference.deviation.single import Found, Single
+from bayesdamp.inference.deviation.single import Found, Single, put_together
 from bayesdamp.inference.fit.laplace import value_intervals, value_sds
 from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode
 from bayesdamp.inference.model.target import Target
+from bayesdamp.interface.answer import in_base
 from bayesdamp.interface.density import Density
 from bayesdamp.interface.fitting.case import Case, checked, searched
 from bayesdamp.interface.model import Model
@@ -27,8 +28,6 @@ from bayesdamp.interface.parts.result import Result, outcome_notes
 from bayesdamp.interface.prediction import Prediction, anywhere, asked_motion, within_record
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.pipeline.answer import in_base
-from bayesdamp.pipeline.records.answering import put_together
 from bayesdamp.priors import Prior
 from bayesdamp.serial import Reduced
 from bayesdamp.table import Table

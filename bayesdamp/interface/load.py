@@ -23,9 +23,7 @@ def load(path: str | Path) -> Any:
     """
     path = Path(path)
     if path.is_dir():
-        from bayesdamp.interface.run import Run
-
-        return Run.load(path)
+        return import_module("bayesdamp").Run.load(path)
     if path.suffix == ".json":
         from bayesdamp.verdict.types import Verdict
 

@@ -16,9 +16,9 @@ CODE: dict[str, tuple[str, ...]] = {
     "signal": ("bayesdamp.pipeline.records.records",),
     "answer": ("bayesdamp.pipeline.records.answering", "bayesdamp.physics.kernel.march"),
     "envelope": (
-        "bayesdamp.pipeline.envelopes", "bayesdamp.inference.envelope.analysis",
-        "bayesdamp.inference.envelope.dampings", "bayesdamp.records.envelope.reading",
-        "bayesdamp.report.figures.envelope",
+        "bayesdamp.pipeline.envelopes", "bayesdamp.interface.envelopes",
+        "bayesdamp.inference.envelope.analysis", "bayesdamp.inference.envelope.dampings",
+        "bayesdamp.records.envelope.reading", "bayesdamp.report.figures.envelope",
     ),
     "sampled": ("bayesdamp.pipeline.records.answering", "bayesdamp.physics.kernel.march"),
     "estimate": ("bayesdamp.pipeline.candidates.estimates", "bayesdamp.pipeline.records.targets"),

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.config import Recording, Study
+from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.machine.threads import cores
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, within, work_of
 from bayesdamp.pipeline.keys import digest
-from bayesdamp.pipeline.not_one import no_free_decay
 from bayesdamp.pipeline.progress import progress_on, words_of
 from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, answers, verdict_of
 from bayesdamp.pipeline.records.records import signal_of

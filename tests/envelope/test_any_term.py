@@ -11,8 +11,8 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.inference.envelope.dampings import weighable
+from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.damping import parse_model
-from bayesdamp.pipeline.envelopes import analyse
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
 from tests.envelope.oscillations import FORCES, OMEGA, START, envelope, turning_points

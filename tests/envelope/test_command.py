@@ -196,7 +196,7 @@ def test_repeats_of_measured_samples_agree_within_their_intervals():
     the records found, within 8 %."""
     if not DATA.exists():
         pytest.skip("the measured decays are not here")
-    from bayesdamp.pipeline.envelopes import analyse
+    from bayesdamp.interface.envelopes import analyse
     from bayesdamp.verdict.envelope.specimen import specimen
 
     for sample, count in (("SP23-62", 4), ("0344", 2)):

@@ -11,10 +11,10 @@ from bayesdamp.inference.envelope.analysis import free_decay
 from bayesdamp.inference.envelope.candidates import KNOTS
 from bayesdamp.inference.envelope.likelihood import merged
 from bayesdamp.inference.envelope.sums import weighed
+from bayesdamp.interface.answer import Answer
+from bayesdamp.interface.envelopes import analyse, answer_envelope, specimen_of_envelopes
 from bayesdamp.odds import odds
 from bayesdamp.physics.amplitude.laws import SUMS
-from bayesdamp.pipeline.answer import Answer
-from bayesdamp.pipeline.envelopes import analyse, answer_envelope, specimen_of_envelopes
 from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.store.contents.answers import AnswerContent

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.pipeline import envelopes
+from bayesdamp.interface import envelopes
 from bayesdamp.store.cells import Store
 from tests.envelope.test_command import written
 

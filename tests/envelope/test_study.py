@@ -11,7 +11,7 @@ import pytest
 
 import bayesdamp as bd
 from bayesdamp.cli import main
-from bayesdamp.pipeline.envelopes import analyse
+from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import made_record
 from tests.envelope.test_command import written
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import bayesdamp as bd
 from bayesdamp.cli import main
-from bayesdamp.pipeline.envelopes import analyse
+from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import made_record
 
 OMEGA = 2 * np.pi * 2.0

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bayesdamp.pipeline.answer import answer
+from bayesdamp.interface.answer import answer
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.verdict.types import Verdict
 from tests.measured.run import signals

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from bayesdamp.cli.asking import Options, found_records
-from bayesdamp.pipeline.answer import Answer, answer
+from bayesdamp.interface.answer import Answer, answer
 from bayesdamp.store import VERDICTS, write_table
 from bayesdamp.types import Signal
 from bayesdamp.verdict.specimen import specimen

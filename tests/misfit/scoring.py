@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from bayesdamp.cli.asking import Options, found_records
-from bayesdamp.pipeline.answer import answer
+from bayesdamp.interface.answer import answer
 from bayesdamp.types import InputError
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.pipeline.answer import answer
-from bayesdamp.pipeline.envelopes import analyse
+from bayesdamp.interface.answer import answer
+from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import made_record
 from bayesdamp.types import Signal
 from tests.envelope.ringdowns import simulate

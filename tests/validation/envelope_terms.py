@@ -20,8 +20,8 @@ from scipy.optimize import minimize
 from bayesdamp.inference.envelope.candidates import Blocks, fit_rates
 from bayesdamp.inference.envelope.further import explore
 from bayesdamp.inference.envelope.sums import FIRST_ROUNDS, Sum, sums_on
+from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.amplitude.loss import Scale
-from bayesdamp.pipeline.envelopes import analyse
 from bayesdamp.verdict import Verdict
 from tests.envelope.oscillations import FLOOR, SHARP, START, Force, envelope, turning_points
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.amplitude.laws import rate
-from bayesdamp.pipeline.envelopes import analyse
 from bayesdamp.records.envelope.record import made_record
 from bayesdamp.verdict.envelope.answer import Answer
 from tests.envelope.ringdowns import NEPER, Ringdown, Simulated, simulate

@@ -19,8 +19,8 @@ from scipy.integrate import quad
 
 from bayesdamp.inference.deviation.numbers.draws import probabilities
 from bayesdamp.inference.deviation.weighing import Weighing
+from bayesdamp.interface.answer import WEIGHED, answer
 from bayesdamp.physics.damping import all_sums
-from bayesdamp.pipeline.answer import WEIGHED, answer
 from bayesdamp.types import Signal
 from bayesdamp.verdict.thresholds import DECIDED
 from bayesdamp.verdict.types import Verdict

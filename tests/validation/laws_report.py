@@ -13,8 +13,8 @@ import numpy as np
 from scipy.stats import beta
 
 from bayesdamp.inference.deviation.weighing import Weighing
+from bayesdamp.interface.answer import WEIGHED, answer
 from bayesdamp.physics.damping import all_sums
-from bayesdamp.pipeline.answer import WEIGHED, answer
 from tests.validation.laws import LEAST_NATS, case, nats_ahead
 from validation.rows import gathered, shipped
 

@@ -16,8 +16,8 @@ import sys
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from bayesdamp.interface.answer import answer
 from bayesdamp.odds import odds
-from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import Signal
 from bayesdamp.verdict.specimen import Answered, specimen
 from bayesdamp.verdict.thresholds import DECIDED

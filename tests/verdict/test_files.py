@@ -13,7 +13,7 @@ from typing import Any, get_args, get_type_hints
 import numpy as np
 import pytest
 
-from bayesdamp.pipeline.envelopes import analyse
+from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import made_record
 from bayesdamp.store import VERDICTS
 from bayesdamp.verdict import Verdict

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
+from bayesdamp.interface.answer import Answer, answer
+from bayesdamp.interface.envelopes import analyse
 from bayesdamp.odds import FURTHER_TERM, odds
-from bayesdamp.pipeline.answer import Answer, answer
-from bayesdamp.pipeline.envelopes import analyse
 from bayesdamp.records.envelope.record import made_record
 from bayesdamp.report.markdown import table
 from bayesdamp.types import OK, InputError, Signal

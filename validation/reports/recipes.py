@@ -18,7 +18,7 @@ TRUTH = (
     "validation/answers.py",
     "validation/run.py",
 )
-QUICK = "bayesdamp.pipeline.answer:quick_verdict"
+QUICK = "bayesdamp.interface.answer:quick_verdict"
 PYTHON = "{python} -m"
 PAGES = "validation.reports"
 

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.checks.forecast import Ahead
 from bayesdamp.inference.deviation.candidate import Candidate, active_of, linearised
-from bayesdamp.inference.deviation.data import Data
+from bayesdamp.inference.deviation.data import Data, prepared
 from bayesdamp.inference.deviation.density import ESCAPED, density_of
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit
@@ -29,12 +29,12 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.noise._residuals import FittedNoise
 from bayesdamp.machine.threads import at_once
-from bayesdamp.physics.damping import PAPER_TERMS
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
-from bayesdamp.types import Posterior, Ratio, Refusal
+from bayesdamp.types import Posterior, Ratio, Refusal, Signal
 
 Array = NDArray[np.float64]
 DRAWS = 4000
@@ -354,3 +354,9 @@ def again(data: Data, candidate: Candidate, found: Found, knots: np.ndarray | No
         noise=SampleNoise(found.noise),
     )
     return Single(weighing, result, found)
+
+
+def put_together(signal: Signal, restoring: str, found: Found) -> Single:
+    """The candidate on its record, without a search. Raises Refusal where it was found on another record."""
+    damping = tuple(t for t in found.terms if TERMS.get(t).parameter in found.priors)
+    return again(prepared(signal, found.averaged), Candidate(damping, restoring), found)

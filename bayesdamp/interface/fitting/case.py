@@ -26,15 +26,16 @@ from bayesdamp.inference.model.defaults import Reference, reference_of
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.fitting.specification import Specification
+from bayesdamp.interface.fitting.starts import observed, regression
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.records.records import NO_NOISE
-from bayesdamp.pipeline.records.starts import observed, regression
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import InputError, Problem, Refusal, Seed
 from bayesdamp.units import UNITS
 
+NO_NOISE = 1e-6
+"""Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
 PRIOR_STARTS = 2
 """Draws from the prior that are climbed from beside what the record says."""
 Starts = Mapping[Seed, Mapping[str, float]]

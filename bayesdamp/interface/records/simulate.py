@@ -7,14 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from bayesdamp import types
 from bayesdamp.config import Simulation
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.signals import resolve_signal, term_keys
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.records.records import simulated
 from bayesdamp.plugins import nearest
+from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import InputError
 
 START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
@@ -89,3 +91,19 @@ def _checked(given: Mapping[str, object], restoring: str, name: str) -> Simulati
         raise InputError(error.within("simulate"), name) from None
     assert isinstance(made, Simulation)
     return made
+
+
+def simulated(
+    source: Simulation, restoring: str, truth: Mapping[str, float], name: str, rng: np.random.Generator
+) -> types.Signal:
+    """Make a record as a study describes it. truth: the parameters' values. Raises InputError where it escapes."""
+    return simulate_signal(
+        Oscillator(source.damping, restoring),
+        truth,
+        **source.model_dump(exclude={"damping", "truth", "repeats"}),
+        noise_sd=truth.get("noise_sd", 0.0),
+        noise_time=truth.get("noise_time"),
+        noise_dof=truth.get("noise_dof"),
+        name=name,
+        rng=rng,
+    )

@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.inference.deviation.single import Single
+from bayesdamp.inference.deviation.single import Single, put_together
 from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.records.answering import ANSWERED, law_of, likelihood_of, put_together
+from bayesdamp.pipeline.records.answering import ANSWERED, law_of, likelihood_of
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.serial import join, split

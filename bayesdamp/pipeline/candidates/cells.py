@@ -6,6 +6,7 @@ from bayesdamp.estimators import ESTIMATORS
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
+from bayesdamp.interface.fitting.starts import REGRESSION
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.pipeline.candidates.branch import Branch
@@ -17,7 +18,6 @@ from bayesdamp.pipeline.candidates.weighing import compute_evidence, evidence_pa
 from bayesdamp.pipeline.keys import task_key, uses_library
 from bayesdamp.pipeline.records.answering import AnswerCell, likelihood_of
 from bayesdamp.pipeline.records.records import cell_seed
-from bayesdamp.pipeline.records.starts import REGRESSION
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store.places import Place
 from bayesdamp.types import OK, Refusal

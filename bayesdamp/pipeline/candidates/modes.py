@@ -11,9 +11,9 @@ from bayesdamp.inference.fit.laplace import value_sds
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.fit.starting_points import basins, prior_starts
+from bayesdamp.interface.fitting.starts import observed, of_all, regression
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records.records import NOT_APPLICABLE, cell_seed
-from bayesdamp.pipeline.records.starts import observed, of_all, regression
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.serial import split
 from bayesdamp.store.contents.candidates import Maximum, ModeContent, RefusedSeed

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bayesdamp.config import Recording, SignalSpec, Study
-from bayesdamp.inference.deviation.candidate import Candidate
-from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.sample_noise import noises_of
-from bayesdamp.inference.deviation.single import ESCAPED, Found, Single, again
+from bayesdamp.inference.deviation.single import ESCAPED, Found
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.interface.answer import Answer, answer, found_name
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.answer import Answer, answer, found_name
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.records.records import NOT_APPLICABLE, RecordCell, SignalCell, cell_seed
 from bayesdamp.pipeline.records.targets import Record
@@ -23,7 +21,7 @@ from bayesdamp.priors import Prior
 from bayesdamp.serial import join, split
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.answers import AnswerContent
-from bayesdamp.types import OK, Refusal, Signal
+from bayesdamp.types import OK, Refusal
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Verdict
@@ -166,12 +164,6 @@ def law_of(store: Store, signal: str, repeat: int, damping: str, restoring: str)
         r.outcome for r in content.candidates if set(r.damping.split("+")) == own and r.restoring == restoring
     )
     raise Refusal(next(refused, ESCAPED))
-
-
-def put_together(signal: Signal, restoring: str, found: Found) -> Single:
-    """The candidate on its record, without a search. Raises Refusal where it was found on another record."""
-    damping = tuple(t for t in found.terms if TERMS.get(t).parameter in found.priors)
-    return again(prepared(signal, found.averaged), Candidate(damping, restoring), found)
 
 
 def shortlist(store: Store, signal: str, repeat: int, nats: float, law: bool) -> set[tuple[str, str]] | None:

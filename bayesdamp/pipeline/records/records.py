@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import fields, replace
 
 import numpy as np
@@ -12,12 +11,13 @@ import numpy as np
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import noise_level
+from bayesdamp.interface.fitting.case import NO_NOISE
+from bayesdamp.interface.no_free_decay import no_free_decay
+from bayesdamp.interface.records.simulate import simulated
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
-from bayesdamp.pipeline.not_one import no_free_decay
 from bayesdamp.pipeline.records.recorded import cleaned, of_file
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.plugins import sources_below
@@ -26,7 +26,6 @@ from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.reference import FRICTION_WIDTH, reference_of
-from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents.records import FeaturesSeen, RecordContent, Scales
 from bayesdamp.types import OK, InputError, Problem, Refusal, Signal
@@ -34,8 +33,6 @@ from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import seen_instead
 
-NO_NOISE = 1e-6
-"""Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
 NOT_APPLICABLE = Status.NOT_APPLICABLE.because("the record has no noise, so there is no posterior")
 RAW_POINTS = 20_000
 _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
@@ -44,22 +41,6 @@ _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
 def cell_seed(study: Study, name: str) -> int:
     """The seed of one cell: a function of the study's seed and the cell's name."""
     return int(np.random.SeedSequence([study.seed, zlib.crc32(name.encode())]).generate_state(1)[0])
-
-
-def simulated(
-    source: Simulation, restoring: str, truth: Mapping[str, float], name: str, rng: np.random.Generator
-) -> Signal:
-    """Make a record as a study describes it. truth: the parameters' values. Raises InputError where it escapes."""
-    return simulate_signal(
-        Oscillator(source.damping, restoring),
-        truth,
-        **source.model_dump(exclude={"damping", "truth", "repeats"}),
-        noise_sd=truth.get("noise_sd", 0.0),
-        noise_time=truth.get("noise_time"),
-        noise_dof=truth.get("noise_dof"),
-        name=name,
-        rng=rng,
-    )
 
 
 class RecordCell(ABC):

@@ -16,10 +16,10 @@ from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import Data, prepared
 from bayesdamp.inference.deviation.gaussian.hyperparameters import knots_of
 from bayesdamp.inference.deviation.weighing import weigh_all
+from bayesdamp.interface.answer import WEIGHED, answer
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel.solve import NONE
 from bayesdamp.physics.kernel.windows import Windows
-from bayesdamp.pipeline.answer import WEIGHED, answer
 from bayesdamp.types import Signal
 from bayesdamp.verdict.types import Verdict
 

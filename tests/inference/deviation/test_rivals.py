@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.pipeline.answer import answer
+from bayesdamp.interface.answer import answer
 from bayesdamp.types import Signal
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.types import Verdict

@@ -9,9 +9,9 @@ import pytest
 
 from bayesdamp.inference.deviation.numbers.unnamed import as_wide
 from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.interface.answer import answer
 from bayesdamp.physics.damping import TERMS, all_sums, others
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.pipeline.answer import answer
 from bayesdamp.priors import HalfNormal, LogUniform, Normal, Uniform
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import InputError, Signal

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import butter, sosfiltfilt
 
 import bayesdamp as bd
-from bayesdamp.pipeline.not_one import no_free_decay
+from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.decay.window import free_decay
 from bayesdamp.records.oscillation.first_look import first_words

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.pipeline.answer import answer
+from bayesdamp.interface.answer import answer
 from bayesdamp.types import OK
 from validation.reports import light
 from validation.reports.contradictions import contradictions, true_ratio

@@ -22,8 +22,8 @@ from bayesdamp.inference.deviation.several.specimen import OtherForm, WeighedRun
 from bayesdamp.inference.deviation.single import found_of
 from bayesdamp.inference.deviation.weighing import Known, Result, Weighing
 from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.not_one import no_free_decay, remark_on
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.law_free import TWO_SIDED, amplitude_curves, law_free

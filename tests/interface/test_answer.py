@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.weighing import Weighing
-from bayesdamp.pipeline.answer import answer
+from bayesdamp.interface.answer import answer
 from bayesdamp.types import Signal
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.parts import Grade
@@ -81,7 +81,7 @@ def test_motions_are_sampled_of_the_weighing_that_was_made(monkeypatch: pytest.M
     whole = answer(made.signal, made.amplitudes, damping=sums, restoring=laws).verdict
     kept: dict[str, Weighing] = {}
     answer(made.signal, made.amplitudes, damping=sums, restoring=laws, sample=False, made=kept)
-    monkeypatch.setattr("bayesdamp.pipeline.answer.weighing_of", None)  # nothing weighs again
+    monkeypatch.setattr("bayesdamp.interface.answer.weighing_of", None)  # nothing weighs again
     after = answer(made.signal, made.amplitudes, damping=sums, restoring=laws, made=kept).verdict
     assert after == whole
     with pytest.raises(TypeError):  # control

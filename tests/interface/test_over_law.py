@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayesdamp.pipeline.answer import answer
+from bayesdamp.interface.answer import answer
 from bayesdamp.types import Signal
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.types import Verdict

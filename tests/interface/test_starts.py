@@ -15,6 +15,7 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.interface.fitting.starts import ALL, OBSERVED, observed, of_all, regression
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.pipeline.candidates.branch import Branch
@@ -22,7 +23,6 @@ from bayesdamp.pipeline.candidates.cells import cells_of
 from bayesdamp.pipeline.candidates.modes import seeds_of
 from bayesdamp.pipeline.records.answering import AnswerCell
 from bayesdamp.pipeline.records.records import SignalCell
-from bayesdamp.pipeline.records.starts import ALL, OBSERVED, observed, of_all, regression
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.priors import HalfNormal, LogNormal, Normal

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 
 import bayesdamp as bd
 from bayesdamp.cli import main
-from bayesdamp.pipeline.answer import answer
+from bayesdamp.interface.answer import answer
 from bayesdamp.store import Store
 from bayesdamp.store.contents.records import RecordContent
 from bayesdamp.types import Signal
