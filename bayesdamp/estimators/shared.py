@@ -26,6 +26,8 @@ FEWEST = 4
 """Samples before a gap from which a start is read."""
 WHOLE, PARTS = 32_768, 8
 """Samples up to which all say how large the noise is, and beyond them in how many parts as many do."""
+NO_NOISE = 1e-6
+"""Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
 KNOTS_PER_PERIOD = 4.0
 """Knots of the smoothing spline: it keeps the oscillation and its second harmonic."""
 EDGE = 1.5
@@ -192,6 +194,11 @@ def checked_features(signal: Signal) -> Features:
             f"{LEAST_SAMPLES_PER_CYCLE:.0f} are needed"
         )
     return seen
+
+
+def has_noise(signal: Signal, seen: Features) -> bool:
+    """Return whether a record with these features has noise that a likelihood can weigh by."""
+    return noise_level(signal) > NO_NOISE * float(np.abs(seen.turning_amplitudes).max())
 
 
 def noise_level(signal: Signal) -> float:

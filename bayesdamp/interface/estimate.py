@@ -13,7 +13,8 @@ from bayesdamp.estimators import STAGES
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import start_parameters
 from bayesdamp.formatting import compact
-from bayesdamp.interface.fitting.case import Case, checked
+from bayesdamp.interface.fitting.case import Case
+from bayesdamp.interface.fitting.search import checked
 from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.definitions import units_of

@@ -20,7 +20,8 @@ from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.answer import in_base
 from bayesdamp.interface.density import Density
-from bayesdamp.interface.fitting.case import Case, checked, searched
+from bayesdamp.interface.fitting.case import Case
+from bayesdamp.interface.fitting.search import checked, deviating, searched
 from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.definitions import units_of
@@ -354,8 +355,8 @@ def fit(
     try:
         case = Case.with_noise(own, model)
         if model.approximate:
-            return Fit._approximated(own, model, case.deviating())
-        target, mode, notes = searched(case, start, seed)
+            return Fit._approximated(own, model, deviating(case, model))
+        target, mode, notes = searched(case, model, start, seed)
     except Refusal as refusal:
         return Fit(own, model, outcome=str(refusal))
     return Fit._solved(own, model, target, mode, OK, notes)

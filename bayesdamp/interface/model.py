@@ -43,12 +43,13 @@ class Model(Specification):
         record.
         """
         from bayesdamp.interface.density import Density
-        from bayesdamp.interface.fitting.case import Case, checked, searched
+        from bayesdamp.interface.fitting.case import Case
+        from bayesdamp.interface.fitting.search import checked, deviating, searched
 
         own = checked(signal, self)
         case = Case.with_noise(own, self)
         if self.approximate:
-            mode = case.deviating().mode
+            mode = deviating(case, self).mode
             return Density.at(own, self, mode.likelihood.target, mode)
-        target, mode, _ = searched(case, None, seed)
+        target, mode, _ = searched(case, self, None, seed)
         return Density.at(own, self, target, mode)

@@ -67,8 +67,7 @@ def sample(
             found = plugin.summarised(target, mode, settings)
     except Refusal as refusal:
         return replace(blank, outcome=str(refusal))
-    whole = Posterior(**vars(found), fit=fit, seed=seed)
     if law is None:
-        return whole
-    arrays = {n: a for n, a in found.arrays.items() if n != "u"}
-    return replace(whole, summaries=law.with_parts(found.summaries), u=law.drawn(found, seed), arrays=arrays)
+        return Posterior(**vars(found), fit=fit, seed=seed)
+    completed, u = law.completed(found, seed)
+    return Posterior(**vars(completed), fit=fit, seed=seed, u=u)

@@ -63,7 +63,7 @@ def test_the_record_itself_says_where_to_start(record) -> None:
 
 @pytest.mark.parametrize("damping", [("viscous",), ("coulomb",), ("viscous", "coulomb", "quadratic")])
 def test_no_damping_misses_its_mode_on_a_noisy_acceleration(record, damping) -> None:
-    target = record.target(damping, "linear", "gaussian")
+    target = record.case(damping, "linear").target("gaussian")
     problem = Problem(damping, record.system("linear"))
     seeds = observed(record.signal, record.seen, problem) | regression(record.signal, problem)[0]
     found = find_mode(target, seeds, noise_level=record.seen.roughness, thrifty=True)

@@ -74,7 +74,7 @@ def test_each_noise_is_weighed(run):
         cell = store.read(f"sensitivity/noisy/0/{model}/noises")
         assert cell.meta["chosen"] == "gaussian"
         for noise, found in cell.meta["evidence"].items():
-            target = branch.record.target(branch.terms, "linear", noise)
+            target = branch.case.target(noise)
             start = store.read(f"mode/noisy/0/{model}").meta["values"]
             mode = find_mode(target, {Seed("start"): start}, noise_level=branch.record.seen.roughness)
             other = EVIDENCES.get("importance").evidence(model, target, mode, 7)

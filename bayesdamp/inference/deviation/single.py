@@ -129,14 +129,23 @@ class Single:
         parameters = self.result.fit.parameters
         return parameters.values(u[..., : parameters.free.size])[..., parameters.free]
 
-    def drawn(self, posterior: Posterior, seed: int) -> Array:
-        """Draws of a posterior, each with deviations: its own, or drawn given the parameters, (chain, draw, K)."""
+    def completed(self, posterior: Posterior, seed: int) -> tuple[Posterior, Array]:
+        """Return draws of the parameters with the parts of their sds, and each with deviations, (chain, draw, K): its
+        own, or drawn given the parameters."""
+        parts = {n: min(self.noise_sds[n], one["sd"]) for n, one in posterior.summaries.items()}
+        summaries = {
+            n: {**one, "sd_noise": parts[n], "sd_law": float(np.sqrt(one["sd"] ** 2 - parts[n] ** 2))}
+            for n, one in posterior.summaries.items()
+        }
+        arrays = {n: a for n, a in posterior.arrays.items() if n != "u"}
+        whole = replace(posterior, summaries=summaries, arrays=arrays)
         if "u" in posterior.arrays:
-            return posterior.arrays["u"]
+            return whole, posterior.arrays["u"]
         z = np.stack(
             [self.found.priors[n].score(posterior.draws[..., i]) for i, n in enumerate(self.names)], axis=-1
         )
-        return self.with_deviations(z.reshape(-1, z.shape[-1]), [seed, 4]).reshape(*z.shape[:2], -1)
+        u = self.with_deviations(z.reshape(-1, z.shape[-1]), [seed, 4])
+        return whole, u.reshape(*z.shape[:2], -1)
 
     def quantities(self) -> dict[str, Quantity]:
         """Each inferred parameter: median, 95 % interval, and the parts of its sd."""
@@ -150,14 +159,6 @@ class Single:
     def noise_sds(self) -> dict[str, float]:
         """The sd that noise alone would leave of each inferred parameter, were the laws exact."""
         return dict(zip(self.names, map(float, noise_sds(self.weighing, self.result)), strict=True))
-
-    def with_parts(self, summary: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-        """Summaries of draws by parameter, each with the parts of its sd."""
-        found = {}
-        for name, one in summary.items():
-            noise = min(self.noise_sds[name], one["sd"])
-            found[name] = {**one, "sd_noise": noise, "sd_law": float(np.sqrt(one["sd"] ** 2 - noise**2))}
-        return found
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
         """Log g and h at the knots of draws (n, K): (n, k) each."""

@@ -1,195 +1,101 @@
-"""A model on a record: its features, the targets, where searches start, and what is chosen for the record."""
+"""Damping terms and a system on a record: its features, the targets, and where searches start."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
-
-import numpy as np
-from threadpoolctl import threadpool_limits
 
 from bayesdamp import types
-from bayesdamp.estimators.shared import noise_level
-from bayesdamp.inference.deviation.candidate import Candidate
-from bayesdamp.inference.deviation.data import prepared
-from bayesdamp.inference.deviation.numbers.averaging import averaging_of
-from bayesdamp.inference.deviation.quick import MOST_CYCLES
-from bayesdamp.inference.deviation.sample_noise import GAUSSIAN, noises_of
-from bayesdamp.inference.deviation.single import Single, single
-from bayesdamp.inference.deviation.weighing import START, weigh_all
-from bayesdamp.inference.fit.mode import Mode, restore_mode
+from bayesdamp.estimators.shared import has_noise
+from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.fit.starting_points import prior_starts
 from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference, reference_of
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.fitting.specification import Specification
 from bayesdamp.interface.fitting.starts import observed, regression
-from bayesdamp.interface.records.signal import Signal
-from bayesdamp.physics.restoring import LAWS
-from bayesdamp.plugins import nearest
+from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.types import InputError, Problem, Refusal, Seed
-from bayesdamp.units import UNITS
+from bayesdamp.types import Problem, Refusal, Seed, System
 
-NO_NOISE = 1e-6
-"""Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
-PRIOR_STARTS = 2
-"""Draws from the prior that are climbed from beside what the record says."""
 Starts = Mapping[Seed, Mapping[str, float]]
 NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd to simulate"
 
 
-def checked(signal: object, model: object) -> Signal:
-    """The signal as one of the interface's own. Raises InputError where one of the two is something else, or where the
-    law is none for such a record."""
-    if not isinstance(signal, types.Signal):
-        raise InputError(
-            f"signal is {type(signal).__name__}; it must be a Signal, such as read(...).signal() gives"
-        )
-    if not isinstance(model, Specification):
-        raise InputError(f"model is {type(model).__name__}; it must be a Model")
-    if UNITS[signal.unit].translates and not LAWS.get(model.restoring).translates:
-        laws = ", ".join(n for n in LAWS.names() if LAWS.get(n).translates)
-        what = f"is in {signal.unit}, a translation, which {model.restoring} is not"
-        raise InputError(f"{signal.name}: {what}; restoring can be {laws}")
-    return Signal.of(signal)
-
-
 @dataclass(frozen=True)
 class Case:
-    """A model on a record with an oscillation. seen: its features; reference: what default priors scale with."""
+    """Damping terms and a system on a record with an oscillation.
 
-    signal: Signal
-    model: Specification
+    Attributes
+    ----------
+    signal : Signal
+        The record.
+    terms : tuple of str
+        Damping terms.
+    system : System
+        What is known and believed of all but the damping.
+    term_priors : mapping of str to Prior
+        The priors that are given, by term.
+    seen : Features
+        Of the record.
+    reference : Reference
+        What default priors scale with.
+    """
+
+    signal: types.Signal
+    terms: tuple[str, ...]
+    system: System
+    term_priors: Mapping[str, Prior]
     seen: Features
     reference: Reference
 
-    @staticmethod
-    def of(signal: Signal, model: Specification) -> Case:
-        """Raises Refusal where the record shows no oscillation."""
-        seen = features(signal)
-        return Case(signal, model, seen, reference_of(model.system, seen))
+    @classmethod
+    def of(cls, signal: types.Signal, model: Specification) -> Case:
+        """Return a model on a record. Raises Refusal where the record shows no oscillation."""
+        seen, system = features(signal), model.system
+        return cls(signal, model.terms, system, model.term_priors, seen, reference_of(system, seen))
 
-    @staticmethod
-    def with_noise(signal: Signal, model: Specification) -> Case:
-        """Raises Refusal where the record shows no oscillation, or has no noise to weigh by."""
-        found = Case.of(signal, model)
-        if noise_level(signal) <= NO_NOISE * float(np.abs(found.seen.turning_amplitudes).max()):
+    @classmethod
+    def with_noise(cls, signal: types.Signal, model: Specification) -> Case:
+        """Return the same. Raises Refusal also where the record has no noise to weigh by."""
+        case = cls.of(signal, model)
+        if not has_noise(signal, case.seen):
             raise Refusal(NO_POSTERIOR)
-        return found
-
-    def deviating(self) -> Single:
-        """Fit the model with laws that may hold approximately. Raises Refusal where that cannot be done."""
-        model = self.model
-        weighed = partial(
-            single,
-            damping=model.terms,
-            restoring=model.restoring,
-            known=model.known,
-            priors=model.parameter_priors,
-            reference=self.reference,
-            noises=noises_of(model.noise),
-        )
-        average = GAUSSIAN in noises_of(model.noise) and not any(n in model.known for n in START)
-        found = weighed(prepared(self.signal, average=average))
-        averaging = averaging_of(found.weighing)
-        if averaging is not None and not averaging.close and averaging.cycles <= MOST_CYCLES:
-            found = weighed(prepared(self.signal, average=False))
-        return found
+        return case
 
     @property
     def problem(self) -> Problem:
         """As estimators are asked."""
-        return Problem(self.model.terms, self.model.system)
+        return Problem(self.terms, self.system)
 
     def target(self, noise: str, epsilon: float | None = None) -> Target:
-        """The target under a noise model. epsilon: friction's (rad/s), where it was chosen for the record.
+        """Return the target under a noise model. epsilon: friction's width (rad/s), where it was chosen for the record.
 
         Raises Refusal where the record is not one for this noise.
         """
-        system = self.model.system
+        system = self.system
         if epsilon is not None:
             system = replace(system, known={**system.known, "epsilon": epsilon})
         return build_target(
             self.signal,
-            self.model.terms,
+            self.terms,
             system,
             self.seen,
             self.reference,
             noise=noise,
-            term_priors=self.model.term_priors,
+            term_priors=self.term_priors,
+        )
+
+    def mode(self, target: Target, seeds: Starts, thrifty: bool = False) -> Mode:
+        """Return the highest mode of a target that is reached from seeds. Raises Refusal where there is none."""
+        return find_mode(
+            target, seeds, noise_level=self.seen.roughness, period=self.seen.period, thrifty=thrifty
         )
 
     def starts(self) -> Starts:
-        """What the record's turning points and a regression say. Raises Refusal where neither says anything."""
-        found, said = regression(self.signal, self.problem)
-        starts = observed(self.signal, self.seen, self.problem) | found
+        """Return what the record's turning points and a regression say. Raises Refusal where neither says anything."""
+        values, outcome = regression(self.signal, self.problem)
+        starts = observed(self.signal, self.seen, self.problem) | values
         if not starts:
-            raise Refusal(said)
+            raise Refusal(outcome)
         return starts
-
-
-def choose(case: Case) -> tuple[str, float | None, tuple[str, ...], Starts]:
-    """Choose the noise model by its evidence under the model's own damping, where several are in play, and then the
-    width of friction, where it is neither known nor inferred.
-
-    Returns the noise model, friction's epsilon where one was chosen (rad/s), what is to be said of both, and where the
-    fit that chose them ended. Raises Refusal.
-    """
-    names, model = case.model.noises, case.model
-    if len(names) == 1:
-        return names[0], None, (), {}
-    own = {n: set(NOISES.get(n).parameters) for n in names}
-    said = set.union(*own.values()) & {*model.known, *model.priors}
-    usable = tuple(n for n in names if said <= own[n])
-    candidate = Candidate(model.terms, model.restoring)
-    with threadpool_limits(1, "blas"):
-        weighing = weigh_all(
-            prepared(case.signal, average=False),
-            [candidate],
-            known=model.system.known,
-            priors=model.parameter_priors,
-            reference=case.reference,
-            approximate=False,
-            noises=usable,
-        )
-    result = next((r for r in weighing.results), None)
-    if result is None:
-        raise Refusal(weighing.refused[candidate])
-    epsilon, notes = None, []
-    if weighing.frictions and "epsilon" not in model.priors:
-        epsilon = weighing.epsilon
-        notes.append(f"ε was not given; {epsilon:.3g} {case.signal.unit}/s suits the record best.")
-    order = sorted(weighing.noise.weighed, key=lambda one: -one.log_evidence)
-    if len(order) > 1:
-        ahead = order[0].log_evidence - order[1].log_evidence
-        notes.append(f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name}.")
-    starts = {Seed("fit that chose the noise"): result.fit.parameters.named(result.fit.z)}
-    return weighing.noise.likeliest, epsilon, tuple(notes), starts
-
-
-def searched(
-    case: Case, start: Mapping[str, float] | None, seed: int
-) -> tuple[Target, Mode, tuple[str, ...]]:
-    """The target, its highest mode with the solver's steps set right there, and what was chosen on the way."""
-    given = {} if start is None else {Seed("given"): dict(start)}
-    for name in start or ():
-        if name not in case.model.parameters:
-            raise InputError(
-                f"fit: start has unknown parameter {name!r}{nearest(name, list(case.model.parameters))}"
-            )
-    try:
-        starts = given | dict(case.starts())
-    except Refusal:
-        if not given:
-            raise
-        starts = dict(given)
-    noise, epsilon, notes, chosen = choose(case)
-    target = case.target(noise, epsilon)
-    seeds = {**chosen, **starts, **prior_starts(target, PRIOR_STARTS, seed)}
-    mode = find_mode(target, seeds, noise_level=case.seen.roughness, period=case.seen.period)
-    # Made anew at the mode, as it is where a fit is read from a file, so that both are the same.
-    return target, restore_mode(target, mode.stored), notes

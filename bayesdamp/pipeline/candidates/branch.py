@@ -8,6 +8,7 @@ from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.deviation.single import Single, put_together
 from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode
 from bayesdamp.inference.model.target import Target
+from bayesdamp.interface.fitting.case import Case
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.physics.restoring import LAWS
@@ -18,7 +19,7 @@ from bayesdamp.serial import join, split
 from bayesdamp.store import Store
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.contents.candidates import ModeContent
-from bayesdamp.types import OK, Refusal, System, candidate_parts
+from bayesdamp.types import OK, Refusal, candidate_parts
 
 
 class Branch:
@@ -53,9 +54,9 @@ class Branch:
         return Record(self.study, self.spec, self.store.read(self.parent.name))
 
     @cached_property
-    def system(self) -> System:
-        """What is known of the system under the candidate's law."""
-        return self.record.system(self.restoring)
+    def case(self) -> Case:
+        """The candidate on the record."""
+        return self.record.case(self.terms, self.restoring)
 
     @cached_property
     def answer(self) -> AnswerContent | None:
@@ -79,7 +80,7 @@ class Branch:
     @cached_property
     def target(self) -> Target:
         """The target of this candidate."""
-        return self.record.target(self.terms, self.restoring, self.noise, epsilon=self.epsilon)
+        return self.case.target(self.noise, self.epsilon)
 
     @cached_property
     def law(self) -> Single | None:

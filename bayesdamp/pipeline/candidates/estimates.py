@@ -10,7 +10,6 @@ from bayesdamp.estimators import run as run_estimator
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store.contents.estimates import EstimateContent
-from bayesdamp.types import Problem
 
 
 def compute_estimate(branch: Branch, method: str, seed: int) -> Product:
@@ -19,7 +18,7 @@ def compute_estimate(branch: Branch, method: str, seed: int) -> Product:
     found = run_estimator(
         use.method(method),
         branch.record.signal,
-        Problem(branch.terms, branch.system),
+        branch.case.problem,
         options=use.options.get(method),
         stages=use.stages,
         seed=seed,

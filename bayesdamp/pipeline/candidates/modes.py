@@ -9,7 +9,6 @@ import numpy as np
 from bayesdamp.inference.checks.checks import check_fit
 from bayesdamp.inference.fit.laplace import value_sds
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.fit.starting_points import basins, prior_starts
 from bayesdamp.interface.fitting.starts import observed, of_all, regression
 from bayesdamp.pipeline.candidates.branch import Branch
@@ -18,7 +17,7 @@ from bayesdamp.pipeline.tasks import Product
 from bayesdamp.serial import split
 from bayesdamp.store.contents.candidates import Maximum, ModeContent, RefusedSeed
 from bayesdamp.store.contents.estimates import EstimateContent
-from bayesdamp.types import OK, Problem, Refusal, Seed
+from bayesdamp.types import OK, Refusal, Seed
 
 PRIOR_SEEDS = 2
 """Draws from the prior that are climbed from beside the estimates."""
@@ -44,7 +43,7 @@ def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[Ref
                 refused.append(RefusedSeed(seed, stage.outcome))
         if cell.outcome != OK:
             refused.append(RefusedSeed(Seed(method), cell.outcome))
-    problem = Problem(branch.terms, branch.system)
+    problem = branch.case.problem
     if not seeds:
         seeds |= regression(branch.record.signal, problem)[0]
     decays = observed(branch.record.signal, branch.record.seen, problem)
@@ -64,9 +63,7 @@ def compute_mode(branch: Branch) -> Product:
     if not branch.record.content.noisy:
         raise Refusal(NOT_APPLICABLE)
     (seeds, refused), seen = seeds_of(branch), branch.record.seen
-    mode = find_mode(
-        branch.target, seeds, noise_level=seen.roughness, period=seen.period, thrifty=branch.many
-    )
+    mode = branch.case.mode(branch.target, seeds, thrifty=branch.many)
     seed = cell_seed(branch.study, f"checks/{branch.spec.name}/{branch.repeat}")
     fit, target = check_fit(branch.target, mode, seen.period, seed), branch.target
     arrays = {"t": branch.record.signal.t, **{k: getattr(fit, k) for k in CHECKS}}

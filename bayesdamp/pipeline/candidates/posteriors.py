@@ -38,8 +38,8 @@ def compute_posterior(branch: Branch, sampler: str, seed: int) -> Product:
     found = SAMPLERS.get(sampler).summarised(mode.likelihood.target, mode, settings)
     whole, u = found, None
     if law is not None:
-        found = replace(found, summaries=law.with_parts(found.summaries))
-        u = law.drawn(found, settings.seed).reshape(found.draws.shape[0] * found.draws.shape[1], -1)
+        found, u = law.completed(found, settings.seed)
+        u = u.reshape(-1, u.shape[-1])
         sizes = np.stack([x.reshape(found.draws.shape[:2]) for x in law.sizes(u)], axis=-1)
         draws = np.concatenate([found.draws, sizes], axis=-1)
         whole = replace(found, names=(*found.names, *SIZES), draws=draws)

@@ -17,7 +17,6 @@ from bayesdamp.inference.evidence.savage_dickey import savage_dickey
 from bayesdamp.inference.evidence.widths import against_width, under_priors
 from bayesdamp.inference.fit.laplace import log_evidence_near
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.outcomes import following
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records.answering import likelihood_of
@@ -148,9 +147,8 @@ def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
             found[noise] = UnderNoise(whole.log_evidence)
             continue
         try:
-            target = branch.record.target(branch.terms, branch.restoring, noise, epsilon=branch.epsilon)
-            seen, seeds = branch.record.seen, {Seed("under the chosen noise"): start}
-            mode = find_mode(target, seeds, noise_level=seen.roughness, period=seen.period, thrifty=True)
+            target = branch.case.target(noise, branch.epsilon)
+            mode = branch.case.mode(target, {Seed("under the chosen noise"): start}, thrifty=True)
             found[noise] = UnderNoise(log_evidence_near(mode.likelihood, mode.z))
         except Refusal as refusal:
             found[noise] = UnderNoise(-np.inf, str(refusal))

@@ -10,8 +10,7 @@ import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators.bound import cramer_rao
-from bayesdamp.estimators.shared import noise_level
-from bayesdamp.interface.fitting.case import NO_NOISE
+from bayesdamp.estimators.shared import has_noise
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.interface.records.simulate import simulated
 from bayesdamp.outcomes import Status
@@ -23,7 +22,7 @@ from bayesdamp.pipeline.tasks import Product
 from bayesdamp.plugins import sources_below
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.oscillation.anomalies import anomalies
-from bayesdamp.records.oscillation.features import Features, features
+from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.reference import FRICTION_WIDTH, reference_of
 from bayesdamp.store import CellResult, Store, sha256
@@ -126,11 +125,12 @@ class SignalCell(RecordCell):
         if share == 0:
             return signal
         try:
-            size = _size(features(signal))
+            seen = features(signal)
         except Refusal:
             return signal
-        if noise_level(signal) > NO_NOISE * size:
+        if has_noise(signal, seen):
             return signal
+        size = float(np.abs(seen.turning_amplitudes).max())
         rng = np.random.default_rng(cell_seed(self.study, f"noise/{self.name}"))
         y = signal.y + share * size * rng.standard_normal(signal.y.size)
         warning = (
@@ -164,7 +164,7 @@ class SignalCell(RecordCell):
             reference=Scales(reference.amplitude, reference.frequency),
             known=known,
             epsilon_note=note,
-            noisy=bool(noise_level(signal) > NO_NOISE * _size(seen)),
+            noisy=has_noise(signal, seen),
         )
 
     def _bound(self, signal: Signal) -> dict[str, float]:
@@ -181,11 +181,6 @@ class SignalCell(RecordCell):
             return {}
         problem = Problem(source.damping, self.spec.system)
         return cramer_rao(problem, truth, signal.t, truth["noise_sd"], signal.quantity)
-
-
-def _size(seen: Features) -> float:
-    """The largest amplitude of a record."""
-    return float(np.abs(seen.turning_amplitudes).max())
 
 
 def signal_of(record: CellResult) -> Signal:

@@ -1,4 +1,4 @@
-"""A record as its cell holds it, and the targets on it."""
+"""A record as its cell holds it, and what candidates on it are fitted with."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from dataclasses import replace
 from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference
-from bayesdamp.inference.model.target import Target
+from bayesdamp.interface.fitting.case import Case
 from bayesdamp.pipeline.records.records import signal_of
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.store import CellResult
@@ -20,7 +19,7 @@ _SIGNALS: dict[tuple[str, str], Signal] = {}
 
 
 class Record:
-    """A record, what is known of its system, and the target of any candidate on it."""
+    """A record, what is known of its system, and any candidate on it."""
 
     def __init__(self, study: Study, spec: SignalSpec, cell: CellResult) -> None:
         self.study, self.spec, self.cell = study, spec, cell
@@ -50,23 +49,12 @@ class Record:
         """Features of the signal."""
         return features(self.signal)
 
-    def system(self, law: str, epsilon: float | None = None) -> System:
-        """The system under a law; a friction's ε (rad/s) that was not given is this, or follows from the record."""
-        system, own = self.spec.under(law), self.content.known.get("epsilon")
-        epsilon = own if epsilon is None else epsilon
+    def system(self, law: str) -> System:
+        """Return the system under a law; a friction's ε (rad/s) that was not given follows from the record."""
+        system, epsilon = self.spec.under(law), self.content.known.get("epsilon")
         return system if epsilon is None else replace(system, known={**system.known, "epsilon": epsilon})
 
-    def target(self, terms: tuple[str, ...], law: str, noise: str, *, epsilon: float | None = None) -> Target:
-        """The target of damping terms under a law. Raises Refusal where the record is not one for this noise.
-
-        epsilon: in rad/s, the one that suits the record, where it was not given.
-        """
-        return build_target(
-            self.signal,
-            terms,
-            self.system(law, epsilon),
-            self.seen,
-            self.reference,
-            noise=noise,
-            term_priors={t: p for t, p in self.study.models.prior.items() if t in terms},
-        )
+    def case(self, terms: tuple[str, ...], law: str) -> Case:
+        """Return damping terms and a restoring law on the record."""
+        priors = {t: p for t, p in self.study.models.prior.items() if t in terms}
+        return Case(self.signal, terms, self.system(law), priors, self.seen, self.reference)
