@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 ENGINE = tuple(
     f"bayesdamp/{part}"
     for part in (
-        "inference", "numerics", "physics", "pipeline", "records", "verdict", "priors.py", "types.py", "units.py",
+        "inference", "interface/answer.py", "interface/envelopes.py", "interface/fitting", "interface/no_free_decay.py",
+        "numerics", "physics", "pipeline", "records", "verdict", "priors.py", "types.py", "units.py",
     )
 )  # fmt: skip
 """What answers, posteriors and evidence are computed by."""

@@ -44,13 +44,15 @@ CLOSE = 0.1
 @dataclass(frozen=True)
 class Averaged:
     """t: ends of the blocks in s of the oscillation that is solved, y: amplitudes, phases and midlines in turn, each
-    (3b,), as an `AveragedSolver` gives them. noise: their sd, in the record's unit; samples: that each stands for."""
+    (3b,), as an `AveragedSolver` gives them. noise: their sd, in the record's unit; samples: that each stands for;
+    residual: what blocks leave of the record's values, (n,)."""
 
     t: np.ndarray
     y: np.ndarray
     track: Track
     noise: float
     samples: int
+    residual: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,8 @@ def averaged(t: np.ndarray, y: np.ndarray, seen: Features, first: float) -> Aver
             _block(t[a:b], y[a:b], at, curves) for (a, b), at in zip(pairwise(places), middles, strict=True)
         ]
         z, middle, share = (np.array(one) for one in list(zip(*blocks, strict=True))[:3])
-        variance = sum(b[3] for b in blocks) / sum(b[4] for b in blocks)
+        left = np.concatenate([b[3] for b in blocks])
+        variance = float(left @ left) / sum(b[4] for b in blocks)
         sd = np.sqrt(variance * share)
         off, log = np.angle(z), np.log(np.abs(z)) - curves.log_size(middles)
         bent = max(_bend(off, np.abs(z) / sd), _bend(log, np.abs(z) / sd))
@@ -132,7 +135,7 @@ def averaged(t: np.ndarray, y: np.ndarray, seen: Features, first: float) -> Aver
     samples = int(np.median(np.diff(places))) // 2
     until = track.times[:, -1].copy()
     until[-1] = max(until[-1], duration / slowness)  # the last block ends where the record does
-    return Averaged(np.repeat(until, NUMBERS), threes, track, noise, samples)
+    return Averaged(np.repeat(until, NUMBERS), threes, track, noise, samples, left)
 
 
 def _seen(seen: Features, first: float, duration: float) -> _Curves | None:
@@ -170,9 +173,9 @@ def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, end: float) -
 
 def _block(
     t: np.ndarray, y: np.ndarray, at: float, curves: _Curves
-) -> tuple[complex, float, float, float, int]:
+) -> tuple[complex, float, float, np.ndarray, int]:
     """A block's complex amplitude against the curves at time `at`, its midline, the amplitude's variance by noise as a
-    share of a sample's, the squares that are left, and of how many degrees of freedom."""
+    share of a sample's, what is left of the values, and its degrees of freedom."""
     phase, base = curves.phase(t), float(curves.log_size(at))
     size = np.exp(curves.log_size(t) - base)
     turned = size * np.exp(1j * phase)
@@ -185,7 +188,7 @@ def _block(
     inverse = np.linalg.inv(square)
     c = inverse @ (rows.T @ y)
     left = y - rows @ c
-    return complex(c[0], c[1]), float(c[2]), float(inverse[0, 0]), float(left @ left), t.size - c.size
+    return complex(c[0], c[1]), float(c[2]), float(inverse[0, 0]), left, t.size - c.size
 
 
 def _bend(values: np.ndarray, weight: np.ndarray) -> float:

@@ -13,17 +13,13 @@ from bayesdamp.inference.deviation.data import Data, prepared
 from bayesdamp.inference.deviation.numbers.averaging import averaging_of, set_right
 from bayesdamp.inference.deviation.numbers.exponent import exponents_of
 from bayesdamp.inference.deviation.numbers.rivals import with_rivals
-from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, GAUSSIAN
+from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, MOST_CYCLES, prepared_for
 from bayesdamp.inference.deviation.weighing import START, Known, Weighing, weigh_all
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.types import Signal
-
-MOST_CYCLES = 1200.0
-"""Cycles up to which the ODE is solved where amplitudes and phases do not stand for it: their tangents take 1 GB
-(measured)."""
 
 
 def weighing_of(
@@ -55,9 +51,9 @@ def weighing_of(
             noises=noises,
         )  # fmt: skip
         # To a start that is given the averaged motion's phase is no more than near.
-        under = (known(law) if callable(known) else known or {} for law in laws)
+        under = [known(law) if callable(known) else known or {} for law in laws]
         start_known = any(name in one for one in under for name in START)
-        data = prepared(signal, average=not start_known and GAUSSIAN in noises)
+        data = prepared_for(signal, noises, under[0], priors or {}, average=not start_known)
         weighing = _weighed(of, data, signal, approximate)
         weighing = with_rivals(weighing, approximate)
         return replace(weighing, exponents=exponents_of(weighing, approximate))

@@ -9,19 +9,19 @@ about the oscillation. Both depend on the motion, so that they are found in turn
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import Linearised, linearised, refit, relinearised
-from bayesdamp.inference.deviation.data import Data
+from bayesdamp.inference.deviation.data import Data, prepared
 from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise._residuals import FittedNoise, fit_noise
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE
 from bayesdamp.priors import Prior
-from bayesdamp.types import Refusal
+from bayesdamp.types import Refusal, Signal
 
 GAUSSIAN = "gaussian"
 CORRELATED = "correlated"
@@ -31,6 +31,12 @@ LEAD = 5.0
 """Nats by which another noise model must be ahead of Gaussian noise (conventional)."""
 ORDER = 8
 """Of the autoregression that shows whether residuals can be predicted from those before them (conventional)."""
+MOST_CYCLES = 1200.0
+"""Cycles up to which the ODE is solved where amplitudes and phases do not stand for it: their tangents take 1 GB
+(measured)."""
+WORTH = 0.7
+"""Share of its variance that noise must fall to under another model than the Gaussian, for the ODE to be solved where
+amplitudes and phases would do: it takes twice as long."""
 ROUNDS = 10
 """Changes of the working residuals, at most."""
 SETTLED = 0.05
@@ -42,6 +48,51 @@ def noises_of(asked: str | Sequence[str]) -> tuple[str, ...]:
     that plug-ins add."""
     names = (asked,) if isinstance(asked, str) else tuple(asked)
     return (*AUTOMATIC, *NOISES.added()) if names == ("auto",) else names
+
+
+def prepared_for(
+    signal: Signal,
+    names: Sequence[str],
+    known: Mapping[str, float],
+    priors: Mapping[str, Prior],
+    average: bool,
+) -> Data:
+    """Return the data of a signal under these noise models.
+
+    Amplitudes and phases of a record of very many cycles have Gaussian noise. They are not taken where another model is
+    the likeliest on what they leave of the record and tells more.
+
+    Parameters
+    ----------
+    signal : Signal
+        The record.
+    names : sequence of str
+        Noise models to choose from.
+    known, priors : mapping
+        Values and priors of the noise's parameters in place of the default priors.
+    average : bool
+        Whether amplitudes and phases may be taken.
+
+    Raises
+    ------
+    Refusal
+        Where the record does not oscillate.
+    """
+    data = prepared(signal, average=average and GAUSSIAN in names)
+    if data.averaged is None or len(names) == 1 or data.cycles > MOST_CYCLES:
+        return data
+    residual, gaps = data.averaged.residual, np.diff(signal.t[: data.averaged.residual.size])
+    record = replace(signal, t=signal.t[: residual.size], y=signal.y[: residual.size])
+    weighed = _weighed(names, residual, record, data, known, priors)
+    noise = max(weighed, key=lambda one: one.log_evidence)
+    plain = next(one for one in weighed if one.name == GAUSSIAN)
+    ahead = noise.log_evidence - plain.log_evidence
+    if noise.name in (GAUSSIAN, CORRELATED) or ahead < LEAD or predictable(residual) > ahead:
+        return data
+    variance = noise.variance(residual, record.y - record.y.mean(), gaps)
+    if variance > WORTH * float(residual @ residual) / residual.size:
+        return data
+    return prepared(signal, average=False)
 
 
 @dataclass(frozen=True)
@@ -145,7 +196,7 @@ def adapted(
     motion = _at_samples(solver, data, at)
     if motion is None:
         return None
-    weighed = _weighed(names, record.y - motion, data, known, priors)
+    weighed = _weighed(names, record.y - motion, record, data, known, priors)
     by_name = {one.name: one for one in weighed}
     noise, plain = max(weighed, key=lambda one: one.log_evidence), by_name.get(GAUSSIAN)
     found, gaps = at.fit, np.diff(record.t)
@@ -211,17 +262,17 @@ def predictable(residual: np.ndarray) -> float:
 def _weighed(
     names: Sequence[str],
     residual: np.ndarray,
+    record: Signal,
     data: Data,
     known: Mapping[str, float],
     priors: Mapping[str, Prior],
 ) -> tuple[FittedNoise, ...]:
-    """Each noise model that applies to the record, on residuals (m,). Raises Refusal where none does."""
-    assert data.record is not None
+    """Return each noise model that applies to a record, on residuals (m,). Raises Refusal where none does."""
     every: list[FittedNoise] = []
     refused: list[str] = []
     for name in names:
         try:
-            every.append(fit_noise(name, residual, data.record, data.features, known, priors))
+            every.append(fit_noise(name, residual, record, data.features, known, priors))
         except Refusal as refusal:
             refused.append(str(refusal))
     if not every:

@@ -11,8 +11,7 @@ from bayesdamp import types
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.numbers.averaging import averaging_of
-from bayesdamp.inference.deviation.quick import MOST_CYCLES
-from bayesdamp.inference.deviation.sample_noise import GAUSSIAN, noises_of
+from bayesdamp.inference.deviation.sample_noise import MOST_CYCLES, noises_of, prepared_for
 from bayesdamp.inference.deviation.single import Single, single
 from bayesdamp.inference.deviation.weighing import START, weigh_all
 from bayesdamp.inference.fit.mode import Mode, restore_mode
@@ -58,8 +57,9 @@ def deviating(case: Case, model: Specification) -> Single:
         reference=case.reference,
         noises=noises_of(model.noise),
     )
-    average = GAUSSIAN in noises_of(model.noise) and not any(n in model.known for n in START)
-    found = weighed(prepared(case.signal, average=average))
+    average = not any(n in model.known for n in START)
+    noises, priors = noises_of(model.noise), model.parameter_priors
+    found = weighed(prepared_for(case.signal, noises, model.known, priors, average))
     averaging = averaging_of(found.weighing)
     if averaging is not None and not averaging.close and averaging.cycles <= MOST_CYCLES:
         found = weighed(prepared(case.signal, average=False))

@@ -7,7 +7,7 @@ from scipy import optimize, stats
 import bayesdamp as bd
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import prepared
-from bayesdamp.inference.deviation.sample_noise import noises_of
+from bayesdamp.inference.deviation.sample_noise import noises_of, prepared_for
 from bayesdamp.inference.deviation.weighing import weigh_all
 from bayesdamp.inference.noise import NOISES, IndependentNoise
 from bayesdamp.inference.noise._residuals import FittedNoise
@@ -172,3 +172,21 @@ def test_an_unknown_noise_model_is_refused():
         bd.compare(spoilt(), noise="student")
     with pytest.raises(InputError, match="noise_dof"):
         bd.compare(spoilt(), noise="gaussian", known={"noise_dof": 3.0})
+
+
+@pytest.mark.parametrize(("outliers", "averages"), [(0.0, True), (0.02, False)])
+def test_outliers_reach_the_answer_on_a_record_of_very_many_cycles(outliers: float, averages: bool):
+    """One in fifty samples is off by many times the noise: amplitudes and phases, which are means over cycles, would
+    take these for Gaussian noise. The control: a record without any is averaged."""
+    signal = bd.simulate(
+        {"viscous": 0.02},
+        stiffness=900.0,
+        duration=100.0,
+        samples=15_000,
+        noise_sd=0.003,
+        outliers=outliers,
+        seed=3,
+    )
+    data = prepared_for(signal, noises_of("auto"), {}, {}, average=True)
+    assert (data.averaged is not None) == averages
+    assert prepared_for(signal, ("gaussian",), {}, {}, average=True).averaged is not None
