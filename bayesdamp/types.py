@@ -236,6 +236,47 @@ class ChainStart:
     shift: float
 
 
+FRICTION_WIDTH = 0.02
+"""The velocity ε within which friction turns over, as a share of the peak velocity, where nobody gives it."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Reference amplitude (rad or m) and angular frequency (rad/s) of a study: prior widths scale with it."""
+
+    amplitude: float
+    frequency: float
+
+    def scales(self, rest: float) -> dict[str, float]:
+        """What damping terms may take that is no parameter, by name; rest: where the motion rests, rad or m."""
+        return {
+            "rest": rest,
+            "reference_velocity": self.peak_velocity,
+            "reference_amplitude": self.amplitude,
+        }
+
+    @property
+    def peak_velocity(self) -> float:
+        """Amplitude times frequency, rad/s or m/s."""
+        return self.amplitude * self.frequency
+
+    @property
+    def friction_width(self) -> float:
+        """ε where nobody gives it, rad/s or m/s."""
+        return FRICTION_WIDTH * self.peak_velocity
+
+
+@dataclass(frozen=True)
+class Friction:
+    """A width of friction (rad/s or m/s), its posterior probability, and under it the coefficients of all damping terms
+    and their further parameters."""
+
+    epsilon: float
+    weight: float
+    coefficients: tuple[float, ...]
+    further: tuple[float, ...] = ()
+
+
 @dataclass(frozen=True)
 class Posterior:
     """Draws of a posterior: draws[chain, draw, parameter] in natural units.

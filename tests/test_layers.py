@@ -67,7 +67,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "calibrate": _BELOW
     | {"config", "estimators", "inference", "store", "interface", "pipeline", "report", "calibrate"},
     "claims": _BELOW | {"estimators", "report", "claims"},
-    "validation.reports": NEUTRAL | {"calibrate", "interface", "pipeline", "records", "store", "report", "validation"},
+    "validation.reports": NEUTRAL
+    | {"calibrate", "interface", "pipeline", "records", "store", "report", "verdict", "validation"},
     "validation.truth": NEUTRAL | {"validation.truth"},
     "validation": NEUTRAL | {"report.markdown", "store", "verdict.types", "validation"},
     "interface": NEUTRAL

@@ -19,7 +19,7 @@ from validation.rows import gathered, read_frame
 from validation.scoring import markdown, scores
 from validation.truth.records import FAMILY, KINDS, case
 
-ANSWER = "bayesdamp.interface.answer:sampled_verdict"
+ANSWER = "validation.reports.verdicts:sampled_verdict"
 DISCREPANT = "discrepant"
 
 

@@ -13,7 +13,6 @@ from bayesdamp.estimators import run as run_estimator
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.records.simulate import simulated
@@ -22,7 +21,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import SHARED_SCALES, SHARED_SIGMAS, Prior
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.types import OK, Estimate, InputError, Problem, Seed, Signal, System
+from bayesdamp.types import OK, Estimate, InputError, Problem, Reference, Seed, Signal, System
 
 ESTIMATOR = "least_squares"
 SECOND = "envelope"

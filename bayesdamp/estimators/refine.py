@@ -19,7 +19,7 @@ from bayesdamp.estimators.shared import (
 )
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import Trajectories
-from bayesdamp.priors import Normal, Prior
+from bayesdamp.priors import Normal
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 
@@ -82,7 +82,9 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     size = float(np.abs(seen.turning_amplitudes).max())
     units = np.array([1e-5 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms])
     fit = _Fit(signal, osc, names, base, size, units)
-    lowest = [_lowest(p) for p in priors.values()]
+    signed = [isinstance(p, Normal) for p in priors.values()]
+    ends = [float(p.value(np.asarray(0.0 if p.reflected else -8.0))) for p in priors.values()]
+    lowest = np.where(signed, -np.inf, ends).tolist()
     free = len(names) - units.size - len(lowest)
     floor = np.r_[np.zeros(units.size), lowest, np.full(free, -np.inf)]
     x = _start(fit, first, seen)
@@ -113,15 +115,6 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         {"rms": np.concatenate([*traces, [rms]])},
         evaluations=evaluations,
         outcome=_outcome(found.converged, found.x, fit, misfit(residual, signal, seen)),
-    )
-
-
-def _lowest(prior: Prior) -> float:
-    """The lower end of a prior's support."""
-    return (
-        -np.inf
-        if isinstance(prior, Normal)
-        else float(prior.value(np.asarray(0.0 if prior.reflected else -8.0)))
     )
 
 

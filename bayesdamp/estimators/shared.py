@@ -14,8 +14,8 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.turning import midpoints, turning_points
-from bayesdamp.records.reference import Reference, reference_of
-from bayesdamp.types import Problem, Refusal, Signal
+from bayesdamp.records.reference import reference_of
+from bayesdamp.types import Problem, Reference, Refusal, Signal
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -336,12 +336,8 @@ def _run(signal: Signal, problem: Problem, seen: Features, noise: float, knots_p
         theta0=float(curves[0](t[:1])[0]),
         omega0=float(curves[1](t[:1])[0]),
         integrated=unknown,
-        response=None if order else lambda x: _derivatives(through(x), t),
+        response=None if order else lambda x: tuple(through(x)(t, j) for j in range(3)),
     )
-
-
-def _derivatives(spline: BSpline, t: np.ndarray) -> tuple[np.ndarray, ...]:
-    return tuple(spline.derivative(j)(t) if j else spline(t) for j in range(3))
 
 
 def _knots(t: np.ndarray, spacing: float) -> np.ndarray:

@@ -21,7 +21,6 @@ from bayesdamp.inference.deviation.several.run_likelihood import DampingRun, dam
 from bayesdamp.inference.deviation.several.specimen import OtherForm, WeighedRun
 from bayesdamp.inference.deviation.single import found_of
 from bayesdamp.inference.deviation.weighing import Known, Result, Weighing
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
@@ -32,7 +31,7 @@ from bayesdamp.store.contents.answers import (
     AnswerContent,
     WeighedCandidate,
 )
-from bayesdamp.types import OK, InputError, Refusal, Signal
+from bayesdamp.types import OK, InputError, Reference, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.parts import Averages, DampingRatio, FrequencyAt, Grade, LawFreeAt, Window
@@ -284,20 +283,6 @@ def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
     for end, values in (("", at.ratio), ("_low", at.ratio - half), ("_high", at.ratio + half)):
         arrays |= {f"free/ratio{end}": values[order], f"free/lost{end}": (lost * values)[order]}
     return arrays
-
-
-def sampled_verdict(
-    signal: Signal, amplitudes: Sequence[float] | None = None, deviation: str = "auto"
-) -> Verdict:
-    """The verdict on a simulated record, its probabilities not capped."""
-    return answer(signal, amplitudes, deviation=deviation, measured=False).verdict
-
-
-def quick_verdict(
-    signal: Signal, amplitudes: Sequence[float] | None = None, deviation: str = "auto"
-) -> Verdict:
-    """The same from linear models alone."""
-    return answer(signal, amplitudes, deviation=deviation, measured=False, sample=False).verdict
 
 
 def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) -> tuple[float, ...] | None:

@@ -17,7 +17,6 @@ from bayesdamp.formatting import compact
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import Motions, derive, units
 from bayesdamp.inference.deviation.single import Single
-from bayesdamp.inference.model.defaults import reference_of
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.parts import axes as drawing
@@ -25,6 +24,7 @@ from bayesdamp.interface.parts.definitions import definition
 from bayesdamp.interface.parts.result import Result, outcome_notes
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.reference import reference_of
 from bayesdamp.store.contents.posteriors import NO_DRAWS
 from bayesdamp.table import Table
 from bayesdamp.types import InputError, Refusal

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.inference.envelope.dampings import Sums, further_terms, weighable
-from bayesdamp.interface.envelopes import answer_envelope, specimen_of_envelopes
+from bayesdamp.interface.envelopes import answer_envelope
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.pipeline.keys import task_key
-from bayesdamp.pipeline.records.answering import answer_of
 from bayesdamp.pipeline.records.records import RecordCell
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.plugins import sources_below
@@ -22,7 +20,6 @@ from bayesdamp.records.envelope.window import Window, bounded
 from bayesdamp.serial import split
 from bayesdamp.store import Store, sha256
 from bayesdamp.types import InputError, Refusal
-from bayesdamp.verdict.types import Verdict
 
 KEPT = 2000
 """Records that stay in memory, some 100 kB each."""
@@ -90,9 +87,3 @@ class EnvelopeCell(RecordCell):
         record, window = read_recording(self.spec.source, self.spec.name)
         result = answer_envelope(record, window, self.sums, self.study.seed, bool(self.spec.specimen))
         return Product(result.content, result.arrays)
-
-
-def specimen_of_cells(store: Store, name: str, specs: Sequence[SignalSpec]) -> Verdict | None:
-    """Return the same from what a run's folder holds."""
-    answers = [one for spec in specs if (one := answer_of(store, spec.name, 0)) is not None]
-    return specimen_of_envelopes(name, answers)

@@ -2,41 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from bayesdamp.physics.oscillator import REACH, Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import InputError, System
-
-FRICTION_WIDTH = 0.02
-"""The velocity ε within which friction turns over, as a share of the peak velocity, where nobody gives it."""
-
-
-@dataclass(frozen=True)
-class Reference:
-    """Reference amplitude (rad or m) and angular frequency (rad/s) of a study: prior widths scale with it."""
-
-    amplitude: float
-    frequency: float
-
-    def scales(self, rest: float) -> dict[str, float]:
-        """What damping terms may take that is no parameter, by name; rest: where the motion rests, rad or m."""
-        return {
-            "rest": rest,
-            "reference_velocity": self.peak_velocity,
-            "reference_amplitude": self.amplitude,
-        }
-
-    @property
-    def peak_velocity(self) -> float:
-        """Amplitude times frequency, rad/s or m/s."""
-        return self.amplitude * self.frequency
-
-    @property
-    def friction_width(self) -> float:
-        """ε where nobody gives it, rad/s or m/s."""
-        return FRICTION_WIDTH * self.peak_velocity
+from bayesdamp.types import InputError, Reference, System
 
 
 def reference_of(system: System, seen: Features) -> Reference:

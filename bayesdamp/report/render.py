@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from concurrent.futures import Executor
 from pathlib import Path
 
@@ -50,7 +49,12 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
 def page_of(run: Run, pool: Executor | None = None) -> tuple[str, set[str]]:
     """Return the page of a run, and the names of its figures."""
     wanted = in_order(run)
-    bodies = list(_rendered(run, [section.name for section in wanted], pool))
+    names = [section.name for section in wanted]
+    if pool is None or extended():  # a user's own section is known to this process alone
+        bodies = [_section(run, name) for name in names]
+    else:
+        own = Run(run.folder.resolve())
+        bodies = [f.result() for f in [pool.submit(_section, own, name) for name in names]]
     sections = [
         {"name": section.name, "title": section.title, "body": Markup(body)}
         for section, (body, _) in zip(wanted, bodies, strict=True)
@@ -67,16 +71,6 @@ def page_of(run: Run, pool: Executor | None = None) -> tuple[str, set[str]]:
         sections=sections,
     )
     return page, {name for _, figures in bodies for name in figures}
-
-
-def _rendered(run: Run, names: list[str], pool: Executor | None) -> Iterator[Rendered]:
-    if pool is None or extended():  # a user's own section is known to this process alone
-        return (_section(run, name) for name in names)
-    return iter([f.result() for f in [pool.submit(_section_of, run.folder.resolve(), n) for n in names]])
-
-
-def _section_of(folder: Path, name: str) -> Rendered:
-    return _section(Run(folder), name)
 
 
 def _section(run: Run, name: str) -> Rendered:

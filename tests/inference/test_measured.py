@@ -11,11 +11,10 @@ import pytest
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.read import read_record
-from bayesdamp.types import Seed, Signal, System
+from bayesdamp.types import Reference, Seed, Signal, System
 
 FILE = Path(__file__).resolve().parents[2] / ".." / "shared" / "data" / "horizontal_pendulum" / "80P.txt"
 FIRST, COUNT = 100, 5000

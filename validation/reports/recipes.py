@@ -18,8 +18,9 @@ TRUTH = (
     "validation/truth",
     "validation/answers.py",
     "validation/run.py",
+    "validation/reports/verdicts.py",
 )
-QUICK = "bayesdamp.interface.answer:quick_verdict"
+QUICK = "validation.reports.verdicts:quick_verdict"
 PYTHON = "{python} -m"
 PAGES = "validation.reports"
 

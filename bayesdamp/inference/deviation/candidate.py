@@ -13,14 +13,14 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Linear, condensed, normals
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit, fit, nonnegative
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.inference.model.defaults import Reference, default_prior
+from bayesdamp.inference.model.defaults import default_prior
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import ALL, NONE
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
-from bayesdamp.types import candidate_name
+from bayesdamp.types import Reference, candidate_name
 
 STARTS = (-1.0, 0.0, 1.0)
 """Scores of a further parameter from which searches start."""

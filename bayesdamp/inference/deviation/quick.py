@@ -15,11 +15,10 @@ from bayesdamp.inference.deviation.numbers.exponent import exponents_of
 from bayesdamp.inference.deviation.numbers.rivals import with_rivals
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, MOST_CYCLES, prepared_for
 from bayesdamp.inference.deviation.weighing import START, Known, Weighing, weigh_all
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
-from bayesdamp.types import Signal
+from bayesdamp.types import Reference, Signal
 
 
 def weighing_of(

@@ -84,15 +84,12 @@ def prepared_for(
     residual, gaps = data.averaged.residual, np.diff(signal.t[: data.averaged.residual.size])
     record = replace(signal, t=signal.t[: residual.size], y=signal.y[: residual.size])
     weighed = _weighed(names, residual, record, data, known, priors)
-    noise = max(weighed, key=lambda one: one.log_evidence)
-    plain = next(one for one in weighed if one.name == GAUSSIAN)
-    ahead = noise.log_evidence - plain.log_evidence
-    if noise.name in (GAUSSIAN, CORRELATED) or ahead < LEAD or predictable(residual) > ahead:
+    found = SampleNoise(max(weighed, key=lambda one: one.log_evidence), weighed)
+    if found.name in (GAUSSIAN, CORRELATED) or found.ahead < max(LEAD, predictable(residual)):
         return data
-    variance = noise.variance(residual, record.y - record.y.mean(), gaps)
-    if variance > WORTH * float(residual @ residual) / residual.size:
-        return data
-    return prepared(signal, average=False)
+    variance = found.fitted.variance(residual, record.y - record.y.mean(), gaps)
+    worth = variance < WORTH * float(residual @ residual) / residual.size
+    return prepared(signal, average=False) if worth else data
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,8 @@ from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise
 from bayesdamp.inference.deviation.sampled.motions import Motions
 from bayesdamp.inference.deviation.sampled.table import noise_sds
-from bayesdamp.inference.deviation.weighing import Friction, Result, Weighing, weigh_all
+from bayesdamp.inference.deviation.weighing import Result, Weighing, weigh_all
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.noise._residuals import FittedNoise
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
@@ -34,7 +33,7 @@ from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
-from bayesdamp.types import Posterior, Ratio, Refusal, Signal
+from bayesdamp.types import Friction, Posterior, Ratio, Reference, Refusal, Signal
 
 Array = NDArray[np.float64]
 DRAWS = 4000

@@ -34,7 +34,6 @@ from bayesdamp.inference.deviation.sample_noise import (
     adapted,
     predictable,
 )
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
@@ -42,7 +41,7 @@ from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.physics.kernel.build import source_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
-from bayesdamp.types import Refusal
+from bayesdamp.types import Friction, Reference, Refusal
 
 SHARES = (0.05, 0.02, 0.01, 0.005, 0.002)
 """ε as shares of the peak velocity that are tried where nobody gave it, its logarithm uniform beforehand."""
@@ -118,17 +117,6 @@ class Result:
 
 
 @dataclass(frozen=True)
-class Friction:
-    """An ε (rad/s or m/s), its posterior probability, and under it the coefficients of all terms, (m,), and their
-    further parameters, (e,)."""
-
-    epsilon: float
-    weight: float
-    coefficients: np.ndarray
-    further: np.ndarray
-
-
-@dataclass(frozen=True)
 class Weighing:
     """Every candidate on one record. variance: of the noise that counts, κ times that of what is left; frictions:
     widths of friction's turning over and how probable they are, none where it is known or there is no friction;
@@ -197,7 +185,8 @@ def weigh_all(
         parameters = parameters_of(c, solver, data, reference, priors, of_law)
         found, each = None, starts_of(c, parameters)
         if near is not None:
-            begun = near.parameters.named(near.z) | {k: v for k, v in start.items() if k in _coefficients(c)}
+            coefficients = {TERMS.get(t).parameter for t in c.damping}
+            begun = near.parameters.named(near.z) | {k: v for k, v in start.items() if k in coefficients}
             found = searched(c, solver, data, parameters, [begun | one for one in each], windows=False)
         if found is None:
             found = searched(c, solver, data, parameters, [start | one for one in each], windows=True)
@@ -388,7 +377,8 @@ def _frictions(
     logs = np.array([log for _, log, _ in tried])
     weights = np.exp(logs - logs.max()) * _cells(np.log([e for e, _, _ in tried]))
     shares = weights / weights.sum()
-    return [Friction(e, float(w), p[:m], p[m:]) for (e, _, p), w in zip(tried, shares, strict=True)]
+    each = zip(tried, shares.tolist(), strict=True)
+    return [Friction(e, w, tuple(p[:m].tolist()), tuple(p[m:].tolist())) for (e, _, p), w in each]
 
 
 def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
@@ -441,10 +431,6 @@ def _refitted(data: Data, solvers: Mapping[str, Solver], fits: dict[Candidate, F
     for c, new in zip(every, found, strict=True):
         if new is not None:
             fits[c] = new
-
-
-def _coefficients(candidate: Candidate) -> set[str]:
-    return {TERMS.get(t).parameter for t in candidate.damping}
 
 
 def _noise(

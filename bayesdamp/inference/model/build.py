@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bayesdamp.inference.model.defaults import Reference, default_prior
+from bayesdamp.inference.model.defaults import default_prior
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Signal, System
+from bayesdamp.types import Reference, Signal, System
 
 
 def build_target(

@@ -9,15 +9,7 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import LogNormal, LogUniform, Normal, Prior, SharedHalfNormal
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.records.reference import Reference, reference_of
-
-__all__ = [
-    "EPSILON_RANGE",
-    "Reference",
-    "damping_priors",
-    "default_prior",
-    "reference_of",
-]
+from bayesdamp.types import Reference
 
 EPSILON_RANGE = (0.0005, 0.05)
 """Of ε's prior where it is free, as shares of the peak velocity."""

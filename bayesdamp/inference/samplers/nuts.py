@@ -93,53 +93,51 @@ class Run:
         return replace(self, left=whole)
 
 
-class Mixture:
-    """A posterior that is a mixture over the hyperparameters of deviations: as a whole, and given one combination.
+class MixtureChain(Chain):
+    """A chain in a posterior that is a mixture over hyperparameters of deviations.
+
+    A combination of these is drawn given the position, then a position given the combination (Gibbs sampling). One
+    component may be many times narrower than another, so that no step suits both.
 
     Attributes
     ----------
     mode : Mode
         The posterior's.
     whole : Whitened
-        The coordinates of positions that chains leave.
+        The coordinates of positions that the chain leaves.
+    given : dict of int to Whitened
+        The posterior given a combination, in coordinates of its own, as far as it was asked for; chains share it.
     """
 
-    def __init__(self, mode: Mode, whole: Whitened) -> None:
-        self.mode, self.whole, self._given = mode, whole, dict[int, Whitened]()
+    def __init__(
+        self, mode: Mode, whole: Whitened, given: dict[int, Whitened], step: float, rng: np.random.Generator
+    ) -> None:
+        super().__init__(whole, step, rng)
+        self.mode, self.whole, self.given = mode, whole, given
 
-    def given(self, combination: int) -> Whitened:
-        """Return the posterior given a combination, in coordinates of its own."""
-        if combination not in self._given:
+    def under(self, combination: int) -> Whitened:
+        """Return the posterior given a combination."""
+        if combination not in self.given:
             at = whitening_under(self.mode, combination, self.whole.at.shear)
             held = replace(self.mode, likelihood=self.mode.likelihood.under(combination))
-            self._given[combination] = Whitened.of(held, at, self.whole.line is None)
-        return self._given[combination]
-
-
-class MixtureChain(Chain):
-    """A chain in a mixture: a combination of hyperparameters is drawn given the position, then a position given the
-    combination (Gibbs sampling). One component may be many times narrower than another, so that no step suits both."""
-
-    def __init__(self, mixture: Mixture, step: float, rng: np.random.Generator) -> None:
-        super().__init__(mixture.whole, step, rng)
-        self.mixture = mixture
+            self.given[combination] = Whitened.of(held, at, self.whole.line is None)
+        return self.given[combination]
 
     def sampled(self, u: np.ndarray, height: float, count: int) -> tuple[np.ndarray, ...]:
         """Return what `Chain.sampled` does; positions and heights are those of the whole mixture."""
-        whole, likelihood = self.mixture.whole, self.mixture.mode.likelihood
-        deviation = likelihood.target.deviation
-        assert deviation is not None
-        left = []
-        z = whole.at.scores(u)
+        likelihood, left = self.mode.likelihood, []
+        assert likelihood.target.deviation is not None
+        z = self.whole.at.scores(u)
         residual, prior = likelihood.residual(z), float(likelihood.log_prior(z))
         for _ in range(count):
-            self.space = self.mixture.given(deviation.combination_given(residual, self.rng))
+            self.space = self.under(likelihood.target.deviation.combination_given(residual, self.rng))
             u = self.space.at.whitened(z[None])[0]
             height = prior + self.space.likelihood.log_noise(residual, z)
             at, *rest = self.transition(Point(u, u, self.space.slope(u), height))
             z = self.space.at.scores(at.u)
             residual, prior = likelihood.residual(z), float(likelihood.log_prior(z))
-            left.append((whole.at.whitened(z[None])[0], prior + likelihood.log_noise(residual, z), *rest))
+            height = prior + likelihood.log_noise(residual, z)
+            left.append((self.whole.at.whitened(z[None])[0], height, *rest))
         return tuple(map(np.array, zip(*left, strict=True)))
 
 
@@ -187,13 +185,12 @@ class Nuts(Sampler):
         space = Whitened.of(mode, at, exact)
         warmup = settings.warmup_of(mode)
         count = warmup + settings.draws
-        mixture = None if target.deviation is None else Mixture(mode, space)
-        step, rngs = (
-            shorter * STEP,
-            [np.random.default_rng([settings.seed, i]) for i in range(settings.chains)],
-        )
+        step, given = shorter * STEP, dict[int, Whitened]()
         chains = [
-            Chain(space, step, rng) if mixture is None else MixtureChain(mixture, step, rng) for rng in rngs
+            Chain(space, step, rng)
+            if target.deviation is None
+            else MixtureChain(mode, space, given, step, rng)
+            for rng in (np.random.default_rng([settings.seed, i]) for i in range(settings.chains))
         ]
         left = [
             chain.sampled(u, float(height), count)

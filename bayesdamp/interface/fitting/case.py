@@ -10,13 +10,13 @@ from bayesdamp.estimators.shared import has_noise
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import Reference, reference_of
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.fitting.specification import Specification
 from bayesdamp.interface.fitting.starts import observed, regression
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.types import Problem, Refusal, Seed, System
+from bayesdamp.records.reference import reference_of
+from bayesdamp.types import Problem, Reference, Refusal, Seed, System
 
 Starts = Mapping[Seed, Mapping[str, float]]
 NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd to simulate"

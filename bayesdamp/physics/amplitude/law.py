@@ -116,7 +116,10 @@ class Tabled(Law):
         slow = 1.0 / np.maximum(rates @ inside, LEAST)
         took = 0.5 * (x[0] - x[1]) * slow.reshape(-1, 2).sum(axis=1)
         passed = np.concatenate([[0.0], np.cumsum(took)])
-        power = [_slope(x[side], speed[side]) for side in (slice(0, 2), slice(-2, None))]
+        power = [
+            float(np.diff(np.log(speed[side]))[0] / np.diff(x[side])[0])
+            for side in (slice(2), slice(-2, None))
+        ]
         if x0 > x[0]:
             begun = -_between(x0 - x[0], speed[0], power[0])
         elif x0 < x[-1]:
@@ -150,11 +153,6 @@ class Tabled(Law):
         ]
         since = np.stack([one[1:] - one[0] for one in found], axis=1)
         return -np.maximum(self.rate(x, rates), LEAST)[:, None] * since
-
-
-def _slope(x: np.ndarray, speed: np.ndarray) -> float:
-    """Power of A that a rate goes with between two points."""
-    return float((np.log(speed[1]) - np.log(speed[0])) / (x[1] - x[0]))
 
 
 def _between(fall: float, speed: float, power: float) -> float:

@@ -11,7 +11,6 @@ from bayesdamp.outcomes import Status
 from bayesdamp.pipeline.many.specimens import Specimen, summaries
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store.contents.many import JointCandidate, JointContent, Weighing
-from bayesdamp.store.contents.records import Scales
 from bayesdamp.types import OK, Refusal, candidate_parts, summed
 
 NOT_JOINED = Status.PRUNED.because("far behind, so its coefficients were not inferred from all records")
@@ -42,7 +41,7 @@ def joined(specimen: Specimen) -> Product:
         records=tuple(r.label for r in specimen.answered),
         members=tuple((r.signal, r.repeat) for r in specimen.answered),
         deviation=specimen.deviation,
-        reference=Scales(weighed.reference.amplitude, weighed.reference.frequency),
+        reference=weighed.reference,
         best=best,
         candidates=rows,
         others=weighed.others(),

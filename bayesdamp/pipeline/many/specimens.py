@@ -18,7 +18,6 @@ from bayesdamp.inference.deviation.several.specimen import (
     common_reference,
     weigh_specimen,
 )
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.keys import task_key
@@ -27,7 +26,7 @@ from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.priors import Prior
 from bayesdamp.store import Store
 from bayesdamp.store.contents.many import Summary
-from bayesdamp.types import Refusal, candidate_parts
+from bayesdamp.types import Reference, Refusal, candidate_parts
 from bayesdamp.units import UNITS
 
 

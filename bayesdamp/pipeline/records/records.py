@@ -24,10 +24,10 @@ from bayesdamp.provenance import Provenance
 from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.law_free import law_free
-from bayesdamp.records.reference import FRICTION_WIDTH, reference_of
+from bayesdamp.records.reference import reference_of
 from bayesdamp.store import CellResult, Store, sha256
-from bayesdamp.store.contents.records import FeaturesSeen, RecordContent, Scales
-from bayesdamp.types import OK, InputError, Problem, Refusal, Signal
+from bayesdamp.store.contents.records import FeaturesSeen, RecordContent
+from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Refusal, Signal
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import seen_instead
@@ -161,7 +161,7 @@ class SignalCell(RecordCell):
             content,
             features=FeaturesSeen(**{f.name: getattr(seen, f.name) for f in fields(FeaturesSeen)}),
             anomalies=(*anomalies(signal, seen), *instead),
-            reference=Scales(reference.amplitude, reference.frequency),
+            reference=reference,
             known=known,
             epsilon_note=note,
             noisy=has_noise(signal, seen),

@@ -6,13 +6,12 @@ from dataclasses import replace
 from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.interface.fitting.case import Case
 from bayesdamp.pipeline.records.records import signal_of
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.records import RecordContent
-from bayesdamp.types import Signal, System
+from bayesdamp.types import Reference, Signal, System
 
 KEPT = 8
 _SIGNALS: dict[tuple[str, str], Signal] = {}
@@ -41,8 +40,7 @@ class Record:
     @property
     def reference(self) -> Reference:
         """What default priors scale with. Raises ValueError where it shows no oscillation."""
-        scales = self.content.scales
-        return Reference(scales.amplitude, scales.frequency)
+        return self.content.scales
 
     @cached_property
     def seen(self) -> Features:

@@ -42,9 +42,10 @@ def _specimen(study: Study, store: Store, name: str, specs: Sequence[SignalSpec]
     if sum(spec.repeats for spec in specs) < 2:
         return None
     if specs[0].is_envelope:
-        from bayesdamp.pipeline.envelopes import specimen_of_cells  # imports slowly
+        from bayesdamp.interface.envelopes import specimen_of_envelopes  # imports slowly
 
-        return specimen_of_cells(store, name, specs)
+        found = (answer_of(store, spec.name, 0) for spec in specs)
+        return specimen_of_envelopes(name, [a for a in found if a is not None])
     every = (answered_of(store, spec.name, repeat) for spec in specs for repeat in range(spec.repeats))
     answered = [a for a in every if a is not None]
     seed = cell_seed(study, f"specimen/{name}")

@@ -35,7 +35,9 @@ def stretches(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, in
     for first, last in _in_step(t, turns, floor):  # swings first .. last - 1
         # A spike or a gap spoils one turning point, and with it two ranges.
         ranges = median_filter(np.abs(np.diff(turns.values[first : last + 1])), 5, mode="nearest")
-        across = across_holes(turns.times[first : last + 1])
+        # Swings between turning points that span others, of which there is no sample.
+        gaps = np.diff(turns.times[first : last + 1])
+        across = np.flatnonzero(gaps > 1.6 * np.median(gaps))
         marks = [0, *_apart(_jumps(ranges, floor), across), ranges.size]
         for a, b in pairwise(marks):
             breaks = (a + c for c in _breaks(ranges[a:b], floor) if a + c < b)
@@ -129,12 +131,6 @@ def _goes_on(
         and in_phase
         and 0.6 * before - 2 * floor <= after <= 1.25 * before + 2 * floor
     )
-
-
-def across_holes(times: np.ndarray) -> np.ndarray:
-    """Return the swings between turning points at `times` (k,) that span others, of which there is no sample."""
-    gaps = np.diff(times)
-    return np.flatnonzero(gaps > 1.6 * np.median(gaps))
 
 
 def _apart(marks: Iterable[int], across: np.ndarray) -> list[int]:

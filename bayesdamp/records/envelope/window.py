@@ -83,7 +83,10 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
     tb, yb, edges = blocks(t, y, POINTS)
     first, last = _straightest(tb, yb)
     core = fall(yb, first, last + 1)
-    if core < LEAST_DROP and not _bent(t, y, tb, yb, edges):
+    top = int(np.argmax(yb))
+    # Or it falls from its highest block on, nowhere straight, by one power of the amplitude.
+    bent = core < LEAST_DROP and fall(yb, top, yb.size) > SURE_DROP and a_law_holds(t, y, tb, yb, edges, top)
+    if core < LEAST_DROP and not bent:
         raise Refusal(f"the level falls by {max(core, 0):.1f} dB, {LEAST_DROP:g} are needed")
     begin, broken = _followed_back(tb, yb, first, last)
     end, floor = _followed_on(t, y, begin, tb, yb, edges)
@@ -144,12 +147,6 @@ def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | Non
         found.why[1] if stop is None else f"ends at {t[behind - 1]:.4g} s, as asked",
     )
     return Window(first, behind, found.floor, why)
-
-
-def _bent(t: np.ndarray, y: np.ndarray, tb: np.ndarray, yb: np.ndarray, edges: np.ndarray) -> bool:
-    """Whether the level falls from its highest block on, nowhere straight, by one power of the amplitude."""
-    at = int(np.argmax(yb))
-    return fall(yb, at, yb.size) > SURE_DROP and a_law_holds(t, y, tb, yb, edges, at)
 
 
 def _straightest(t: np.ndarray, y: np.ndarray) -> tuple[int, int]:

@@ -68,8 +68,10 @@ class FirstWords:
         """Write it as a sentence; ± stands before half a 95 % interval."""
         top, middle, least = self.damping
         half = (self.frequency_high - self.frequency_low) / 2
+        near = half < self.frequency
+        frequency = fmt.with_error(self.frequency, half) if near else f"about {self.frequency:.2g}"
         lead = (
-            f"It oscillates at {_hertz(self.frequency, half)} "
+            f"It oscillates at {frequency} Hz "
             f"for {self.cycles:.0f} cycles ({self.start:.4g} to {self.stop:.4g} s)"
         )
         at = [f"{_percent(d)} at {d.amplitude:.2g} {self.unit}" for d in self.damping]
@@ -116,11 +118,6 @@ def first_words(signal: Signal) -> FirstWords:
         begin + min(last + half_window, float(signal.t[-1])),
         signal.unit,
     )
-
-
-def _hertz(frequency: float, half: float) -> str:
-    """A frequency in Hz with half its interval; about what it is where that is as large as itself, or not known."""
-    return f"{fmt.with_error(frequency, half)} Hz" if half < frequency else f"about {frequency:.2g} Hz"
 
 
 def _percent(d: DampingAt) -> str:

@@ -12,8 +12,9 @@ from bayesdamp.report.html import stack
 from bayesdamp.report.results.answers import content_of
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import SignalSection
-from bayesdamp.store.contents.answers import AnswerContent, FoundFriction, WeighedNoise
+from bayesdamp.store.contents.answers import AnswerContent, WeighedNoise
 from bayesdamp.table import Table
+from bayesdamp.types import Friction
 
 USED = "used for the answer"
 
@@ -61,7 +62,7 @@ def _noises(content: AnswerContent) -> Table:
 
 
 def _widths(content: AnswerContent, unit: str) -> Table:
-    columns: dict[str, Callable[[FoundFriction], str]] = {
+    columns: dict[str, Callable[[Friction], str]] = {
         f"ε / ({unit}/s)": lambda width: fmt.number(width.epsilon, 3),
         "probability": lambda width: fmt.fixed(width.weight, 3),
     }

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bayesdamp.store.contents.content import Content
-from bayesdamp.types import OK
+from bayesdamp.types import OK, Friction
 
 
 @dataclass(frozen=True)
@@ -55,16 +55,6 @@ class CandidatePriors:
     damping: str
     restoring: str
     priors: Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class FoundFriction:
-    """As `inference.deviation.weighing.Friction` explains it."""
-
-    epsilon: float
-    weight: float
-    coefficients: tuple[float, ...]
-    further: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -121,5 +111,5 @@ class AnswerContent(Content):
     noises: tuple[WeighedNoise, ...] = ()
     terms: tuple[str, ...] = ()
     epsilon: float | None = None
-    frictions: tuple[FoundFriction, ...] = ()
+    frictions: tuple[Friction, ...] = ()
     envelope: EnvelopeContent | None = None

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from bayesdamp.store.contents.content import Content
-from bayesdamp.store.contents.records import Scales
-from bayesdamp.types import OK
+from bayesdamp.types import OK, Reference
 
 CLEAR = 3.0
 """Nats of a log Bayes factor from which something is said to be so: odds of twenty."""
@@ -67,7 +66,7 @@ class JointContent(Content):
 
     records: tuple[str, ...]
     members: tuple[tuple[str, int], ...]
-    reference: Scales
+    reference: Reference
     best: str
     candidates: Mapping[str, JointCandidate]
     spread: Summary

@@ -7,15 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bayesdamp.store.contents.content import Content
-from bayesdamp.types import FeaturesSeen
-
-
-@dataclass(frozen=True)
-class Scales:
-    """Reference amplitude (rad or m) and angular frequency (rad/s) that default priors scale with."""
-
-    amplitude: float
-    frequency: float
+from bayesdamp.types import FeaturesSeen, Reference
 
 
 @dataclass(frozen=True)
@@ -36,13 +28,13 @@ class RecordContent(Content):
     bound: Mapping[str, float] = field(default_factory=dict)
     features: FeaturesSeen | None = None
     anomalies: tuple[str, ...] = ()
-    reference: Scales | None = None
+    reference: Reference | None = None
     known: Mapping[str, float] = field(default_factory=dict)
     epsilon_note: str = ""
     noisy: bool = False
 
     @property
-    def scales(self) -> Scales:
+    def scales(self) -> Reference:
         """The reference of a record with an oscillation. Raises ValueError where it has none."""
         if self.reference is None:
             raise ValueError(f"{self.name} shows no oscillation")

@@ -29,7 +29,9 @@ def coefficients_of(
     record has no scale."""
     record, omega = decay.record, decay.omega
     amplitude = float(np.exp(-best.start if record.logarithmic else decay.reference))
-    unit = "A_start" if record.logarithmic else _root(record.unit)
+    unit = record.unit.replace("^2", "").replace("2", "")
+    if record.logarithmic or record.unit in ("W", "mW", "uW", "nW", "pW"):
+        unit = "A_start" if record.logarithmic else f"√{record.unit}"
     found: list[Coefficient] = []
     for term in best.terms:
         if term in POWERS:
@@ -93,8 +95,3 @@ def _registered(
 
 def _coefficient(name: str, unit: str, draws: np.ndarray, plain: np.ndarray) -> Coefficient:
     return Coefficient(name, *astuple(estimate_of(draws, plain, unit)))
-
-
-def _root(unit: str) -> str:
-    """The amplitude's unit where its power's is given."""
-    return f"√{unit}" if unit in ("W", "mW", "uW", "nW", "pW") else unit.replace("^2", "").replace("2", "")

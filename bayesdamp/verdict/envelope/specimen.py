@@ -13,10 +13,9 @@ from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
 from bayesdamp.inference.deviation.several.specimen import WeighedSpecimen
 from bayesdamp.inference.envelope.candidates import KNOTS
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.odds import odds
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal
-from bayesdamp.types import InputError
+from bayesdamp.types import InputError, Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.envelope.answer import Answer
 from bayesdamp.verdict.parts import Estimate, Interval

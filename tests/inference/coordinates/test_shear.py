@@ -20,11 +20,10 @@ from bayesdamp.inference.evidence.methods import bridge, importance
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import Settings, nuts
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import OK, Problem, Seed, Signal, System
+from bayesdamp.types import OK, Problem, Reference, Seed, Signal, System
 
 NAMES = ("mu", "k", "g", "s")
 FOLDED = np.array([True, False, False, False])

@@ -96,7 +96,7 @@ def test_all_terms_together_lose_under_each_width_what_their_fit_says() -> None:
     orbit = orbit_of(made, result, 0.02)
     assert orbit is not None
     for f in made.frictions:
-        work = works_on(orbit, solver, f.further[None, :], np.ones(2, bool), f.epsilon)[0]
+        work = works_on(orbit, solver, np.array([f.further]), np.ones(2, bool), f.epsilon)[0]
         assert work[solver.terms.index("coulomb")] == pytest.approx(dry_loss(0.02, f.epsilon), rel=5e-3)
 
 

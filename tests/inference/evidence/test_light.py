@@ -19,12 +19,11 @@ from bayesdamp.inference.fit.laplace import log_evidence_near
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.priors import SHARED_SCALES
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Posterior, Seed, Signal, System
+from bayesdamp.types import Posterior, Reference, Seed, Signal, System
 from tests.inference.problems import REFERENCES
 
 BOTH = ("viscous", "coulomb")

@@ -15,12 +15,11 @@ from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import SHARED_SCALES
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.simulate import simulate_signal
-from bayesdamp.types import Seed, Signal, System
+from bayesdamp.types import Reference, Seed, Signal, System
 
 STIFFNESS, AMPLITUDE = 20.0, 0.3
 FREQUENCY = STIFFNESS**0.5

@@ -14,14 +14,13 @@ from bayesdamp.inference.deviation.sample_noise import SampleNoise
 from bayesdamp.inference.deviation.weighing import weigh_all
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise._residuals import fit_noise
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Refusal, Seed, Signal, System
+from bayesdamp.types import Reference, Refusal, Seed, Signal, System
 
 TIMES = np.linspace(0.0, 10.0, 301)
 KNOWN = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.02}

@@ -10,13 +10,12 @@ import pytest
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import InputError, Seed, Signal, System
+from bayesdamp.types import InputError, Reference, Seed, Signal, System
 from tests.physics.independent import trajectory
 
 

@@ -11,12 +11,11 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Seed, Signal, System
+from bayesdamp.types import Reference, Seed, Signal, System
 
 T = np.linspace(0.0, 8.0, 160)
 START = {"stiffness": 20.0, "gravity": 3.0, "spring_angle": 0.05, "theta0": 0.5, "omega0": 0.1}

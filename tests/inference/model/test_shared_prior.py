@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.special import gammaln
 
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import Reference, default_prior
+from bayesdamp.inference.model.defaults import default_prior
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
@@ -27,7 +27,7 @@ from bayesdamp.priors import (
     shared_precision,
 )
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Signal, System
+from bayesdamp.types import Reference, Signal, System
 
 EVERY = ("viscous", "coulomb", "quadratic")
 T = np.linspace(0.0, 5.0, 200)

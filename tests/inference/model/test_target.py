@@ -11,13 +11,13 @@ from scipy import stats
 from bayesdamp.inference.fit.mode import BUDGET
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import EPSILON_RANGE, Reference, default_prior
+from bayesdamp.inference.model.defaults import EPSILON_RANGE, default_prior
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior, SharedHalfNormal, Uniform
-from bayesdamp.types import Refusal, Seed, Signal, System
+from bayesdamp.types import Reference, Refusal, Seed, Signal, System
 from tests.inference import problems
 from tests.inference.problems import FEATURES
 from tests.physics.independent import trajectory

@@ -11,7 +11,6 @@ import pytest
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.samplers.kalman import natural
@@ -19,7 +18,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Posterior, Refusal, Seed, Signal, System
+from bayesdamp.types import Posterior, Reference, Refusal, Seed, Signal, System
 from tests.inference import problems
 
 SETTINGS = Settings(chains=4, warmup=300, draws=1000, seed=6)

@@ -145,18 +145,18 @@ def joined(
     z, places = weighed.draws(positive, draws, np.random.default_rng(seed))
     of = weighed.combos[places]
     natural = np.column_stack([p.value(z[:, i]) for i, p in enumerate(priors.values())])
-    drawn = spreads[at[of]] if spreads.size == 1 else _within_cells(at[of], np.random.default_rng([seed, 1]))
+    drawn = spreads[at[of]]
+    if spreads.size > 1:  # anywhere in the cells that these stand for
+        low, high = (
+            _edges()[at[of]],
+            np.minimum(_edges()[at[of] + 1], SPREADS[-1] ** 1.5 / SPREADS[-2] ** 0.5),
+        )
+        drawn = low + (high - low) * np.random.default_rng([seed, 1]).random(of.size)
     return Repeats(weighed.log_evidence, runs[0].names, natural, drawn, combo[of])
 
 
 def _edges() -> np.ndarray:
     return np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.inf]])
-
-
-def _within_cells(places: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Spreads, (n,), anywhere in the cells that those at `places` stand for."""
-    low, high = _edges()[places], np.minimum(_edges()[places + 1], SPREADS[-1] ** 1.5 / SPREADS[-2] ** 0.5)
-    return low + (high - low) * rng.random(places.size)
 
 
 def _combos_kept(problem: _Problem, log_sizes: np.ndarray, spreads: np.ndarray) -> np.ndarray:

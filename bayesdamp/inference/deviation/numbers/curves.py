@@ -169,7 +169,7 @@ def _under_frictions(
     whole = weighing.solvers[d.result.candidate.restoring]
     every = np.ones(len(whole.terms), bool)
     lost = np.array([
-        works_on(orbit, whole, f.further[None, :], every, f.epsilon)[0] @ f.coefficients
+        works_on(orbit, whole, np.array([f.further]), every, f.epsilon)[0] @ np.array(f.coefficients)
         for f in weighing.frictions
     ])  # fmt: skip
     used = int(np.argmin([abs(f.epsilon - solver.epsilon) for f in weighing.frictions]))

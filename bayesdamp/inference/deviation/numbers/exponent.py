@@ -33,10 +33,10 @@ from bayesdamp.inference.deviation.numbers.curves import (
 )
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import START, Result, Weighing
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Solver
+from bayesdamp.types import Reference
 
 LEAST, MOST = 0.0, 3.0
 """Between which the exponent is uniform beforehand."""

@@ -22,10 +22,10 @@ from bayesdamp.inference.deviation.candidate import (
 )
 from bayesdamp.inference.deviation.numbers.exponent import power_solver, power_starts
 from bayesdamp.inference.deviation.weighing import START, Result, Weighing, result_of
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel import Solver
+from bayesdamp.types import Reference
 
 PLACES = {"displacement": "quadratic", "stribeck": "coulomb"}
 """The term in whose place a form stands: both grow with the amplitude, or are dry friction."""

@@ -139,17 +139,13 @@ def _explored(
             done = bool(sampler.run(n_eff=EFFECTIVE, n_like_max=limit, discard_exploration=True))
             if done or sampler.n_like >= MOST:
                 return sampler, done
-            before, fallen = fallen, _fallen(sampler)
+            known = sampler.shell_log_v[np.isfinite(sampler.shell_log_v)]
+            # Nats by which the volume of the innermost bound is below the prior's.
+            before, fallen = fallen, -float(known.min()) if known.size else 0.0
             legs = (MOST - sampler.n_like) / LEG
             slow = needed is not None and needed - fallen > legs * (fallen - before)
             if slow and not sampler.explored and before > 0.0:
                 return sampler, False
-
-
-def _fallen(sampler: Sampler) -> float:
-    """Nats by which the volume of the innermost bound is below the prior's."""
-    known = sampler.shell_log_v[np.isfinite(sampler.shell_log_v)]
-    return -float(known.min()) if known.size else 0.0
 
 
 PLUGIN = Nested()

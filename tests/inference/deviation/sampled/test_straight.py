@@ -14,11 +14,10 @@ from bayesdamp.inference.deviation.sampled import candidates, reference
 from bayesdamp.inference.deviation.sampled.motions import APART, LOOSER, Motions, motions_near
 from bayesdamp.inference.deviation.sampled.reference import reference_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.records.simulate import simulate_signal
-from bayesdamp.types import Signal
+from bayesdamp.types import Reference, Signal
 
 TRUTH = {
     "stiffness": 60.0, "gravity": 12.0, "spring_angle": 0.2, "zeta": 0.08, "epsilon": 0.01,
