@@ -20,7 +20,7 @@ class Model(Specification):
     or parameter name; what has none has the default. known: parameter name to its value, which is then not inferred
     (damping coefficients always are); friction's epsilon may stand there for a model without friction, which leaves it
     out. deviation: "none", laws hold exactly; "law" or "auto", they may hold
-    approximately, with deviations that are inferred; the noise is then Gaussian, its size known or read from what
+    approximately, with deviations that are inferred; the size of the noise is then known or read from what
     neither parameters nor deviations take. sensor: then, its relative linearity, below which no damping ratio is known.
     amplitude, frequency: the reference that default priors scale with, unit of the
     displacement and rad/s; by default the system's where it is known, else the record's, to two digits.
