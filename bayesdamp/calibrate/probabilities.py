@@ -14,7 +14,7 @@ from scipy.stats import binomtest
 from bayesdamp.calibrate import statistics
 from bayesdamp.calibrate.tables import ALARM
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.calibration import RecoveryContent
+from bayesdamp.store.contents import RecoveryContent
 from bayesdamp.types import OK
 
 EDGES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0)

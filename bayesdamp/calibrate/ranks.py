@@ -18,7 +18,7 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.pipeline.tasks import Product, failure
-from bayesdamp.store.contents.calibration import RanksContent
+from bayesdamp.store.contents import RanksContent
 from bayesdamp.types import OK, InputError, Refusal
 
 CHUNK = 16

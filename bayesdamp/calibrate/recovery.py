@@ -24,7 +24,7 @@ from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.pipeline.tasks import Product, failure
 from bayesdamp.priors import LogNormal
-from bayesdamp.store.contents.calibration import RecoveryContent
+from bayesdamp.store.contents import RecoveryContent
 from bayesdamp.types import OK, InputError, Refusal
 
 CHUNK = 4

@@ -14,7 +14,7 @@ from bayesdamp.calibrate.series import MOST, Series, accepted, gather, is_failed
 from bayesdamp.config import Study
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.store import CellResult, Store, provenance, write_json, write_table
-from bayesdamp.store.contents.calibration import RanksContent
+from bayesdamp.store.contents import RanksContent
 from bayesdamp.types import OK
 
 DONE, WRONG_CELLS = 0, 3

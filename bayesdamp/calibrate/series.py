@@ -26,7 +26,7 @@ from bayesdamp.pipeline.tasks import Product, perform
 from bayesdamp.pipeline.workers import pool_of
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
-from bayesdamp.store.contents.calibration import ChunkContent
+from bayesdamp.store.contents import ChunkContent
 
 MOST = 20
 """Records tried for each that is wanted; with fewer accepted the series ends short, and says so."""

@@ -14,7 +14,7 @@ from bayesdamp.calibrate import statistics
 from bayesdamp.calibrate.ranks import LIKELIHOOD
 from bayesdamp.config import Study
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.calibration import RanksContent
+from bayesdamp.store.contents import RanksContent
 from bayesdamp.types import OK
 
 LEVELS = (0.5, 0.8, 0.95)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,13 +39,41 @@ from bayesdamp.config.signals import (
     resolve_signal,
     restoring_laws,
 )
-from bayesdamp.config.specimens import check_specimens
 from bayesdamp.config.study import Estimators, Models, SignalSpec, Study
 from bayesdamp.config.sweeps import expand
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plain_text import read_plain
 from bayesdamp.plugins import PluginModule, Registry, read_modules, use
 from bayesdamp.types import InputError
+from bayesdamp.units import unit_named
+
+
+def check_specimens(
+    specimens: Mapping[str, Sequence[SignalSpec]], dampings: Mapping[str, Sequence[str]], swept: bool
+) -> None:
+    """Refuse repeats in rad and in m, or under other candidates, and specimens in a sweep.
+
+    specimens: by name; dampings: those that each signal is compared under; swept: whether the study has a sweep.
+    Raises StudyError.
+    """
+    for name, specs in specimens.items():
+        first = specs[0]
+        if swept:
+            raise StudyError(
+                f"signal[{first.name}].specimen", "cannot stand beside a [[sweep]]; remove one of the two"
+            )
+        for spec in specs[1:]:
+            key, repeat = f"signal[{spec.name}].specimen", f"is {name!r}, which signal {first.name} is too"
+            if unit_named(spec.source.unit).base != unit_named(first.source.unit).base:
+                units = f"{spec.source.unit} and {first.source.unit}"
+                raise StudyError(
+                    key, f"{repeat}, in {units}; repeats must all be angles, all lengths or all in one unit"
+                )
+            if spec.restoring != first.restoring or set(dampings[spec.name]) != set(dampings[first.name]):
+                raise StudyError(
+                    key, f"{repeat}, under other models; repeats must have the same compare and restoring"
+                )
+
 
 _TABLES = (
     "system",

@@ -27,7 +27,7 @@ from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.law_free import TWO_SIDED, amplitude_curves, law_free
 from bayesdamp.serial import split
-from bayesdamp.store.contents.answers import (
+from bayesdamp.store.contents import (
     AnswerContent,
     WeighedCandidate,
 )

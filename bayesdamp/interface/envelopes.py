@@ -15,7 +15,7 @@ from bayesdamp.physics.amplitude.laws import SUMS
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.records.envelope.window import Window
 from bayesdamp.serial import join, split
-from bayesdamp.store.contents.answers import AnswerContent, EnvelopeContent
+from bayesdamp.store.contents import AnswerContent, EnvelopeContent
 from bayesdamp.types import Refusal
 from bayesdamp.verdict.envelope.answer import Answer as EnvelopeAnswer
 from bayesdamp.verdict.envelope.answer import answer

@@ -25,7 +25,7 @@ from bayesdamp.interface.parts.result import Result, outcome_notes
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.reference import reference_of
-from bayesdamp.store.contents.posteriors import NO_DRAWS
+from bayesdamp.store.contents import NO_DRAWS
 from bayesdamp.table import Table
 from bayesdamp.types import InputError, Refusal
 

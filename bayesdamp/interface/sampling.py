@@ -8,7 +8,7 @@ from bayesdamp.inference.deviation.runs import sample_motions
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.posterior import Posterior
-from bayesdamp.store.contents.posteriors import NO_DRAWS
+from bayesdamp.store.contents import NO_DRAWS
 from bayesdamp.types import OK, InputError, Refusal
 
 TEMPERED = "smc"

@@ -21,10 +21,7 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import split
 from bayesdamp.store import TABLES, CellResult, Store, read_table
-from bayesdamp.store.contents.candidates import ModeContent
-from bayesdamp.store.contents.estimates import EstimateContent
-from bayesdamp.store.contents.evidence import EvidenceContent
-from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.store.contents import EstimateContent, EvidenceContent, ModeContent, PosteriorContent
 from bayesdamp.store.files import read_description
 from bayesdamp.store.places import Place
 from bayesdamp.table import Table

@@ -12,7 +12,7 @@ import numpy as np
 from bayesdamp.outcomes import Status
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.beside import no_room
-from bayesdamp.store.contents.content import Content
+from bayesdamp.store.contents import Content
 from bayesdamp.types import OK, InputError, Refusal
 
 

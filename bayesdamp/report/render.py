@@ -12,7 +12,7 @@ from bayesdamp.report.html import fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections import SECTIONS, in_order
 from bayesdamp.store import write_bytes
-from bayesdamp.store.contents.content import OtherVersionError
+from bayesdamp.store.contents import OtherVersionError
 from bayesdamp.store.folders import claim, remove_listed
 from bayesdamp.types import InputError
 

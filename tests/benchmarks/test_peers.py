@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from bayesdamp.inference.checks.convergence import ess_bulk, ess_tail
+from bayesdamp.inference.checks.diagnostics import ess_bulk, ess_tail
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence.methods.nested import scores
 from bayesdamp.inference.model.target import Target

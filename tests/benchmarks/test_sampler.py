@@ -19,7 +19,7 @@ from numpyro.infer import MCMC, NUTS
 from scipy.integrate import odeint
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.checks.convergence import ess_bulk
+from bayesdamp.inference.checks.diagnostics import ess_bulk
 from bayesdamp.inference.fit.laplace import value_sds
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode

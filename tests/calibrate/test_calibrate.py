@@ -20,7 +20,7 @@ from bayesdamp.pipeline.tasks import Product
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.report import render
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.calibration import RanksContent, RecoveryContent
+from bayesdamp.store.contents import RanksContent, RecoveryContent
 from bayesdamp.types import InputError
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"

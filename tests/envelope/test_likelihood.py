@@ -17,7 +17,7 @@ from bayesdamp.odds import odds
 from bayesdamp.physics.amplitude.laws import SUMS
 from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
-from bayesdamp.store.contents.answers import AnswerContent
+from bayesdamp.store.contents import AnswerContent
 from bayesdamp.types import InputError
 from bayesdamp.verdict.envelope.specimen import joint_damping, shared_likelihoods, specimen
 from bayesdamp.verdict.specimen import probabilities

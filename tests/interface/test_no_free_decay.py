@@ -13,7 +13,7 @@ import bayesdamp as bd
 from bayesdamp.cli import main
 from bayesdamp.interface.answer import answer
 from bayesdamp.store import Store
-from bayesdamp.store.contents.records import RecordContent
+from bayesdamp.store.contents import RecordContent
 from bayesdamp.types import Signal
 from bayesdamp.verdict.parts import Grade, Motion
 from bayesdamp.verdict.types import Verdict

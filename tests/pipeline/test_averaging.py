@@ -14,7 +14,7 @@ from bayesdamp.pipeline.candidates import averaging
 from bayesdamp.pipeline.candidates.averaging import averaged, probabilities
 from bayesdamp.pipeline.candidates.posteriors import SPREAD
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.posteriors import AverageContent
+from bayesdamp.store.contents import AverageContent
 from bayesdamp.types import Evidence, Refusal
 
 

@@ -12,11 +12,11 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import cells, run_study
-from bayesdamp.pipeline.pruning import NOT_SAMPLED, Contest
+from bayesdamp.pipeline.jobs import NOT_SAMPLED, Contest
 from bayesdamp.pipeline.records import answering
 from bayesdamp.pipeline.tables import tables
 from bayesdamp.store import CellResult, Store, read_table
-from bayesdamp.store.contents.answers import WeighedCandidate
+from bayesdamp.store.contents import WeighedCandidate
 from bayesdamp.types import Evidence, InputError, candidate_name, candidate_parts
 
 TWO_LAWS = """

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import cells, run_study
 from bayesdamp.store import Store, read_table
-from bayesdamp.store.contents.candidates import ModeContent
+from bayesdamp.store.contents import ModeContent
 from bayesdamp.types import InputError, Seed
 
 STUDY = """

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.store import TABLES, CellResult, Store, write_json, write_table
-from bayesdamp.store.contents.records import FeaturesSeen
+from bayesdamp.store.contents import FeaturesSeen
 
 MODELS = ("viscous", "coulomb", "quadratic", "viscous+coulomb")
 OWN = {"viscous": ("zeta", "1/s"), "coulomb": ("mu_c", "rad/s²"), "quadratic": ("mu_q", "1/rad")}

@@ -15,7 +15,7 @@ from bayesdamp.report.results.checks import Checks, sampled
 from bayesdamp.report.results.reading import over_odds, ranking
 from bayesdamp.report.results.run import Run
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.answers import AnswerContent
+from bayesdamp.store.contents import AnswerContent
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import Coefficient, DampingRatio, Grade, Interval, Rival
 from bayesdamp.verdict.types import Verdict

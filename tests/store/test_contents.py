@@ -11,38 +11,37 @@ import numpy as np
 import pytest
 
 from bayesdamp.store import CellResult, Store
-from bayesdamp.store.contents.answers import (
+from bayesdamp.store.contents import (
     AnswerContent,
+    AverageContent,
+    ChunkContent,
+    Climb,
+    Content,
     EnvelopeContent,
-    FoundLaw,
-    SampledPosterior,
-    WeighedCandidate,
-    WeighedNoise,
-)
-from bayesdamp.store.contents.calibration import ChunkContent, RanksContent, RecoveryContent
-from bayesdamp.store.contents.candidates import Climb, ModeContent, RefusedSeed
-from bayesdamp.store.contents.content import Content
-from bayesdamp.store.contents.estimates import EstimateContent
-from bayesdamp.store.contents.evidence import (
+    EstimateContent,
     EvidenceContent,
+    FeaturesSeen,
+    FoundLaw,
     HalfContent,
-    NoisesContent,
-    RatiosContent,
-    UnderNoise,
-    WidthsContent,
-)
-from bayesdamp.store.contents.many import (
     JointCandidate,
     JointContent,
+    ModeContent,
+    NoisesContent,
     PopulationContent,
     PopulationFound,
-    Weighing,
-)
-from bayesdamp.store.contents.posteriors import AverageContent, PosteriorContent
-from bayesdamp.store.contents.records import (
-    FeaturesSeen,
+    PosteriorContent,
+    RanksContent,
+    RatiosContent,
     RecordContent,
-    Scales,
+    RecoveryContent,
+    Reference,
+    RefusedSeed,
+    SampledPosterior,
+    UnderNoise,
+    WeighedCandidate,
+    WeighedNoise,
+    Weighing,
+    WidthsContent,
 )
 from bayesdamp.types import ChainStart, Estimate, Evidence, Forecast, NestedRatio, PartialFit, Posterior, Seed
 
@@ -50,7 +49,7 @@ KOOPMAN = Seed("koopman", "initial", grown=True)
 RECORD = RecordContent(
     "bench", "rad", "angle", 0.001, {"start": 2.0, "notes": ["cut"]},
     features=FeaturesSeen(0.1, 0.3, 0.1, 4.5, 1.4, 9.0, 140.0, 0.001),
-    anomalies=("it beats",), reference=Scales(0.3, 4.5), known={"epsilon": 0.02}, noisy=True,
+    anomalies=("it beats",), reference=Reference(0.3, 4.5), known={"epsilon": 0.02}, noisy=True,
 )  # fmt: skip
 MODE = ModeContent(
     {"zeta": 0.05}, {"zeta": 0.001}, {}, {"zeta": "halfnormal"}, 12.5, {"step_error": 1e-8},
@@ -91,7 +90,7 @@ NOISES = NoisesContent(
 RATIOS = RatiosContent({"viscous": NestedRatio(2.0, 0.1), "coulomb": NestedRatio(outcome="too few draws")})
 POPULATION = PopulationFound(0.1, SUMMARY, SUMMARY, {"a": SUMMARY}, {"a": 900.0}, "only 3")
 JOINT = JointContent(
-    ("a1", "a2"), (("a1", 0), ("a2", 0)), Scales(0.3, 4.5), "viscous",
+    ("a1", "a2"), (("a1", 0), ("a2", 0)), Reference(0.3, 4.5), "viscous",
     {"viscous": JointCandidate("ok", 9.0, {"zeta": SUMMARY}, {"zeta": ""}, 1.0),
      "coulomb": JointCandidate("pruned: far behind")},
     SUMMARY, math.nan, {"a1": Weighing("ok", 4.5)}, {"power": 0.1},

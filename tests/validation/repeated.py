@@ -25,7 +25,7 @@ from bayesdamp.pipeline.many.joining import joined as joint_fit
 from bayesdamp.pipeline.many.specimens import Specimen
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.store import Store
-from bayesdamp.store.contents.many import CLEAR, JointContent
+from bayesdamp.store.contents import CLEAR, JointContent
 
 STUDY = """
 version = 1

@@ -26,14 +26,15 @@ from bayesdamp.inference.deviation.numbers.deviations import (
 from bayesdamp.inference.deviation.numbers.draws import (
     DRAWS,
     Drawn,
+    Quantity,
     drawn_from,
     draws_of,
     probabilities,
+    quantity,
+    shares_of,
 )
 from bayesdamp.inference.deviation.numbers.exponent import LEAST, MOST
 from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
-from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
-from bayesdamp.inference.deviation.numbers.shares import shares_of
 from bayesdamp.inference.deviation.numbers.unnamed import AS_WIDE, tied, unnamed_share, untold
 from bayesdamp.inference.deviation.orbit import balanced_frequency, natural_frequency
 from bayesdamp.inference.deviation.sampled.table import noise_sds

@@ -18,8 +18,7 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knot
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit
 from bayesdamp.inference.deviation.numbers.curves import ratio_at, ratios_drawn
 from bayesdamp.inference.deviation.numbers.deviations import size_of
-from bayesdamp.inference.deviation.numbers.draws import Drawn
-from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
+from bayesdamp.inference.deviation.numbers.draws import Drawn, Quantity, quantity
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise
 from bayesdamp.inference.deviation.sampled.motions import Motions

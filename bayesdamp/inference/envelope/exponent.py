@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.inference.deviation.numbers.quantities import Quantity
+from bayesdamp.inference.deviation.numbers.draws import Quantity
 from bayesdamp.inference.envelope.candidates import Candidate, weigh_power
 from bayesdamp.inference.envelope.decay import Decay
 from bayesdamp.inference.envelope.ranking import Ranking

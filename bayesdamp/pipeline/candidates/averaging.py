@@ -18,7 +18,7 @@ from bayesdamp.pipeline.candidates.weighing import evidence_by_method
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store import Store
-from bayesdamp.store.contents.posteriors import AverageContent
+from bayesdamp.store.contents import AverageContent
 from bayesdamp.types import Evidence, Refusal, candidate_parts
 
 COVERED = 0.95

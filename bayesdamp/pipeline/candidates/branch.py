@@ -17,8 +17,7 @@ from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.serial import join, split
 from bayesdamp.store import Store
-from bayesdamp.store.contents.answers import AnswerContent
-from bayesdamp.store.contents.candidates import ModeContent
+from bayesdamp.store.contents import AnswerContent, ModeContent
 from bayesdamp.types import OK, Refusal, candidate_parts
 
 

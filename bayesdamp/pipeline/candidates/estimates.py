@@ -9,7 +9,7 @@ import numpy as np
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.tasks import Product
-from bayesdamp.store.contents.estimates import EstimateContent
+from bayesdamp.store.contents import EstimateContent
 
 
 def compute_estimate(branch: Branch, method: str, seed: int) -> Product:

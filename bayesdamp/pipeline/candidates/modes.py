@@ -15,8 +15,7 @@ from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records.records import NOT_APPLICABLE, cell_seed
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.serial import split
-from bayesdamp.store.contents.candidates import Maximum, ModeContent, RefusedSeed
-from bayesdamp.store.contents.estimates import EstimateContent
+from bayesdamp.store.contents import EstimateContent, Maximum, ModeContent, RefusedSeed
 from bayesdamp.types import OK, Refusal, Seed
 
 PRIOR_SEEDS = 2

@@ -15,7 +15,7 @@ from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records.answering import verdict_of
 from bayesdamp.pipeline.tasks import Product
-from bayesdamp.store.contents.posteriors import NO_DRAWS, PosteriorContent
+from bayesdamp.store.contents import NO_DRAWS, PosteriorContent
 from bayesdamp.store.files import write_bytes
 from bayesdamp.types import OK, Posterior, Ratio
 

@@ -23,10 +23,10 @@ from bayesdamp.pipeline.records.answering import likelihood_of
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.candidates import ModeContent
-from bayesdamp.store.contents.evidence import (
+from bayesdamp.store.contents import (
     EvidenceContent,
     HalfContent,
+    ModeContent,
     NoisesContent,
     RatiosContent,
     UnderNoise,

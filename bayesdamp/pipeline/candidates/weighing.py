@@ -14,7 +14,7 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store import Store
-from bayesdamp.store.contents.evidence import EvidenceContent
+from bayesdamp.store.contents import EvidenceContent
 from bayesdamp.types import OK, Evidence
 
 FIRST_LOOK = "laplace"

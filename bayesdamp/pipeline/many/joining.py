@@ -10,7 +10,7 @@ from bayesdamp.inference.deviation.several.specimen import priors_of, weigh_spec
 from bayesdamp.outcomes import Status
 from bayesdamp.pipeline.many.specimens import Specimen, summaries
 from bayesdamp.pipeline.tasks import Product
-from bayesdamp.store.contents.many import JointCandidate, JointContent, Weighing
+from bayesdamp.store.contents import JointCandidate, JointContent, Weighing
 from bayesdamp.types import OK, Refusal, candidate_parts, summed
 
 NOT_JOINED = Status.PRUNED.because("far behind, so its coefficients were not inferred from all records")

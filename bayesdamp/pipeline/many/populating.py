@@ -15,7 +15,7 @@ from bayesdamp.pipeline.many.specimens import Specimen
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import Prior, SharedHalfNormal
 from bayesdamp.store import Store
-from bayesdamp.store.contents.many import JointCandidate, JointContent, PopulationContent, PopulationFound
+from bayesdamp.store.contents import JointCandidate, JointContent, PopulationContent, PopulationFound
 from bayesdamp.types import OK, Refusal, candidate_parts
 from bayesdamp.units import UNITS
 

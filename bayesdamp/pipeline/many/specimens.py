@@ -25,7 +25,7 @@ from bayesdamp.pipeline.records.answering import AnswerCell, answered_of, approx
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.priors import Prior
 from bayesdamp.store import Store
-from bayesdamp.store.contents.many import Summary
+from bayesdamp.store.contents import Summary
 from bayesdamp.types import Reference, Refusal, candidate_parts
 from bayesdamp.units import UNITS
 

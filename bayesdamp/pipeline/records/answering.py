@@ -20,7 +20,7 @@ from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import Prior
 from bayesdamp.serial import join, split
 from bayesdamp.store import CellResult, Store
-from bayesdamp.store.contents.answers import AnswerContent
+from bayesdamp.store.contents import AnswerContent
 from bayesdamp.types import OK, Refusal
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.specimen import Answered

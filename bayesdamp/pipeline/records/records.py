@@ -26,7 +26,7 @@ from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.reference import reference_of
 from bayesdamp.store import CellResult, Store, sha256
-from bayesdamp.store.contents.records import FeaturesSeen, RecordContent
+from bayesdamp.store.contents import FeaturesSeen, RecordContent
 from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Refusal, Signal
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit

@@ -10,7 +10,7 @@ from bayesdamp.interface.fitting.case import Case
 from bayesdamp.pipeline.records.records import signal_of
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.records import RecordContent
+from bayesdamp.store.contents import RecordContent
 from bayesdamp.types import Reference, Signal, System
 
 KEPT = 8

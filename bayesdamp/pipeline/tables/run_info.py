@@ -12,9 +12,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.records.answering import ANSWERED, answer_cell
 from bayesdamp.store import CellResult, Store, provenance
-from bayesdamp.store.contents.answers import AnswerContent
-from bayesdamp.store.contents.candidates import ModeContent
-from bayesdamp.store.contents.records import RecordContent
+from bayesdamp.store.contents import AnswerContent, ModeContent, RecordContent
 from bayesdamp.store.files import SCHEMA
 from bayesdamp.types import OK, candidate_name
 

@@ -13,7 +13,7 @@ from bayesdamp.inference.curves.weighted import summarise
 from bayesdamp.pipeline.many.joining import coefficients_of
 from bayesdamp.pipeline.many.specimens import Specimen
 from bayesdamp.store import SPECIMEN_TABLES, Store, write_table
-from bayesdamp.store.contents.many import JointContent, PopulationContent, PopulationFound, Summary, Weighing
+from bayesdamp.store.contents import JointContent, PopulationContent, PopulationFound, Summary, Weighing
 from bayesdamp.types import OK, candidate_parts
 
 Row = dict[str, Any]

@@ -20,10 +20,13 @@ from bayesdamp.pipeline.tables.run_info import run_info
 from bayesdamp.pipeline.tables.specimen_tables import write_specimen_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
 from bayesdamp.store import TABLES, Store, write_json, write_table
-from bayesdamp.store.contents.answers import AnswerContent, SampledPosterior
-from bayesdamp.store.contents.candidates import ModeContent
-from bayesdamp.store.contents.estimates import EstimateContent
-from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.store.contents import (
+    AnswerContent,
+    EstimateContent,
+    ModeContent,
+    PosteriorContent,
+    SampledPosterior,
+)
 from bayesdamp.types import OK, candidate_name, candidate_parts
 from bayesdamp.units import UNITS, quantity_unit
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.report.results.run import Run
-from bayesdamp.store.contents.answers import AnswerContent, EnvelopeContent, WeighedCandidate
+from bayesdamp.store.contents import AnswerContent, EnvelopeContent, WeighedCandidate
 from bayesdamp.types import OK
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit

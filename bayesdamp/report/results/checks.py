@@ -25,8 +25,7 @@ from bayesdamp.report.results.reading import (
     truth,
 )
 from bayesdamp.report.results.run import Row, Run, rows_of
-from bayesdamp.store.contents.answers import AnswerContent
-from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.store.contents import AnswerContent, PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK, candidate_parts
 from bayesdamp.verdict.agreement import Z95, Agreement, agreement, intervals

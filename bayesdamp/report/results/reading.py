@@ -11,7 +11,7 @@ from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Row, Run, rows_of
-from bayesdamp.store.contents.candidates import ModeContent
+from bayesdamp.store.contents import ModeContent
 from bayesdamp.types import OK, candidate_parts, summed
 
 _FIRST = ("combined", "nested", "bridge", "importance", "laplace")

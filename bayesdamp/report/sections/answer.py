@@ -20,7 +20,7 @@ from bayesdamp.report.results.overview import ANCHOR
 from bayesdamp.report.results.reading import models_by_rank, ranking
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import Section, by_signal
-from bayesdamp.store.contents.answers import WeighedCandidate
+from bayesdamp.store.contents import WeighedCandidate
 from bayesdamp.table import Table
 from bayesdamp.types import OK
 from bayesdamp.verdict.parts import Coefficient, Grade, Motion

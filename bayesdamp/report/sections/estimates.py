@@ -20,7 +20,7 @@ from bayesdamp.report.results.estimates import CoefficientEstimates, estimates_o
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import SignalSection, by_model, drawn
-from bayesdamp.store.contents.estimates import EstimateContent
+from bayesdamp.store.contents import EstimateContent
 from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 

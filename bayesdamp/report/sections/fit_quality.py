@@ -14,7 +14,7 @@ from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import coefficients, mode_of, models_by_rank
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import SignalSection, drawn
-from bayesdamp.store.contents.candidates import ModeContent
+from bayesdamp.store.contents import ModeContent
 from bayesdamp.table import Table
 from bayesdamp.types import AddedForm, PartialFit
 

@@ -12,7 +12,7 @@ from bayesdamp.report.html import stack
 from bayesdamp.report.results.answers import content_of
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import SignalSection
-from bayesdamp.store.contents.answers import AnswerContent, WeighedNoise
+from bayesdamp.store.contents import AnswerContent, WeighedNoise
 from bayesdamp.table import Table
 from bayesdamp.types import Friction
 

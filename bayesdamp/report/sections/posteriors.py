@@ -15,7 +15,7 @@ from bayesdamp.report.html import folded
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import SignalSection, by_model, drawn
-from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.store.contents import PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK
 

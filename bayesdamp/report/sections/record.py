@@ -15,7 +15,7 @@ from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import models_kept
 from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.sections._layout import SignalSection, drawn
-from bayesdamp.store.contents.records import RecordContent
+from bayesdamp.store.contents import RecordContent
 from bayesdamp.types import OK
 
 

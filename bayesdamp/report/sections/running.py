@@ -14,7 +14,7 @@ from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import SignalSection, drawn
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.store.contents import PosteriorContent
 
 
 class Running(SignalSection):

@@ -13,8 +13,7 @@ from bayesdamp.report.html import folded, stack
 from bayesdamp.report.results.reading import mode_of, models_by_rank
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import SignalSection
-from bayesdamp.store.contents.candidates import Climb, ModeContent
-from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.store.contents import Climb, ModeContent, PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK, ChainStart, Seed
 

@@ -15,7 +15,7 @@ from bayesdamp.report.results.reading import Ranking, mode_of, models_by_rank, o
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import SignalSection
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.evidence import HalfContent, NoisesContent, RatiosContent, WidthsContent
+from bayesdamp.store.contents import HalfContent, NoisesContent, RatiosContent, WidthsContent
 from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 

@@ -17,7 +17,7 @@ from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.sections._layout import Section
 from bayesdamp.report.style import colour
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.many import JointCandidate, JointContent, PopulationContent, Weighing
+from bayesdamp.store.contents import JointCandidate, JointContent, PopulationContent, Weighing
 from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 from bayesdamp.verdict.thresholds import CAP

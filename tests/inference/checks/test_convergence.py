@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from arviz_stats.base.array import array_stats
 
-from bayesdamp.inference.checks import convergence, diagnostics
+from bayesdamp.inference.checks import diagnostics
 from bayesdamp.numerics.pareto import pareto_k
 
 SAME = 1e-10
 SHAPES = [(4, 1000), (4, 1001), (2, 40), (3, 7), (1, 500), (5, 5), (4, 4)]
 NUMBERS = {
-    "rhat": (convergence.rhat, lambda x: array_stats.rhat(x)),
-    "bulk": (convergence.ess_bulk, lambda x: array_stats.ess(x, method="bulk")),
-    "tail": (convergence.ess_tail, lambda x: array_stats.ess(x, method="tail", prob=(0.05, 0.95))),
-    "mean": (convergence.effective_mean, lambda x: array_stats.ess(x, method="mean")),
-    "error": (convergence.monte_carlo_error, lambda x: array_stats.mcse(x, method="mean")),
+    "rhat": (diagnostics.rhat, lambda x: array_stats.rhat(x)),
+    "bulk": (diagnostics.ess_bulk, lambda x: array_stats.ess(x, method="bulk")),
+    "tail": (diagnostics.ess_tail, lambda x: array_stats.ess(x, method="tail", prob=(0.05, 0.95))),
+    "mean": (diagnostics.effective_mean, lambda x: array_stats.ess(x, method="mean")),
+    "error": (diagnostics.monte_carlo_error, lambda x: array_stats.mcse(x, method="mean")),
 }
 
 
@@ -57,8 +57,8 @@ def test_the_same_as_arviz(kind: str, shape: tuple[int, int]) -> None:
 def test_they_differ_where_chains_do() -> None:
     """Negative control: chains apart are told from chains alike, and slow ones are worth less."""
     alike, apart, slow = (chains(kind, (4, 1000)) for kind in ("white", "apart", "slow"))
-    assert convergence.rhat(alike) < 1.01 < 1.5 < convergence.rhat(apart)
-    assert convergence.ess_bulk(slow) < 0.2 * convergence.ess_bulk(alike)
+    assert diagnostics.rhat(alike) < 1.01 < 1.5 < diagnostics.rhat(apart)
+    assert diagnostics.ess_bulk(slow) < 0.2 * diagnostics.ess_bulk(alike)
 
 
 @pytest.mark.parametrize("function", [ours for ours, _ in NUMBERS.values()])
@@ -71,8 +71,8 @@ def test_what_has_no_number_is_nan(function: Callable[[np.ndarray], float]) -> N
 
 def test_draws_that_never_move() -> None:
     x = np.ones((4, 100))
-    assert convergence.ess_bulk(x) == convergence.effective_mean(x) == 400
-    assert np.isnan(convergence.rhat(x))
+    assert diagnostics.ess_bulk(x) == diagnostics.effective_mean(x) == 400
+    assert np.isnan(diagnostics.rhat(x))
 
 
 @pytest.mark.parametrize("size", [30, 100, 226, 5000])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.samplers._no_u_turn import Chain, drift
+from bayesdamp.inference.samplers.nuts import Chain, drift
 
 D, CHAINS, COUNT = 5, 4, 2500
 MEAN = np.array([0.5, -1.0, 0.0, 2.0, 0.2])

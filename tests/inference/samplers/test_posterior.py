@@ -16,8 +16,7 @@ from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.coordinates.whitening import whitening_of
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Sampler, Settings, nuts
-from bayesdamp.inference.samplers._no_u_turn import Chain
-from bayesdamp.inference.samplers.nuts import Nuts
+from bayesdamp.inference.samplers.nuts import Chain, Nuts
 from bayesdamp.priors import LogNormal
 from bayesdamp.store import write_bytes
 from bayesdamp.types import OK, Posterior, Seed

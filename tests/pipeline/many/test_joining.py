@@ -16,7 +16,7 @@ from bayesdamp.pipeline.many.specimens import Specimen
 from bayesdamp.priors import HalfNormal, SharedHalfNormal
 from bayesdamp.report.sections.specimens import joint_sentence
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.many import JointContent
+from bayesdamp.store.contents import JointContent
 from bayesdamp.types import Refusal
 from tests.verdict.test_specimen import C, V, weighed_run
 

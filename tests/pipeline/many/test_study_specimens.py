@@ -13,7 +13,7 @@ from bayesdamp.pipeline.many.populating import WIDE
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections.specimens import joint_sentence, population_sentence
 from bayesdamp.store import Store, read_table
-from bayesdamp.store.contents.many import JointContent
+from bayesdamp.store.contents import JointContent
 from bayesdamp.verdict.thresholds import CAP
 from tests.pipeline.many.test_specimens import write
 

@@ -14,7 +14,7 @@ from bayesdamp.pipeline import run_study
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections.specimens import joint_sentence
 from bayesdamp.store import Store, read_table
-from bayesdamp.store.contents.many import JointContent
+from bayesdamp.store.contents import JointContent
 from tests.inference.deviation.drifts import CASES, SCALE, STIFFNESS, signals
 
 STUDY = """

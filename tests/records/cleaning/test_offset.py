@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.cleaning.offset import sensor_offset
+from bayesdamp.records.cleaning.clean import clean, sensor_offset
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import Signal

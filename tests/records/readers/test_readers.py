@@ -12,8 +12,7 @@ import pytest
 from scipy.io import savemat
 
 from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.opening.isolated import load_isolated
-from bayesdamp.records.opening.opening import contents, read_here
+from bayesdamp.records.opening.opening import contents, load_isolated, read_here
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.records.readers import READERS
 from bayesdamp.records.record import RawRecord

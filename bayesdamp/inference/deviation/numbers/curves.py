@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bayesdamp.inference.deviation.numbers.draws import Drawn
-from bayesdamp.inference.deviation.numbers.quantities import quantity
+from bayesdamp.inference.deviation.numbers.draws import Drawn, quantity
 from bayesdamp.inference.deviation.orbit import Orbit, orbit_at, rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.damping import TERMS

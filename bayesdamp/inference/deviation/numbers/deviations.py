@@ -12,8 +12,7 @@ from bayesdamp.inference.deviation.numbers.curves import (
     share_of_time,
     turning_amplitudes,
 )
-from bayesdamp.inference.deviation.numbers.draws import Drawn
-from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
+from bayesdamp.inference.deviation.numbers.draws import Drawn, Quantity, quantity
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.kernel.averaged import NUMBERS
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -11,6 +11,47 @@ import numpy as np
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.odds import odds
+
+POINTS = 4000
+"""Times over a motion at which the power is taken."""
+
+
+def shares_of(weighing: Weighing, drawn: Sequence[Drawn]) -> np.ndarray:
+    """Share of the dissipated energy by term, (draws, m)."""
+    found = []
+    for d in drawn:
+        each = d.coefficients * _works(weighing, d)
+        found.append(each / np.maximum(each.sum(axis=1, keepdims=True), 1e-300))
+    return np.concatenate(found)
+
+
+def _works(weighing: Weighing, d: Drawn) -> np.ndarray:
+    """Mean power per unit of each coefficient over the record's own motion, (n, m) or (1, m)."""
+    from bayesdamp.physics.kernel.dense import at_times
+
+    solver, motion = weighing.solvers[d.result.candidate.restoring], d.result.motion
+    at = np.linspace(motion.times[0], motion.times[-1], POINTS)
+    x, v = (at_times(motion.times, motion.states, at, order) for order in (0, 1))
+    return d.by_further(lambda rows: solver.works(x, v, v / POINTS, rows, d.result.fit.active))
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number: median, 95 % interval, and the parts of its standard deviation from noise and from the law."""
+
+    value: float
+    low: float
+    high: float
+    sd_noise: float = float("nan")
+    sd_law: float = float("nan")
+
+
+def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
+    """Median and 95 % interval of draws, (n,). noise: the part of their standard deviation that noise has."""
+    low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))
+    law = float(np.sqrt(max(float(np.var(values)) - noise**2, 0.0))) if np.isfinite(noise) else float("nan")
+    return Quantity(middle, low, high, noise, law)
+
 
 DRAWS = 4000
 SHOWN = 0.99

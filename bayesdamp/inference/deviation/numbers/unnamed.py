@@ -13,8 +13,7 @@ from bayesdamp.inference.deviation.numbers.curves import (
     ratios_per_unit,
     share_of_time,
 )
-from bayesdamp.inference.deviation.numbers.draws import Drawn
-from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
+from bayesdamp.inference.deviation.numbers.draws import Drawn, Quantity, quantity
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.priors import Prior

@@ -2,16 +2,110 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from zlib import crc32
 
 import numpy as np
 
+from bayesdamp.inference.deviation.candidate import Linearised, exact, linearised, refit, relinearised
+from bayesdamp.inference.deviation.data import Data
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, weigh
 from bayesdamp.inference.deviation.gaussian.tempered import DRAWS, sampled
+from bayesdamp.inference.deviation.parameters import Parameters, Straight, straight_at
 from bayesdamp.inference.deviation.sampled.motions import motions_near
-from bayesdamp.inference.deviation.sampled.reference import reference_of
+from bayesdamp.inference.deviation.sampled.ridge import Ridge, ridge_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.machine.threads import at_once
+from bayesdamp.physics.kernel import Solver
+
+ANCHORS = 3
+"""How often the coordinates are laid through the mode that was found in the last ones."""
+CLOSE = 0.1
+"""Scores by which v may differ from z at the mode for the coordinates not to be laid anew."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What sampling starts from: a linear model in the coordinates of `parameters`, weighed."""
+
+    parameters: Parameters | Ridge
+    model: Linear
+    weighed: Weighed
+
+    def scores(self, draws: np.ndarray) -> np.ndarray:
+        """Standard normal scores with g and h, (n, K), of draws."""
+        d, found = self.parameters.free.size, draws.copy()
+        found[:, :d] = [self.parameters.plain(row[:d]) for row in draws]
+        return found
+
+
+def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Reference:
+    """The linear model that a candidate's draws begin with: in straight coordinates where there are such, about the
+    mode in them; else that which it was weighed by; along a ridge where there is one."""
+    model = result.exact if not approximate or result.about is None else result.about.model
+    weighed = result.weighed if approximate else result.exact_weighed
+    assert weighed is not None
+    found = _straightened(weighing, result, approximate) or Reference(result.fit.parameters, model, weighed)
+    assert isinstance(found.parameters, Parameters)
+    ridge = ridge_of(weighing, result, approximate, found.parameters, found.model, found.weighed)
+    if ridge is None:
+        return found
+    model = replace(found.model, positive=ridge.positive)
+    knots = result.solver.knots.size if approximate else 0
+    grid = grid_of(knots, exact=not approximate, absorbed=ridge.base.absorbs)
+    variance = weighing.variance if approximate else result.exact_variance
+    return Reference(ridge, model, weigh(model, grid, variance, weighing.samples))
+
+
+def _straightened(weighing: Weighing, result: Result, approximate: bool) -> Reference | None:
+    data, solver = weighing.data, result.solver
+    samples, variance = weighing.samples, weighing.variance
+    z = result.fit.z if not approximate or result.about is None else result.about.u[: result.fit.z.size]
+    coordinates = straight_at(result.fit.parameters, result.candidate.restoring, z)
+    if coordinates is None:
+        return None
+    if not approximate:
+        return _exact(coordinates, result, data, samples)
+    at = _about(coordinates, result, solver, data, None if result.about is None else result.about.u)
+    if at is None:
+        return None
+    for _ in range(ANCHORS):
+        found = relinearised(result.candidate, solver, data, at.fit, variance, at)
+        if found is None:
+            return None
+        mode, d = found[0], at.fit.z.size
+        assert isinstance(mode.parameters, Straight)
+        plain = mode.parameters.plain(mode.u[:d])
+        there = straight_at(result.fit.parameters, result.candidate.restoring, plain)
+        if there is None:
+            return None
+        new = _about(there, result, solver, data, np.concatenate([plain, mode.u[d:]]))
+        if new is None:
+            return None
+        apart = np.abs(plain - mode.u[:d]).max()
+        at = new
+        if apart < CLOSE:
+            break
+    grid = grid_of(solver.knots.size, absorbed=result.fit.parameters.absorbs)
+    return Reference(at.parameters, at.model, weigh(at.model, grid, variance, samples))
+
+
+def _about(
+    coordinates: Straight, result: Result, solver: Solver, data: Data, u: np.ndarray | None
+) -> Linearised | None:
+    z = result.fit.z if u is None else u[: result.fit.z.size]
+    found = replace(result.fit, parameters=coordinates, z=z)
+    return linearised(result.candidate, solver, data, found, u)
+
+
+def _exact(coordinates: Straight, result: Result, data: Data, samples: float) -> Reference | None:
+    fitted = refit(result.solver, data, replace(result.fit, parameters=coordinates))
+    if fitted is None:
+        return None
+    model = exact(fitted)
+    return Reference(coordinates, model, weigh(model, grid_of(0, exact=True), result.exact_variance, samples))
+
 
 BEHIND = 5.0
 """Nats behind the best under linear models up to which a candidate is sampled: more than sampling has moved any by."""

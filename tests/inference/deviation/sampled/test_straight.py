@@ -10,9 +10,9 @@ import pytest
 
 from bayesdamp.inference.deviation.parameters import Straight, straight_at
 from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.sampled import candidates, reference
+from bayesdamp.inference.deviation.sampled import candidates
+from bayesdamp.inference.deviation.sampled.candidates import reference_of
 from bayesdamp.inference.deviation.sampled.motions import APART, LOOSER, Motions, motions_near
-from bayesdamp.inference.deviation.sampled.reference import reference_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -105,7 +105,7 @@ def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyP
     assert found.log_evidence == pytest.approx(np.log(whole) + max(logs), abs=0.1)
     mean = np.trapezoid(density * grid, grid) / whole
     assert drawn.mean() == pytest.approx(mean, abs=5 * drawn.std() / np.sqrt(found.draws.shape[0] / 2))
-    monkeypatch.setattr(reference, "_straightened", lambda *_: None)
+    monkeypatch.setattr(candidates, "_straightened", lambda *_: None)
     plain = candidates.sampled_result(weighing, result, True).sampled
     assert plain is not None
     assert abs(plain.log_evidence - np.log(whole) - max(logs)) > 1.0

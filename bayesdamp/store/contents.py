@@ -1,0 +1,489 @@
+"""What the tasks of a run store: one class a kind of task."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Self
+
+import numpy as np
+
+from bayesdamp.serial import join, split
+from bayesdamp.store.cells import CellResult
+from bayesdamp.types import (
+    OK,
+    AddedForm,
+    Estimate,
+    Evidence,
+    FeaturesSeen,
+    Forecast,
+    Friction,
+    InputError,
+    NestedRatio,
+    PartialFit,
+    Posterior,
+    Ratio,
+    Reference,
+    Seed,
+)
+
+
+class OtherVersionError(InputError, ValueError):
+    """What is stored is not what this version stores."""
+
+
+@dataclass(frozen=True)
+class Content:
+    """What a cell of one kind holds beside its arrays. Subclasses are frozen dataclasses of what JSON can hold."""
+
+    @classmethod
+    def of(cls, cell: CellResult) -> Self:
+        """Of a cell that has a content of this kind. Raises OtherVersionError where it holds something else."""
+        return cls.of_meta(cell.meta)
+
+    @classmethod
+    def maybe(cls, cell: CellResult | None) -> Self | None:
+        """Of a cell that may be missing, or hold nothing but why there is no result: None then."""
+        return cls.of_meta(cell.meta) if cell is not None and cell.meta else None
+
+    @classmethod
+    def of_meta(cls, meta: Mapping[str, Any]) -> Self:
+        """What `meta` gave, after a file. Raises OtherVersionError."""
+        try:
+            own = {f.name for f in fields(cls)}
+            return join(cls, {name: value for name, value in meta.items() if name in own})
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            what = "was stored by another version of bayesdamp; compute it again with this one"
+            raise OtherVersionError(f"{what} ({error})") from None
+
+    def meta(self) -> dict[str, Any]:
+        """As a cell holds it."""
+        return split(self)
+
+
+@dataclass(frozen=True)
+class RecordContent(Content):
+    """A record (`signal/NAME/REPEAT`).
+
+    provenance: what was done to it. step: recording step, 0 where none is seen. bound: the Cramér–Rao bound of a
+    simulated one, sd by parameter. Where it shows an oscillation: features; anomalies, in words;
+    reference; known: of the system, friction's ε (rad/s) filled in, with a note; noisy: whether there is noise to weigh
+    by.
+    """
+
+    name: str = ""
+    unit: str = "rad"
+    quantity: str = "angle"
+    step: float = 0.0
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    bound: Mapping[str, float] = field(default_factory=dict)
+    features: FeaturesSeen | None = None
+    anomalies: tuple[str, ...] = ()
+    reference: Reference | None = None
+    known: Mapping[str, float] = field(default_factory=dict)
+    epsilon_note: str = ""
+    noisy: bool = False
+
+    @property
+    def scales(self) -> Reference:
+        """The reference of a record with an oscillation. Raises ValueError where it has none."""
+        if self.reference is None:
+            raise ValueError(f"{self.name} shows no oscillation")
+        return self.reference
+
+
+@dataclass(frozen=True)
+class EstimateContent(Content):
+    """One estimator on one candidate (`estimate/NAME/REPEAT/CANDIDATE/ESTIMATOR`), in the order of its stages, without
+    their curves: these are the cell's arrays, STAGE/NAME."""
+
+    stages: tuple[Estimate, ...] = ()
+
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class Climb:
+    """A search for the mode: the seed it started from and those that would have started there too, log posterior at
+    both ends, likelihoods, log volume at the end; distance: of the start from the mode, in sds; mode: number of the
+    maximum it ended in, 0 for the highest, None for none."""
+
+    seed: Seed
+    same: tuple[Seed, ...]
+    start: float
+    end: float
+    evaluations: int
+    volume: float
+    converged: bool
+    distance: float = NAN
+    mode: int | None = None
+
+
+@dataclass(frozen=True)
+class RefusedSeed:
+    """A seed without values to start from, and what its method said."""
+
+    seed: Seed
+    outcome: str
+
+
+@dataclass(frozen=True)
+class Maximum:
+    """A maximum of the posterior: its height (nats), its share of the posterior, its parameters."""
+
+    log_posterior: float
+    share: float
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class ModeContent(Content):
+    """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`).
+
+    values, sd: of the inferred parameters; known: the others; priors in words. climbs, modes: what searches came to;
+    touching_zero: coefficients within a standard deviation of zero. stored: an `inference.fit.mode.StoredMode`, as
+    `bayesdamp.serial` splits it; its arrays are `stored/...`.
+    refused: what had no values to start from; and what was checked of the fit, as
+    `inference.checks.checks.Fit` explains it.
+    """
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    sd: Mapping[str, float] = field(default_factory=dict)
+    known: Mapping[str, float] = field(default_factory=dict)
+    priors: Mapping[str, str] = field(default_factory=dict)
+    log_posterior: float = NAN
+    error_budget: Mapping[str, float] = field(default_factory=dict)
+    climbs: tuple[Climb, ...] = ()
+    modes: tuple[Maximum, ...] = ()
+    touching_zero: tuple[str, ...] = ()
+    refused: tuple[RefusedSeed, ...] = ()
+    windows: tuple[PartialFit, ...] = ()
+    rms: float = NAN
+    share: float = NAN
+    residual_autocorrelation: float = NAN
+    predictive_p: float = NAN
+    line_p: float = NAN
+    form_p: float = NAN
+    kurtosis: float = NAN
+    tails_p: float = NAN
+    window_spread: float = NAN
+    window_p: float = NAN
+    forecast: Forecast | None = None
+    rivals: tuple[AddedForm, ...] = ()
+    verdict: str = ""
+    stored: Mapping[str, Any] = field(default_factory=dict)
+
+
+NO_DRAWS = np.empty((0, 0, 0)), np.empty((0, 0))
+"""Draws and log likelihoods of a posterior that has none."""
+
+
+@dataclass(frozen=True)
+class PosteriorContent(Content):
+    """One sampler's draws (`posterior/NAME/REPEAT/CANDIDATE/SAMPLER`).
+
+    posterior: without its arrays; the cell has `draws`, (chain, draw, parameter). summary, units: of the parameters and
+    of what follows from them, at the reference amplitude (unit of displacement); without: derived quantities that have
+    no summary, by how many draws have no such motion. file: whole, in the run's folder. ratios: where laws may hold
+    approximately, the damping ratio at the verdict's amplitudes.
+    """
+
+    posterior: Posterior = field(default_factory=lambda: Posterior("", (), *NO_DRAWS))
+    units: Mapping[str, str] = field(default_factory=dict)
+    summary: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    reference_amplitude: float = NAN
+    without: Mapping[str, int] = field(default_factory=dict)
+    file: str = ""
+    ratios: tuple[Ratio, ...] = ()
+
+
+@dataclass(frozen=True)
+class AverageContent(Content):
+    """The damping against amplitude averaged over the models (`averaged/NAME/0`).
+
+    probabilities: of the models, by which evidence method; covered: what the averaged ones hold together; weighed: what
+    was averaged by the weighted draws of its evidence, having no posterior.
+    """
+
+    probabilities: Mapping[str, float]
+    method: str
+    covered: float = 1.0
+    weighed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class EvidenceContent(Content):
+    """One method's evidence (`evidence/NAME/REPEAT/CANDIDATE/METHOD`), whose arrays are the cell's; None where a
+    referee was not called, because the others agree."""
+
+    evidence: Evidence | None = None
+
+
+@dataclass(frozen=True)
+class WidthsContent(Content):
+    """Evidence under other prior widths (`sensitivity/.../widths`): varied, the parameters whose priors were scaled."""
+
+    varied: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class HalfContent(Forecast, Content):
+    """What the first half of a record says alone (`sensitivity/.../half`): its evidence, and of the second half what
+    `Forecast` explains; start: of the second half, in s."""
+
+    start: float
+    log_predictive_stderr: float
+    evidence: Evidence
+
+
+@dataclass(frozen=True)
+class UnderNoise:
+    """Log evidence by Laplace's approximation (nats) under a noise model; −∞ where it has no fit."""
+
+    log_evidence: float
+    outcome: str = OK
+
+
+@dataclass(frozen=True)
+class NoisesContent(Content):
+    """Evidence under each noise model in play (`sensitivity/.../noises`), and which was chosen."""
+
+    chosen: str
+    evidence: Mapping[str, UnderNoise]
+
+
+@dataclass(frozen=True)
+class RatiosContent(Content):
+    """Nested ratios (`sensitivity/.../savage_dickey`), by the smaller model's name."""
+
+    against: Mapping[str, NestedRatio]
+
+
+@dataclass(frozen=True)
+class WeighedCandidate:
+    """A damping sum under a restoring law: log evidence (nats) under approximate laws, None where they were taken to
+    hold exactly, and under exact ones; rms of the plain fit, in the record's unit. place: of another form of damping
+    than those that are compared, the sum that it comes to in a limit, if there is one. parameters: those of the damping
+    that are inferred."""
+
+    damping: str
+    restoring: str
+    log_evidence: float | None = None
+    log_evidence_exact: float | None = None
+    rms: float | None = None
+    outcome: str = OK
+    place: str = ""
+    parameters: tuple[str, ...] = ()
+
+    @property
+    def exact(self) -> float:
+        """Log evidence under exact laws; −∞ where it was not weighed."""
+        return float("-inf") if self.log_evidence_exact is None else self.log_evidence_exact
+
+
+@dataclass(frozen=True)
+class SampledPosterior:
+    """A candidate with its motions sampled. parameters: summaries by name; deviation: of the damping law, (2.5 %,
+    median, 97.5 %); unexplained: share of the amplitude; evidence in nats."""
+
+    damping: str
+    restoring: str
+    parameters: Mapping[str, Mapping[str, float]]
+    deviation: tuple[float, float, float]
+    unexplained: float
+    log_evidence: float
+    stderr: float
+    acceptance: float
+    temperatures: int
+
+
+@dataclass(frozen=True)
+class CandidatePriors:
+    """Priors of a candidate in words, by parameter."""
+
+    damping: str
+    restoring: str
+    priors: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class WeighedNoise:
+    """A noise model on the residuals of the fit of all terms: log evidence in nats, and its parameters."""
+
+    name: str
+    log_evidence: float
+    values: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class FoundLaw:
+    """Where the search for a candidate with deviations ended, as `bayesdamp.serial` splits an
+    `inference.deviation.single.Found`; its arrays are `found/DAMPING@RESTORING/...`."""
+
+    damping: str
+    restoring: str
+    found: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class EnvelopeContent:
+    """What an answer on an envelope has beside its verdict: the unit of its readings, how many were used; numbers of
+    the likelihood of the rates by damping sum, whose arrays are `likelihood/DAMPING/...`; what was assumed, a sentence
+    each."""
+
+    unit: str
+    samples: int = 0
+    likelihoods: Mapping[str, Mapping[str, float | str | None]] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class AnswerContent(Content):
+    """The answer on a record (`answer/NAME/REPEAT`, `sampled/NAME/REPEAT`).
+
+    verdict: as `Verdict.to_dict` gives it. rivals: other forms of damping that were weighed. fits: parameters of the
+    fit of all terms, by restoring law. posteriors: of the candidates that were sampled; laws: of those that were
+    weighed with deviations. noise: the noise model that the answer is under; noises: all that were weighed. terms:
+    all damping terms that were weighed. epsilon: the width (rad/s or m/s) within which friction changes its sign, where
+    it was not known; frictions: the widths that were tried, with the coefficients of all terms.
+    envelope: of an envelope, of which nothing else is stored but the verdict.
+    """
+
+    verdict: Mapping[str, Any]
+    candidates: tuple[WeighedCandidate, ...] = ()
+    fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    priors: tuple[CandidatePriors, ...] = ()
+    posteriors: tuple[SampledPosterior, ...] = ()
+    laws: tuple[FoundLaw, ...] = ()
+    rivals: tuple[WeighedCandidate, ...] = ()
+    noise: str = ""
+    noises: tuple[WeighedNoise, ...] = ()
+    terms: tuple[str, ...] = ()
+    epsilon: float | None = None
+    frictions: tuple[Friction, ...] = ()
+    envelope: EnvelopeContent | None = None
+
+
+CLEAR = 3.0
+"""Nats of a log Bayes factor from which something is said to be so: odds of twenty."""
+APART = 0.05
+"""Lower end of the spread's 95 % interval above which records are said to differ (half the scale of its prior)."""
+Summary = Mapping[str, float]
+"""mean, sd, median, q2.5 and q97.5 of a parameter."""
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """A candidate's log evidence with the summaries of its damping parameters, and their units.
+
+    log_evidence: nats, relative to the best evidence that each record has by itself; None where it was not weighed, as
+    the outcome says.
+    """
+
+    outcome: str = OK
+    log_evidence: float | None = None
+    summary: Mapping[str, Summary] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class JointCandidate(Weighing):
+    """A candidate on all records of a specimen, with its posterior probability."""
+
+    probability: float = 0.0
+
+
+@dataclass(frozen=True)
+class PopulationFound:
+    """Mean and spread of a coefficient over what the labels of `shrunk` name, each one's own value given all, and its
+    effective draws then; scale: of the half-normal prior of the population's location."""
+
+    scale: float
+    mean: Summary
+    spread: Summary
+    shrunk: Mapping[str, Summary]
+    effective: Mapping[str, float]
+    outcome: str = OK
+
+
+@dataclass(frozen=True)
+class JointContent(Content):
+    """The joint fit of a specimen's records (`joint/SPECIMEN`): the weighing that the verdict on it rests on.
+
+    The cell's arrays are draws of equal weight: of each candidate's coefficients (`CANDIDATE/NAME`), the log density of
+    their priors (`CANDIDATE/NAME/log_prior`) and the spread (`CANDIDATE/spread`).
+
+    records: labels; members: signal and repeat of each; reference: of the priors; deviation: "law" where laws hold
+    approximately in every record's answer, else "none". best: the likeliest candidate; others: probabilities of forms
+    of damping that the study does not compare. spread: how much the damping differs from record to record (standard
+    deviation of its logarithm), over all models. no_spread: log Bayes factor of one damping for all records against an
+    inferred spread, under the best candidate; NaN where that has no summary. alone: each record by itself under it.
+    """
+
+    records: tuple[str, ...]
+    members: tuple[tuple[str, int], ...]
+    reference: Reference
+    best: str
+    candidates: Mapping[str, JointCandidate]
+    spread: Summary
+    no_spread: float
+    alone: Mapping[str, Weighing]
+    others: Mapping[str, float] = field(default_factory=dict)
+    deviation: str = "none"
+
+    @property
+    def differ(self) -> bool:
+        """Whether the records have dampings of different size."""
+        return self.spread["q2.5"] > APART or self.no_spread < -CLEAR
+
+    @property
+    def agree(self) -> bool:
+        """Whether the evidence is clearly for one size in all records."""
+        return not self.differ and self.no_spread >= CLEAR
+
+
+@dataclass(frozen=True)
+class PopulationContent(Content):
+    """The population over specimens (`population/specimens`), under the candidate that is best for all.
+
+    log_evidence: of each candidate over all; behind: nats by which another is ahead, by specimen; specimens: each one's
+    own coefficients; units, populations: by coefficient; deviation: as in `JointContent`.
+    """
+
+    best: str
+    log_evidence: Mapping[str, float]
+    behind: Mapping[str, float]
+    specimens: Mapping[str, JointCandidate]
+    units: Mapping[str, str]
+    populations: Mapping[str, PopulationFound]
+    deviation: str = "none"
+
+
+@dataclass(frozen=True)
+class ChunkContent(Content):
+    """A chunk of records that were drawn and fitted, or refused: each one's outcome, and whether it counts; first:
+    number of the first of them."""
+
+    outcomes: tuple[str, ...] = ()
+    accepted: tuple[bool, ...] = ()
+    first: int = 0
+
+
+@dataclass(frozen=True)
+class RanksContent(ChunkContent):
+    """Of one model (`ranks/MODEL/FIRST`): names of what is ranked, outcomes of each sampler by record, and seconds by
+    sampler and under "record"."""
+
+    model: str = ""
+    names: tuple[str, ...] = ()
+    sampler_outcomes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RecoveryContent(ChunkContent):
+    """Of model recovery (`recovery/FIRST`, `single/FIRST`): models, and what the evidence of each says, by record."""
+
+    models: tuple[str, ...] = ()
+    evidence_outcomes: tuple[tuple[str, ...], ...] = ()
