@@ -14,7 +14,7 @@ from bayesdamp.inference.deviation.single import Single
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.parts import axes
-from bayesdamp.interface.parts.numbers import numbers_of
+from bayesdamp.interface.parts.asked import numbers_of
 from bayesdamp.interface.parts.result import Result
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.kernel.solve import QUANTITIES

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bayesdamp.inference.deviation.runs import sample_motions
+from bayesdamp.inference.deviation.single import sample_motions
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.posterior import Posterior

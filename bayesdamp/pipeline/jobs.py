@@ -31,8 +31,8 @@ from bayesdamp.pipeline.records.records import RecordCell, SignalCell
 from bayesdamp.pipeline.tasks import Make
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
+from bayesdamp.store.cells import Place
 from bayesdamp.store.contents import EvidenceContent
-from bayesdamp.store.places import Place
 from bayesdamp.types import OK, candidate_parts
 
 FAR = 5.0

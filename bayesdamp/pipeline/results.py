@@ -21,9 +21,9 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import split
 from bayesdamp.store import TABLES, CellResult, Store, read_table
+from bayesdamp.store.cells import Place
 from bayesdamp.store.contents import EstimateContent, EvidenceContent, ModeContent, PosteriorContent
 from bayesdamp.store.files import read_description
-from bayesdamp.store.places import Place
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError
 

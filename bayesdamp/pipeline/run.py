@@ -32,7 +32,7 @@ from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.reference import reference_of
 from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
-from bayesdamp.store.places import Place
+from bayesdamp.store.cells import Place
 from bayesdamp.types import InputError
 from bayesdamp.verdict.types import Verdict
 
@@ -105,7 +105,7 @@ def run_study(
 def read_records(study: Study) -> None:
     """Read every file once, and what is known of its system, so that what is wrong is told before anything is written.
     Raises InputError."""
-    from bayesdamp.pipeline.records.recorded import cleaned, of_file
+    from bayesdamp.pipeline.records.records import cleaned, of_file
 
     for spec in study.signals:
         source = spec.source

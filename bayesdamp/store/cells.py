@@ -17,9 +17,34 @@ import numpy as np
 from bayesdamp.store import folders
 from bayesdamp.store.beside import naming, no_room
 from bayesdamp.store.files import BROKEN, packed, unpacked, write_bytes
-from bayesdamp.store.places import Place
 from bayesdamp.store.tables import CALIBRATION_TABLES, SPECIMEN_TABLES, TABLES
 from bayesdamp.types import OK, InputError
+
+
+@dataclass(frozen=True)
+class Place:
+    """The parts of a name such as `estimate/bench/0/viscous/least_squares`; what it has not is empty, or None.
+
+    kind: of task. record: whose it is, or the specimen's. repeat: of the record. candidate: the damping sum, with its
+    law where several are compared, or the law of a fit that all dampings share. method: the estimator, the sampler, the
+    way to evidence, or what is changed.
+    """
+
+    kind: str
+    record: str = ""
+    repeat: int | None = None
+    candidate: str = ""
+    method: str = ""
+
+    @classmethod
+    def of(cls, name: str) -> Place:
+        """Of a task's name."""
+        kind, *rest = name.split("/")
+        record = rest.pop(0) if rest else ""
+        repeat = int(rest.pop(0)) if rest and rest[0].isdigit() else None  # a specimen's have none
+        candidate, method = (*rest, "", "")[:2]
+        return cls(kind, record, repeat, candidate, method)
+
 
 _HEAD = folders.CELL
 

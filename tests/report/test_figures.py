@@ -16,8 +16,7 @@ from PIL import Image
 
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.answer import answer
-from bayesdamp.report.figures.curves import exponent
-from bayesdamp.report.figures.density import contours, outline
+from bayesdamp.report.figures.curves import contours, exponent, outline
 from bayesdamp.report.figures.posterior import marginals
 from bayesdamp.report.figures.record import motions, thinned
 from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bayesdamp.store import CellResult
-from bayesdamp.store.places import Place
+from bayesdamp.store.cells import Place
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from bayesdamp.verdict.pooled import pooled
+from bayesdamp.verdict.specimen import pooled
 
 TRIALS = 400
 

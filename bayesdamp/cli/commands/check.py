@@ -27,7 +27,7 @@ def check(
     from bayesdamp.config import in_keys
     from bayesdamp.pipeline import cells
     from bayesdamp.pipeline.run import read_records
-    from bayesdamp.store.places import Place
+    from bayesdamp.store.cells import Place
     from bayesdamp.table import Table
 
     with in_keys():

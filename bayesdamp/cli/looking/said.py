@@ -90,7 +90,7 @@ def _sentences(one: Found) -> list[str]:
 
 def _holes(one: Found) -> list[str]:
     """Where the free decay has no samples, which its rate does not say."""
-    from bayesdamp.records.oscillation.holes import holes
+    from bayesdamp.records.oscillation.features import holes
     from bayesdamp.records.oscillation.spectrum import coarse_period
 
     if one.signal is None:

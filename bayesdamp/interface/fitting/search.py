@@ -15,7 +15,7 @@ from bayesdamp.inference.deviation.sample_noise import MOST_CYCLES, noises_of, p
 from bayesdamp.inference.deviation.single import Single, single
 from bayesdamp.inference.deviation.weighing import START, weigh_all
 from bayesdamp.inference.fit.mode import Mode, restore_mode
-from bayesdamp.inference.fit.starting_points import prior_starts
+from bayesdamp.inference.fit.search import prior_starts
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.fitting.case import Case, Starts

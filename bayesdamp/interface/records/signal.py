@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from bayesdamp import types
 from bayesdamp.formatting import compact
 from bayesdamp.interface.parts import axes
-from bayesdamp.interface.parts.numbers import numbers_of
+from bayesdamp.interface.parts.asked import numbers_of
 from bayesdamp.interface.parts.result import Result
 from bayesdamp.provenance import Provenance
-from bayesdamp.records.cleaning.clean import clean, known_unit
+from bayesdamp.records.cleaning.clean import clean, known_unit, recording_step
 from bayesdamp.records.cleaning.clock import clock_times
-from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.files.named_units import by_name
 from bayesdamp.records.read import FASTEST, SLOWEST
 from bayesdamp.records.record import RawRecord

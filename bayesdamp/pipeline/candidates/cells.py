@@ -19,7 +19,7 @@ from bayesdamp.pipeline.keys import task_key, uses_library
 from bayesdamp.pipeline.records.answering import AnswerCell, likelihood_of
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.pipeline.tasks import Product
-from bayesdamp.store.places import Place
+from bayesdamp.store.cells import Place
 from bayesdamp.types import OK, Refusal
 
 SEEDED = {

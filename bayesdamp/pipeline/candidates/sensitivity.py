@@ -23,6 +23,7 @@ from bayesdamp.pipeline.records.answering import likelihood_of
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult
+from bayesdamp.store.cells import Place
 from bayesdamp.store.contents import (
     EvidenceContent,
     HalfContent,
@@ -32,7 +33,6 @@ from bayesdamp.store.contents import (
     UnderNoise,
     WidthsContent,
 )
-from bayesdamp.store.places import Place
 from bayesdamp.types import OK, Refusal, Seed, candidate_name, candidate_parts
 
 SOURCES = {

@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter
 from bayesdamp.provenance import FreeDecay
 from bayesdamp.records.decay.continuation import Reach, Reason, Swings, reach
 from bayesdamp.records.decay.stretches import RISE, stretches, unsteadiness, worth
-from bayesdamp.records.oscillation.holes import without_edges
+from bayesdamp.records.oscillation.features import without_edges
 from bayesdamp.records.oscillation.rough import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_periods, samples_a_cycle
 from bayesdamp.records.oscillation.turning import Turning, thinned, turning_points

@@ -7,8 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from bayesdamp.records.oscillation.holes import holes, without_edges
-from bayesdamp.records.oscillation.returning import wandering
 from bayesdamp.records.oscillation.rough import roughness as noise_of
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import (
@@ -20,6 +18,58 @@ from bayesdamp.records.oscillation.turning import (
     turning_points,
 )
 from bayesdamp.types import FeaturesSeen, Refusal, Signal
+
+NO_NEARER = 0.7
+"""Mean square of changes over a period, as a share of those over half of one, from which nothing comes back: 2 of a
+random walk, 1 of noise, 0.4 of an oscillation with a damping ratio of 0.3, 2/3 of two equal modes a fifth apart."""
+HOLE = 0.25
+"""Share of a time without samples that is a hole in it."""
+
+
+def wandering(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
+    """Words on what values y (n,) at times t (n,), s, do in place of oscillating with this period in s; empty where
+    they do. noise: standard deviation of a sample's."""
+    shared = _changes(t, y, period) - 2 * noise**2
+    half = _changes(t, y, 0.5 * period) - 2 * noise**2
+    if not (np.isfinite(shared) and np.isfinite(half)) or half <= 0:
+        return ""
+    if shared > NO_NEARER * half:
+        return "after a period it is no nearer to where it was than after half of one"
+    return ""
+
+
+def _changes(t: np.ndarray, y: np.ndarray, lag: float) -> float:
+    """Variance of what changes over a time, not into a hole; nan where the record is hardly longer."""
+    after = t + lag
+    place = np.clip(np.searchsorted(t, after), 1, t.size - 1)
+    hole = max(HOLE * lag, 2.5 * float(np.median(np.diff(t))))
+    first = (after <= t[-1]) & (t[place] - t[place - 1] < hole)
+    change = np.interp(after[first], t, y) - y[first]
+    return float(np.var(change)) if change.size > 2 else float("nan")
+
+
+LEAST, USUAL, BESIDE = 0.5, 5.0, 0.25
+"""Periods without a sample, and how many usual gaps, from which these are a hole; periods beside it in which a turning
+point is not believed (conventional)."""
+
+
+def holes(t: np.ndarray, period: float) -> np.ndarray:
+    """Start and end, (h, 2), in s, of stretches of times t (n,) without a sample where others have many.
+
+    period: of the oscillation, in s.
+    """
+    gaps = np.diff(t)
+    at = np.flatnonzero((gaps > LEAST * period) & (gaps > USUAL * np.median(gaps)))
+    return np.stack([t[at], t[at + 1]], axis=1)
+
+
+def without_edges(turns: Turning, t: np.ndarray, period: float) -> Turning:
+    """Turning points without those in and beside holes, which a line across the hole makes."""
+    kept = np.ones(turns.times.size, bool)
+    for a, b in holes(t, period):
+        kept &= (turns.times < a - BESIDE * period) | (turns.times > b + BESIDE * period)
+    return Turning(turns.times[kept], turns.values[kept], turns.gain[kept])
+
 
 BESIDE_IT = 1.5
 """Periods on either side of the turning points in which a record must come back to where it was."""

@@ -8,9 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from bayesdamp.records.oscillation.features import LEAST_SHARE
+from bayesdamp.records.oscillation.features import LEAST_SHARE, wandering
 from bayesdamp.records.oscillation.modes import Modes, damped_modes, few_samples
-from bayesdamp.records.oscillation.returning import wandering
 from bayesdamp.records.oscillation.rough import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import zigzag

@@ -2,19 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import NullFormatter
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import ABREAST, NARROW, off_axis
 from bayesdamp.report.results.estimates import CoefficientEstimates
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour
+
+
+def traces(found: Mapping[str, np.ndarray]) -> Figure:
+    """found: title to curve, shape (n,). Logarithmic where all values are positive and span two decades."""
+    columns = min(4, len(found))
+    rows = -(-len(found) // columns)
+    figure = Figure(figsize=(WIDTH * max(0.3, columns / 4), 1.6 * rows + 0.1))
+    for i, (title, curve) in enumerate(found.items()):
+        ax = figure.add_subplot(rows, columns, i + 1)
+        ax.plot(np.arange(len(curve)), curve, color=INK, lw=0.9)
+        finite = curve[np.isfinite(curve)]
+        if finite.size and finite.min() > 0 and finite.max() > 100 * finite.min():
+            ax.set_yscale("log")
+            ax.yaxis.set_minor_formatter(NullFormatter())
+        ax.set_title(title, fontsize=8)
+        ax.set_xlabel("iteration")
+    return figure
+
 
 REACH = 3.0
 """Half the axis, in half widths of the posterior's interval: it fills the middle third."""

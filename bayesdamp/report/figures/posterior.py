@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bayesdamp.report import words
-from bayesdamp.report.figures.density import contours, outline
+from bayesdamp.report.figures.curves import contours, outline
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour
 
 TRUE: dict[str, Any] = {"color": INK, "lw": 0.9, "ls": (0, (2, 2))}

@@ -11,8 +11,8 @@ from bayesdamp.formatting import number
 from bayesdamp.provenance import Provenance
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.store import TABLES, TEXT_OF, CellResult, Store, read_table
+from bayesdamp.store.cells import Place
 from bayesdamp.store.files import read_description
-from bayesdamp.store.places import Place
 from bayesdamp.types import OK, InputError, candidate_name
 from bayesdamp.units import Unit, unit_named
 from bayesdamp.verdict import files

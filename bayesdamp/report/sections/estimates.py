@@ -12,8 +12,7 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.estimators import against, eigenvalues, force
-from bayesdamp.report.figures.iterations import traces
+from bayesdamp.report.figures.estimators import against, eigenvalues, force, traces
 from bayesdamp.report.html import folded, paragraph, stack
 from bayesdamp.report.results.comparing import true_models
 from bayesdamp.report.results.estimates import CoefficientEstimates, estimates_of

@@ -9,7 +9,7 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report.html import folded, stack
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import Section
-from bayesdamp.store.places import Place
+from bayesdamp.store.cells import Place
 from bayesdamp.table import Line, Table
 
 

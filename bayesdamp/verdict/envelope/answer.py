@@ -12,12 +12,10 @@ import numpy as np
 from bayesdamp.inference.deviation.numbers.draws import quantity
 from bayesdamp.inference.envelope.candidates import Candidate
 from bayesdamp.inference.envelope.decay import Curve, Decay
-from bayesdamp.inference.envelope.exponent import by_power, power_law
 from bayesdamp.inference.envelope.likelihood import RateLikelihood, likelihood_of
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR, Draws, draw
-from bayesdamp.inference.envelope.ranking import Ranking, ranked
+from bayesdamp.inference.envelope.ranking import Ranking, by_power, power_law, ranked, untold
 from bayesdamp.inference.envelope.sums import Sum, weighed
-from bayesdamp.inference.envelope.untold import untold
 from bayesdamp.physics.amplitude.laws import POWERS, coefficients
 from bayesdamp.physics.damping import PAPER_TERMS, twins_of
 from bayesdamp.verdict import thresholds

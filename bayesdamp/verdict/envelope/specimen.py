@@ -19,8 +19,7 @@ from bayesdamp.types import InputError, Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.envelope.answer import Answer
 from bayesdamp.verdict.parts import Estimate, Interval
-from bayesdamp.verdict.pooled import pooled
-from bayesdamp.verdict.specimen import of_spread, probabilities, spread_of, together
+from bayesdamp.verdict.specimen import of_spread, pooled, probabilities, spread_of, together
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import by_ten, sentence, with_interval
 

@@ -18,7 +18,7 @@ from bayesdamp.inference.evidence.savage_dickey import savage_dickey
 from bayesdamp.inference.fit.laplace import log_evidence_near
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.build import build_target
+from bayesdamp.inference.model.defaults import build_target
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.priors import SHARED_SCALES

@@ -10,8 +10,7 @@ import pytest
 
 from bayesdamp.inference.coordinates.whitening import whitening_of
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.fit.starting_points import basins, prior_starts
+from bayesdamp.inference.fit.search import basins, find_mode, prior_starts
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import Settings
 from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts

@@ -10,8 +10,7 @@ from scipy import stats
 from scipy.integrate import quad
 from scipy.special import gammaln
 
-from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import default_prior
+from bayesdamp.inference.model.defaults import build_target, default_prior
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator

@@ -10,8 +10,7 @@ from scipy import stats
 
 from bayesdamp.inference.fit.mode import BUDGET
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.defaults import EPSILON_RANGE, default_prior
+from bayesdamp.inference.model.defaults import EPSILON_RANGE, build_target, default_prior
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES

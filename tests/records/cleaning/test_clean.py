@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from bayesdamp.records.cleaning.clean import clean
+from bayesdamp.records.cleaning.clean import clean, recording_step
 from bayesdamp.records.cleaning.clock import burst_begins
-from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bayesdamp.records.cleaning.quantum import recording_step
+from bayesdamp.records.cleaning.clean import recording_step
 from bayesdamp.records.decay import window as window_module
 from bayesdamp.records.decay.continuation import Swings
 from bayesdamp.records.decay.window import Window, free_decay

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.records.cleaning.quantum import recording_step
+from bayesdamp.records.cleaning.clean import recording_step
 from bayesdamp.records.oscillation.anomalies import CLIPPED, RISES, anomalies, clipped
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import Signal

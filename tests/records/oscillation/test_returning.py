@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.features import features, wandering
 from bayesdamp.records.oscillation.first_look import first_words
-from bayesdamp.records.oscillation.returning import wandering
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.verdict.parts import Averages, Grade
