@@ -12,7 +12,7 @@ import pytest
 import xarray
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.pipeline import workers
+from bayesdamp.pipeline.workers import cluster
 from bayesdamp.types import InputError, Posterior
 
 
@@ -26,7 +26,7 @@ def test_that_there_are_no_workers_is_said(workers: int, tmp_path: Path) -> None
             n_workers=workers, threads_per_worker=1, processes=False, protocol="tcp://", host="127.0.0.1",
             dashboard_address=":0", local_directory=str(tmp_path),
         ) as made,
-        workers.cluster(made.scheduler_address, said.append),
+        cluster(made.scheduler_address, said.append),
     ):  # fmt: skip
         pass
     assert len(said) == 1 - workers
@@ -40,7 +40,7 @@ def test_an_address_that_no_scheduler_answers_is_refused(
     address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
-    with pytest.raises(InputError, match="no Dask scheduler answers there"), workers.cluster(address, print):
+    with pytest.raises(InputError, match="no Dask scheduler answers there"), cluster(address, print):
         pass
 
 
@@ -48,7 +48,7 @@ def test_a_run_that_waits_for_workers_can_be_ended(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
 
     def interrupted(address: str) -> None:
-        with suppress(KeyboardInterrupt), workers.cluster(address, print) as pool:
+        with suppress(KeyboardInterrupt), cluster(address, print) as pool:
             pool.submit(abs, -1)
             raise KeyboardInterrupt
 
@@ -75,7 +75,7 @@ def test_draws_are_written_on_a_worker_as_in_one_process(tmp_path: Path) -> None
             n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://", host="127.0.0.1",
             dashboard_address=":0", local_directory=str(tmp_path),
         ) as made,
-        workers.cluster(made.scheduler_address, print) as pool,
+        cluster(made.scheduler_address, print) as pool,
     ):  # fmt: skip
         found = pool.submit(_draws).result(timeout=120)
     read = xarray.open_datatree(io.BytesIO(found), engine="h5netcdf")
