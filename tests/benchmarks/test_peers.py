@@ -11,10 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from bayesdamp.inference.checks.diagnostics import ess_bulk, ess_tail
 from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.inference.evidence.methods.nested import scores
 from bayesdamp.inference.model.target import Target
 from tests.benchmarks import test_sampler
 from tests.benchmarks.ledger import ratio
@@ -129,7 +129,7 @@ def test_evidence_beside_dynesty() -> None:
     mine = EVIDENCES.get("importance").evidence("m", posterior, mode, 1)
     sampler = dynesty.NestedSampler(
         mode.likelihood.log_likelihood,
-        lambda u: scores(u, posterior.reflected),
+        lambda u: ndtri(np.where(posterior.reflected, 0.5 * (1.0 + u), u)),
         mode.z.size,
         nlive=100,
         sample="rwalk",  # of a needle in the prior's box its ellipsoids alone hardly draw
