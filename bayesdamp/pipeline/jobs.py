@@ -1,4 +1,4 @@
-"""What a study has to do: its cells, the jobs that compute them, and in which order jobs may run."""
+"""What a study has to do: its cells, the jobs that compute them, their order, and what is left out as it goes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Processes that share the work of a run."""
+"""Processes that share the work of a run: on this machine, or of a Dask scheduler."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A posterior's curved ridge, straightened without changing volumes."""
+"""A posterior's curved ridge, straightened without changing volumes: of the motion, and of correlated noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which damping sum the evidence names."""
+"""Which damping sum the evidence names, one power of the amplitude instead, and sums that no envelope tells apart."""
 
 from __future__ import annotations
 

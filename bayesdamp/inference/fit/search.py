@@ -1,4 +1,4 @@
-"""The highest mode that seeds reach."""
+"""The highest mode that seeds reach, where searches start, and which modes they found."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Default priors: of parameters, the same in every damping model, so that evidence can be compared; of the models."""
+"""Default priors, the same in every damping model so that evidence can be compared; and a target built with them."""
 
 from __future__ import annotations
 

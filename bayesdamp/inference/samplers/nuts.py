@@ -1,4 +1,8 @@
-"""The no-U-turn sampler, whitened at the mode, on the compiled kernel."""
+"""The no-U-turn sampler, whitened at the mode, on the compiled kernel.
+
+Its transition (M. D. Hoffman and A. Gelman, JMLR 15, 2014) runs between walls, with multinomial choice among the points
+of a trajectory (M. Betancourt, arXiv:1701.02434, 2017, appendix A.3).
+"""
 
 from __future__ import annotations
 

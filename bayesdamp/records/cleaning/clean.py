@@ -1,4 +1,7 @@
-"""From a raw record to a signal: SI units, a clock, the free decay cut out, and words on what was done."""
+"""From a raw record to a signal: SI units, a clock, the free decay cut out, and words on what was done.
+
+Over whole cycles of a free decay velocity and acceleration are zero on the mean, which gives a sensor's zero.
+"""
 
 from __future__ import annotations
 

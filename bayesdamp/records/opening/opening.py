@@ -1,4 +1,7 @@
-"""The border to files: which reader a file belongs to, and one line for whatever is wrong with it."""
+"""The border to files: which reader a file belongs to, and one line for whatever is wrong with it.
+
+Foreign readers run in a process of their own: a damaged file may crash one, and takes nothing else with it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plain features of a decaying oscillation, the one set that all estimators share."""
+"""Plain features of a decaying oscillation, the one set that all estimators share, and stretches without a sample."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said of a decay under all its sums."""
+"""What is said of a decay under all its sums: its numbers, coefficients of the equation of motion, and remarks."""
 
 from __future__ import annotations
 

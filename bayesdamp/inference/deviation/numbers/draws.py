@@ -1,4 +1,4 @@
-"""Draws over candidates, hyperparameters and coefficients, and how probable the candidates are."""
+"""Draws over candidates, how probable candidates are, and numbers with intervals from draws."""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""The candidates that matter, sampled: posteriors and evidence of the motions themselves, not of a linear model."""
+"""The candidates that matter, sampled: posteriors and evidence of the motions themselves, not of a linear model.
+
+Sampling starts from a linear model, in straight coordinates where the restoring law has such, and along the ridge of
+the damping terms' own parameters where they have such. A record tells the angle at rest and the frequency far better
+than gravity, so that a posterior of spring, gravity and spring's angle lies along a curve, which a linear model leaves
+after a few of its sds.
+"""
 
 from __future__ import annotations
 
