@@ -164,6 +164,16 @@ def test_evidence_with_deviations_integrated_out_is_that_of_dense_normal_distrib
     assert abs(found.log_evidence - by_quadrature(2 * SCALE)) > 4 * found.stderr + 0.3
 
 
+def test_the_parts_of_a_posteriors_sds_add_up() -> None:
+    """Their squares are the square of the sd of the draws themselves, as NumPy has it. Negative control: noise alone
+    leaves less."""
+    drawn = bd.sample(bd.fit(drifting(), one_parameter().model), chains=2, draws=200, seed=1)
+    for i, name in enumerate(drawn.names):
+        sd, one = float(np.std(drawn.draws[..., i], ddof=1)), drawn.summaries[name]
+        assert np.hypot(one["sd_noise"], one["sd_law"]) == pytest.approx(sd, rel=1e-2)
+        assert one["sd_noise"] < 0.9 * sd
+
+
 def test_a_drift_is_seen_and_widens_what_is_quoted() -> None:
     """Damping off by 15 % at both ends, 7.5 % in the mean."""
     one = one_parameter()
