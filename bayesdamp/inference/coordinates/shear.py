@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import ndtr
@@ -53,18 +54,25 @@ class NoiseShear:
 
     def sheared(self, level: np.ndarray) -> np.ndarray:
         """Return the scores of level ones, both (..., d)."""
-        return level + self._height(level) * self.moved
+        return level + self._height(level) * self.moved if self._any else level
 
     def level(self, scores: np.ndarray) -> np.ndarray:
         """Return the level scores of scores, both (..., d)."""
-        return scores - self._height(scores) * self.moved
+        return scores - self._height(scores) * self.moved if self._any else scores
 
     def slope(self, level: np.ndarray) -> np.ndarray:
         """Return the derivatives of the scores by the level ones, (..., d, d), at level scores (..., d)."""
         slope = np.zeros((*level.shape, level.shape[-1])) + np.eye(level.shape[-1])
+        if not self._any:
+            return slope
         steepness = _density(level[..., self.along]) - _density(self.centre)
         slope[..., self.along] += steepness[..., None] * self.moved
         return slope
+
+    @cached_property
+    def _any(self) -> bool:
+        """Whether any score is moved at all."""
+        return bool(np.any(self.moved))
 
     def _height(self, z: np.ndarray) -> np.ndarray:
         there = z[..., self.along, None]
@@ -114,18 +122,23 @@ class Shear:
 
     def level(self, straight: np.ndarray) -> np.ndarray:
         """Scores of straightened ones, both (..., d), before the noise's shear."""
-        return straight + self._shift(straight)
+        return straight + self._shift(straight) if self._curved else straight
 
     def straight(self, scores: np.ndarray) -> np.ndarray:
         """Straightened scores, both (..., d)."""
         level = self.noise.level(scores)
-        return level - self._shift(level)
+        return level - self._shift(level) if self._curved else level
 
     def slope(self, straight: np.ndarray) -> np.ndarray:
         """Derivatives of the scores by the straightened ones, (d, d), at one point (d,)."""
         found = np.eye(straight.size)
         found[:, self.wide] += self.curve @ (straight - self.centre)[self.wide]
         return self.noise.slope(self.level(straight)) @ found
+
+    @cached_property
+    def _curved(self) -> bool:
+        """Whether any score is moved at all."""
+        return bool(np.any(self.curve))
 
     def _shift(self, z: np.ndarray) -> np.ndarray:
         away = z[..., self.wide] - self.centre[self.wide]

@@ -143,7 +143,7 @@ class Likelihood:
 
     def log_noise(self, residual: np.ndarray, z: np.ndarray) -> float:
         """Return the log density of residuals (n,) at scores z, (d,), in nats; −∞ where there is none."""
-        return self._log_density(residual, self._noise_values(z))
+        return self._log_density(residual, self.target.noise_values(z))
 
     def _log_density(self, residual: np.ndarray, p: Mapping[str, float]) -> float:
         with np.errstate(all="ignore"):  # scores far out, where a noise model may overflow
@@ -205,21 +205,21 @@ class Likelihood:
         moving = self.target.moving
         noise = self.target.noise_model
         tangents = self.target.rates(z)[moving, None] * line.slopes
-        roots = noise.information_root(tangents, self.gaps, self._noise_values(z))
+        roots = noise.information_root(tangents, self.gaps, self.target.noise_values(z))
         information[np.ix_(moving, moving)] += roots @ roots.T
-        still = self._still
+        still = self.target.still
         if still.size:
             information[np.ix_(still, still)] += self._noise_information(line.residual, z)
         return value, gradient, information
 
     def whitened(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return residuals, (n,), as independent standard scores under the noise at scores z, (d,)."""
-        return self.target.noise_model.whiten(residual, self.gaps, self._noise_values(z))
+        return self.target.noise_model.whiten(residual, self.gaps, self.target.noise_values(z))
 
     def information(self, change: np.ndarray, z: np.ndarray) -> float:
         """Return the noise's Fisher information about a shift of the record by `change`, (n,), at scores z, (d,): a
         shift by it is worth half as many nats."""
-        root = self.target.noise_model.information_root(change, self.gaps, self._noise_values(z))
+        root = self.target.noise_model.information_root(change, self.gaps, self.target.noise_values(z))
         return float(np.sum(root**2))
 
     def log_likelihood_of(self, p: Mapping[str, float]) -> float:
@@ -240,9 +240,9 @@ class Likelihood:
         """Return the derivatives, (d,), of the log density of residuals (n,); slopes: of the motion, (k, n)."""
         found, noise = np.zeros(len(self.target.names)), self.target.noise_model
         found[self.target.moving] = -(slopes @ noise.slope(residual, self.gaps, p))
-        if self._still.size:
+        if self.target.still.size:
             by_name = noise.parameter_slopes(residual, self.gaps, p)
-            for i in self._still:
+            for i in self.target.still:
                 found[i] = by_name[self.target.names[i]]
         return found
 
@@ -255,15 +255,6 @@ class Likelihood:
     def _moving_names(self) -> tuple[str, ...]:
         return tuple(self.target.names[i] for i in self.target.moving)
 
-    @cached_property
-    def _still(self) -> np.ndarray:
-        """Places, (s,), of the scores that are the noise's."""
-        return np.setdiff1d(np.arange(len(self.target.names)), self.target.moving)
-
-    def _noise_values(self, z: np.ndarray) -> dict[str, float]:
-        p, noise = self.target.all_values(z), self.target.noise_model
-        return {n: p[n] for n in (*noise.parameters, *noise.constants)}
-
     def _gradient(self, line: Line, z: np.ndarray) -> tuple[float, np.ndarray]:
         value = self.log_noise(line.residual, z)
         if not np.isfinite(value):
@@ -271,13 +262,13 @@ class Likelihood:
         return value + self._prior(z)[0], self._slope(line, z)
 
     def _slope(self, line: Line, z: np.ndarray) -> np.ndarray:
-        by_parameters = self._slopes_by_parameters(line.residual, line.slopes, self._noise_values(z))
+        by_parameters = self._slopes_by_parameters(line.residual, line.slopes, self.target.noise_values(z))
         return self._prior(z)[1] + self.target.rates(z) * by_parameters
 
     def _noise_information(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return minus the second derivatives by the noise's scores, (s, s), without negative curvature."""
-        steps = np.zeros((self._still.size, z.size))
-        steps[np.arange(self._still.size), self._still] = WIDE
+        steps = np.zeros((self.target.still.size, z.size))
+        steps[np.arange(self.target.still.size), self.target.still] = WIDE
         found = np.zeros((len(steps), len(steps)))
         for i, a in enumerate(steps):
             for j, b in enumerate(steps[: i + 1]):

@@ -57,7 +57,7 @@ class Target(Scores):
         if missing:
             raise ValueError(f"neither known nor inferred: {', '.join(sorted(missing))}")
 
-    @property
+    @cached_property
     def noise_model(self) -> NoiseModel:
         """The noise model itself, with the deviations in it where there are any."""
         return NOISES.get(self.noise) if self.deviation is None else self.deviation
@@ -76,6 +76,11 @@ class Target(Scores):
     def moving(self) -> np.ndarray:
         """Places, (k,), of the scores that move the motion; the others are the noise's."""
         return np.array([i for i, n in enumerate(self.priors) if n in self.oscillator.parameters], int)
+
+    @cached_property
+    def still(self) -> np.ndarray:
+        """Places, (s,), of the scores that are the noise's."""
+        return np.setdiff1d(np.arange(len(self.priors)), self.moving)
 
     def followed(self, z: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Return where a step from scores z leads along the law's natural coordinates, all (d,)."""
@@ -96,6 +101,19 @@ class Target(Scores):
         for (name, value, numbers), score in zip(self._maps, z.tolist(), strict=True):
             found[name] = value(score, *numbers)
         return found
+
+    def noise_values(self, z: np.ndarray) -> dict[str, float]:
+        """Return the noise's parameters and constants at scores z, (d,)."""
+        found, maps = self._noise_given.copy(), self._maps
+        for place in self.still.tolist():
+            name, value, numbers = maps[place]
+            found[name] = value(float(z[place]), *numbers)
+        return found
+
+    @cached_property
+    def _noise_given(self) -> dict[str, float]:
+        noise = self.noise_model
+        return {n: self._given[n] for n in (*noise.parameters, *noise.constants) if n in self._given}
 
     @cached_property
     def _given(self) -> dict[str, float]:

@@ -210,6 +210,9 @@ def drift(
     walls, offsets
         Shapes (k, d) and (k,).
     """
+    straight = u + time * p
+    if np.all(walls @ straight + offsets >= 0.0):  # nothing in the way between two points inside
+        return straight, p
     towards = 1.0 if time >= 0 else -1.0
     v, left = towards * p, abs(time)
     for _ in range(BOUNCES * len(walls) + 1):
