@@ -49,11 +49,14 @@ def write_tables(study: Study, store: Store) -> None:
     write_json(store.folder / "run.json", run_info(study, store))
 
 
-def _branches(study: Study) -> Iterator[tuple[SignalSpec, int, str, Row]]:
-    """(signal, repeat, candidate's name, the columns that say which)."""
+def _branches(
+    study: Study, store: Store
+) -> Iterator[tuple[SignalSpec, int, str, Row, SampledPosterior | None]]:
+    """(signal, repeat, candidate's name, the columns that say which, its sampled motions)."""
     for spec, repeat in study.records:
+        sampled = _sampled(store, spec, repeat)
         for name in study.compare(spec):
-            yield spec, repeat, name, _head(spec, repeat, name)
+            yield spec, repeat, name, _head(spec, repeat, name), sampled.get(name)
 
 
 def _head(spec: SignalSpec, repeat: int, name: str) -> Row:
@@ -83,7 +86,7 @@ def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
 
 
 def _estimates(study: Study, store: Store) -> Iterator[Row]:
-    for spec, repeat, model, head in _branches(study):
+    for spec, repeat, model, head, _ in _branches(study, store):
         for method in study.estimators.use:
             cell = store.find(f"estimate/{spec.name}/{repeat}/{model}/{method}")
             if cell is None:
@@ -110,7 +113,7 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _posteriors(study: Study, store: Store) -> Iterator[Row]:
-    for spec, repeat, model, head in _branches(study):
+    for spec, repeat, model, head, one in _branches(study, store):
         for sampler in study.posterior.samplers:
             cell = store.find(f"posterior/{spec.name}/{repeat}/{model}/{sampler}")
             if cell is None:
@@ -123,7 +126,6 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
             common["divergences"] = content.posterior.divergences
             for name, s in content.summary.items():
                 yield {**common, "parameter": name, "unit": content.units[name], **s}
-        one = _sampled(store, spec, repeat).get(model)
         for name, s in (one.parameters if one else {}).items():
             unit = _unit(spec, name, head["restoring"])
             said = {"deviation": _answers(study, spec), "parameter": name, "unit": unit}
@@ -194,9 +196,8 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _fits(study: Study, store: Store) -> Iterator[Row]:
-    for spec, repeat, model, head in _branches(study):
+    for spec, repeat, model, head, one in _branches(study, store):
         cell = store.find(f"mode/{spec.name}/{repeat}/{model}")
-        one = _sampled(store, spec, repeat).get(model)
         row = dict(head)
         if one is not None:
             names = ("deviation_low", "deviation", "deviation_high")
