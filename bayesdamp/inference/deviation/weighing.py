@@ -299,7 +299,7 @@ def _why_unsolved(candidate: Candidate) -> str:
     if LAWS.ships(candidate.restoring) and all(map(TERMS.ships, candidate.damping)):
         return ""
     try:
-        source_of(candidate.damping, candidate.restoring)
+        source_of(candidate.damping, (candidate.restoring,))
     except Refusal as refusal:
         return str(refusal)
     return ""

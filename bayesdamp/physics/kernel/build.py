@@ -1,4 +1,4 @@
-"""A kernel for damping terms and a restoring law: their forces before the template, compiled once, kept on disk."""
+"""Write a kernel: the forces of damping terms and restoring laws before the template, compiled once, kept on disk."""
 
 from __future__ import annotations
 
@@ -29,6 +29,8 @@ from bayesdamp.types import Refusal
 TEMPLATES, END = ("tangents", "march"), "# --- end ---"
 MOST_KEPT = 50
 """Kernels on disk, 0.6 MB each, beyond which those that were not used for longest are removed (conventional)."""
+USUAL = 3
+"""Damping terms, the first ones, that are asked for one by one at each point; whether any other acts is asked once."""
 IN_USE = 3600.0
 """Time in s after its last use in which another process may still be compiling a kernel (conventional)."""
 _HEAD = f"""import math
@@ -51,26 +53,31 @@ both at once."""
 
 @dataclass(frozen=True)
 class Kernel:
-    """Compiled functions of an oscillator with all of `terms` (any may be switched off) under a law."""
+    """Compiled functions of an oscillator with all of `terms`, each of which may be off, under one of `laws`."""
 
     terms: tuple[str, ...]
-    restoring: str
+    laws: tuple[str, ...]
     march: Callable[..., Any]
     sums: Callable[..., Any]
 
 
-def kernel_of(terms: tuple[str, ...], restoring: str) -> Kernel:
-    """The kernel of damping terms and a restoring law, by their names; compiled when it is first called.
+def kernel_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> Kernel:
+    """Return the kernel of damping terms and restoring laws, by their names; it is compiled when it is first called.
 
-    Raises Refusal where a term or the law of a user has no `kernel`, or none of which the source is known.
+    Raises Refusal where a term or law of a user has no `kernel`, or none of which the source is known.
     """
-    module = _module(source_of(terms, restoring))
-    return Kernel(terms, restoring, module.march, module.sums)
+    module = _module(source_of(terms, laws))
+    return Kernel(terms, laws, module.march, module.sums)
 
 
-def source_of(terms: tuple[str, ...], restoring: str) -> str:
-    """The source of a kernel's module."""
-    parts, calls, sums, slopes, at = [_HEAD], [], [], [], 0
+def most_parameters(laws: tuple[str, ...]) -> int:
+    """Return the number of parameters of the law that has most."""
+    return max(len(LAWS.get(name).parameters) for name in laws)
+
+
+def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
+    """Return the source of a kernel's module."""
+    parts, calls, sums, slopes, at = [_HEAD], [], list[str](), list[str](), 0
     owners, switches, jumps = list[int](), list[bool](), list[bool]()
     for number, name in enumerate(terms):
         term = TERMS.get(name)
@@ -83,17 +90,24 @@ def source_of(terms: tuple[str, ...], restoring: str) -> str:
         owners += [number] * len(further)
         switches.append(bool(term.switches))
         jumps.append(bool(term.switches and not term.rounded))
-        sums.append(f"    if c[{number}] != 0.0:\n        total += c[{number}] * _shape_{number}({inside})")
+        if number == USUAL:
+            sums.append(f"    if c[{len(terms)}] != 0.0:")
+            slopes.append(sums[-1])
+        margin = "    " if number < USUAL else "        "
+        sums += [
+            f"{margin}if c[{number}] != 0.0:",
+            f"{margin}    total += c[{number}] * _shape_{number}({inside})",
+        ]
         calls.append(f"    out[{number}] = _shape_{number}({inside}) if active[{number}] else 0.0")
         found = ", ".join(["f", "by_x", "by_v", *(f"by_{i}" for i in range(len(further)))])
         slopes += [
-            f"    if active[{number}]:",
-            f"        {found} = _slopes_{number}({inside}{changes})",
-            f"        out[{2 + number}] = share * f",
-            f"        total, x_slope, v_slope = (total + c[{number}] * f, x_slope + c[{number}] * by_x, "
+            f"{margin}if active[{number}]:",
+            f"{margin}    {found} = _slopes_{number}({inside}{changes})",
+            f"{margin}    out[{2 + number}] = share * f",
+            f"{margin}    total, x_slope, v_slope = (total + c[{number}] * f, x_slope + c[{number}] * by_x, "
             f"v_slope + c[{number}] * by_v)",
             *(
-                f"        out[{2 + len(terms) + at + i}] = share * c[{number}] * by_{i}"
+                f"{margin}    out[{2 + len(terms) + at + i}] = share * c[{number}] * by_{i}"
                 for i in range(len(further))
             ),
         ]
@@ -112,13 +126,13 @@ def source_of(terms: tuple[str, ...], restoring: str) -> str:
         + "\n".join(slopes)
         + "\n    return total, x_slope, v_slope\n"
     )
-    law = LAWS.get(restoring)
-    _own(law, RestoringLaw, f"restoring law {restoring!r}")
-    parts.append(_function(law.kernel, "restoring", f"restoring law {restoring!r}"))
-    parts += _slopes_of_law(parts[-1], len(law.parameters))
+    parts += _sources_of_laws(laws)
+    others = " or ".join(f"active[{i}]" for i in range(USUAL, len(terms))) or "False"
     acting = [f"coefficients[{i}] if active[{i}] else 0.0" for i in range(len(terms))]
-    further, rests = [f"q[{i}]" for i in range(at)], [f"law[{i}]" for i in range(len(law.parameters))]
-    tuples = ", ".join(f"({', '.join([*each, '0.0'])})" for each in (acting, further, rests))
+    further, rests = [f"q[{i}]" for i in range(at)], [f"law[{i}]" for i in range(most_parameters(laws) + 1)]
+    tuples = ", ".join(
+        f"({', '.join(each)})" for each in ([*acting, f"1.0 if {others} else 0.0"], [*further, "0.0"], rests)
+    )
     parts.append(f"@njit\ndef gathered(coefficients, q, active, law):\n    return {tuples}\n")
     return "\n\n".join([*parts, *map(_template, TEMPLATES)])
 
@@ -136,26 +150,51 @@ def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
         return differenced(call, ["x", "v", "epsilon", *q, "sizes"], changes, name), ", sizes"
 
 
-def _slopes_of_law(source: str, count: int) -> list[str]:
-    """`restoring_slopes`, and the function that it calls for the law's value and slopes by x and its parameters."""
+def _sources_of_laws(laws: tuple[str, ...]) -> list[str]:
+    """Return the functions of the laws, and `restoring` and `restoring_slopes`, which choose among them.
+
+    A law is chosen by its number, which is behind the parameters.
+    """
+    sizes = [len(LAWS.get(name).parameters) for name in laws]
+    parts = [f"LAW_SIZES = np.array({sizes}, np.int64)\n"]
+    choices = {"restoring(x, p)": "_law_{}(x, p)"}
+    choices["restoring_slopes(x, p, sizes, share, out, first)"] = (
+        "_slopes_of_law_{}(x, p, sizes, share, out, first)"
+    )
+    for number, name in enumerate(laws):
+        law = LAWS.get(name)
+        _own(law, RestoringLaw, f"restoring law {name!r}")
+        parts.append(_function(law.kernel, f"_law_{number}", f"restoring law {name!r}"))
+        parts += _slopes_of_law(parts[-1], number, len(law.parameters))
+    for signature, call in choices.items():
+        lines = [f"@njit\ndef {signature}:"]
+        for number in range(len(laws) - 1):
+            lines += [f"    if p[{max(sizes)}] == {number}.0:", f"        return {call.format(number)}"]
+        parts.append("\n".join([*lines, f"    return {call.format(len(laws) - 1)}"]) + "\n")
+    return parts
+
+
+def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
+    """Return the function of a law's value and slopes by x, which writes those by its parameters, and what it calls."""
     x, p = _arguments(source)
+    name = f"_numbers_of_law_{number}"
     try:
-        own, changes = differentiated(source, "_law_slopes", [x, *(f"{p}[{i}]" for i in range(count))]), ""
+        own, changes = differentiated(source, name, [x, *(f"{p}[{i}]" for i in range(count))]), ""
     except NoSlopeError:
         numbers = [f"p{i}" for i in range(count)]
-        call = f"restoring({{x}}, ({', '.join(f'{{{one}}}' for one in [*numbers])}, 0.0))"
+        call = f"_law_{number}({{x}}, ({', '.join(f'{{{one}}}' for one in [*numbers])}, 0.0))"
         moved = {"x": "1e-6 * sizes[0]"}
         moved |= {one: f"1e-6 * (abs({one}) + sizes[{2 + i}])" for i, one in enumerate(numbers)}
-        inner = differenced(call, ["x", *numbers, "sizes"], moved, "_law_numbers")
+        inner = differenced(call, ["x", *numbers, "sizes"], moved, f"{name}_moved")
         given = ", ".join(["x", *(f"p[{i}]" for i in range(count)), "sizes"])
-        own = f"{inner}\n\n@njit\ndef _law_slopes(x, p, sizes):\n    return _law_numbers({given})\n"
+        own = f"{inner}\n\n@njit\ndef {name}(x, p, sizes):\n    return {name}_moved({given})\n"
         changes = ", sizes"
     found = ", ".join(["f", "by_x", *(f"by_{i}" for i in range(count))])
     kept = "".join(f"    out[first + {i}] = share * by_{i}\n" for i in range(count))
     return [
         own,
-        "@njit\ndef restoring_slopes(x, p, sizes, share, out, first):\n"
-        f"    {found} = _law_slopes(x, p{changes})\n{kept}    return f, by_x\n",
+        f"@njit\ndef _slopes_of_law_{number}(x, p, sizes, share, out, first):\n"
+        f"    {found} = {name}(x, p{changes})\n{kept}    return f, by_x\n",
     ]
 
 

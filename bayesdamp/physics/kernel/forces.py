@@ -8,14 +8,16 @@ from numba import njit
 from bayesdamp.physics.damping import EXACT, TINY
 
 __all__ = [
-    "EXACT", "JUMPS", "OWNERS", "SWITCHES", "TINY", "damping", "damping_slopes", "gathered", "restoring",
-    "restoring_slopes", "shapes",
+    "EXACT", "JUMPS", "LAW_SIZES", "OWNERS", "SWITCHES", "TINY", "damping", "damping_slopes", "gathered",
+    "restoring", "restoring_slopes", "shapes",
 ]  # fmt: skip
 
 OWNERS = np.array([0], np.int64)
 """Of each further parameter, the term's number."""
 SWITCHES = np.array([False])
 """Of each term, whether its force turns over within ε where the velocity does."""
+LAW_SIZES = np.array([1], np.int64)
+"""How many parameters each restoring law has."""
 JUMPS = np.array([False])
 """Of each term, whether that is a jump where ε is 0, and not a shape that is rounded off."""
 
@@ -46,13 +48,13 @@ def damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, share, out):
 @njit
 def gathered(coefficients, q, active, law):
     """Coefficients, 0 of terms that do not act, further parameters and the law's as tuples, which cost no counting of
-    references."""
-    return (coefficients[0],), (0.0,), (law[0],)
+    references. Behind the coefficients: 1 where a term acts that is not among the first `build.USUAL`, else 0."""
+    return (coefficients[0],), (0.0,), (law[0], law[1])
 
 
 @njit
 def restoring(x, p):
-    """Restoring force at one point."""
+    """Restoring force at one point. p: the law's parameters, then its number."""
     return p[0] * x
 
 

@@ -23,7 +23,16 @@ import math
 import numpy as np
 from numba import njit
 
-from bayesdamp.physics.kernel.forces import JUMPS, OWNERS, SWITCHES, damping, gathered, restoring, shapes
+from bayesdamp.physics.kernel.forces import (
+    JUMPS,
+    LAW_SIZES,
+    OWNERS,
+    SWITCHES,
+    damping,
+    gathered,
+    restoring,
+    shapes,
+)
 from bayesdamp.physics.kernel.tangents import (
     POINTS,
     add,
@@ -172,12 +181,27 @@ def share_until(v, a, new_v, new_a, step, wanted):
     return at
 
 
+@njit
+def with_room(times, states, slopes, count, room):
+    """Return the first `count` nodes in arrays for `room` of them. Loops compile in a fraction of a slice's time."""
+    more_times, more_states = np.zeros(room), np.zeros((room, 4))
+    more_slopes = np.zeros((room, slopes.shape[1], 4))
+    for i in range(count):
+        more_times[i] = times[i]
+        for j in range(4):
+            more_states[i, j] = states[i, j]
+            for p in range(slopes.shape[1]):
+                more_slopes[i, p, j] = slopes[i, p, j]
+    return more_times, more_states, more_slopes
+
+
 @njit(cache=True, nogil=True)
 def sums(x, v, weight, epsilon, rounding, q, active, out):
     """Weighted sums over points, (n,), of the terms' shapes, (d, m), for rows of further parameters, (d, e)."""
     work = np.zeros(out.shape[1])
-    out[:] = 0.0
     for d in range(out.shape[0]):
+        for j in range(work.size):
+            out[d, j] = 0.0
         for i in range(x.size):
             if epsilon > 0.0:
                 shapes(x[i], v[i], epsilon, rounding, q[d], active, work)
@@ -196,25 +220,30 @@ def march(
     that begins there, and tangents (s, k, 4) likewise; the times are empty where it escapes. Where friction is exact a
     turning point is two nodes at one time, and so are the times at which a body begins and ends to stick.
 
+    law: parameters of the restoring law, as many as the law with most has, then its number among `LAW_SIZES`.
     epsilon, rounding: widths of friction's turning over, 0 for the sign itself, and of what is rounded off.
     knots: (n,), from the first to the last time, g and h there. tolerance: of a step, as a share of the sizes of θ
     and θ̇ (sizes[:2]; then those of the law's parameters). tangents: 0 none, 1 by the parameters, 2 by g and h too,
     in the order coefficients, further parameters, law, θ₀, θ̇₀, g, h. most: steps at most.
     """
-    m, e, r, n = coefficients.size, q.size, law.size, knots.size
+    m, e, r, n = coefficients.size, q.size, law.size - 1, knots.size
+    own = m + e + LAW_SIZES[int(law[r])]
     base = m + e + r
     k = 0 if tangents == 0 else base + 2 + (2 * n if tangents == 2 else 0)
     room = 256
     times, states, slopes = np.zeros(room), np.zeros((room, 4)), np.zeros((room, k, 4))
     live, count = np.zeros(base, np.int64), 0
     for p in range(base):
-        if (p < m and active[p]) or p >= m + e or (m <= p < m + e and active[OWNERS[p - m]]):
+        if (p < m and active[p]) or m + e <= p < own or (m <= p < m + e and active[OWNERS[p - m]]):
             live[count] = p
             count += 1
     live, hats, wide = live[:count], 2 + base, 2 + base + 4
-    sources = np.concatenate((live + 2, np.arange(hats, wide if tangents == 2 else hats)))
+    sources, moved = np.zeros(count + (4 if tangents == 2 else 0), np.int64), np.zeros(count + 2, np.int64)
+    for i in range(sources.size):
+        sources[i] = live[i] + 2 if i < count else hats + i - count
+    for i in range(moved.size):
+        moved[i] = live[i] if i < count else base + i - count
     read, local, half = np.zeros((5, wide)), np.zeros((2, wide)), np.zeros(wide)
-    moved = np.concatenate((live, np.array([base, base + 1])))
     xs, vs, ws, kv = np.zeros(10), np.zeros(10), np.zeros(10), np.zeros(10)
     sized, more, rests = gathered(coefficients, q, active, law)
     x, v, t, piece = start[0], start[1], knots[0], 0
@@ -257,9 +286,7 @@ def march(
         tries += 1
         if count + 2 > room:
             room *= 2
-            more_t, more_s, more_k = np.zeros(room), np.zeros((room, 4)), np.zeros((room, k, 4))
-            more_t[:count], more_s[:count], more_k[:count] = times[:count], states[:count], slopes[:count]
-            times, states, slopes = more_t, more_s, more_k
+            times, states, slopes = with_room(times, states, slopes, count, room)
         if held:  # until it moves again: the last node's tangents by the velocity are zero
             t, piece, sign = held_until(x, t, piece, knots, g, h, sized, more, rounding, rests, least)
             times[count], states[count, 0] = t, x
@@ -393,7 +420,8 @@ def march(
                 for i in range(piece + 2):
                     close(old[base + 2 + i], new[base + 2 + i], read, taken)
                     close(old[base + 2 + n + i], new[base + 2 + n + i], read, taken)
-            read[0] = read[4]
+            for i in range(wide):
+                read[0, i] = read[4, i]
             if (
                 whole and tangents == 2
             ):  # the hat that was on the right is the one on the left of the next knots

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
-from bayesdamp.physics.kernel.build import Kernel, kernel_of
+from bayesdamp.physics.kernel.build import Kernel, kernel_of, most_parameters
 from bayesdamp.physics.kernel.windows import Points, Windows
 from bayesdamp.physics.restoring import LAWS
 
@@ -22,8 +22,10 @@ PARTS = 3
 """Of a step, in which trapezoids and low-order formulas take a motion (conventional)."""
 QUANTITIES = ("angle", "velocity", "acceleration")
 NONE, PARAMETERS, ALL = 0, 1, 2
-SHARED = (*PAPER_TERMS, "displacement", "stribeck")
-"""Terms that every record is weighed under, rivals among them."""
+SHIPPED = (*PAPER_TERMS, "displacement", "stribeck", "power", "cubic", "structural", "dry_position")
+"""The damping terms that share one kernel, which is compiled once."""
+SHIPPED_LAWS = ("horizontal_pendulum", "linear", "pendulum", "duffing")
+"""The restoring laws that share it."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,8 @@ class _Layout:
 
     own, terms: damping terms of the solver and of its kernel. further: of its kernel's shapes, beside the motion.
     places, (own,), and given: of the solver's terms and their further parameters among them. law: of the law's
-    parameters among the solver's.
+    parameters among the solver's. most: parameters that the kernel has room for in a law. number: the law's among the
+    kernel's.
     """
 
     own: int
@@ -104,6 +107,8 @@ class _Layout:
     places: np.ndarray
     given: np.ndarray
     law: slice
+    most: int
+    number: int
 
 
 @dataclass(frozen=True)
@@ -139,12 +144,17 @@ class Solver:
     @cached_property
     def kernel(self) -> Kernel:
         """Compiled when it is first called."""
-        return kernel_of(self._compiled, self.restoring)
+        return kernel_of(self._compiled, self._laws)
 
     @cached_property
     def _compiled(self) -> tuple[str, ...]:
-        """The kernel's terms: what ships for every record shares one kernel, as it is compiled once."""
-        return SHARED if set(self.terms) <= set(SHARED) else self.terms
+        """The kernel's terms: all that ship share one kernel, as it is compiled once."""
+        return SHIPPED if set(self.terms) <= set(SHIPPED) else self.terms
+
+    @cached_property
+    def _laws(self) -> tuple[str, ...]:
+        """The kernel's restoring laws, likewise."""
+        return SHIPPED_LAWS if self.restoring in SHIPPED_LAWS else (self.restoring,)
 
     @cached_property
     def _places(self) -> np.ndarray:
@@ -185,9 +195,8 @@ class Solver:
 
     @cached_property
     def _layout(self) -> _Layout:
-        every = [n for name in self._compiled for n in TERMS.get(name).further]
-        same = self._compiled == self.terms
-        given = range(len(every)) if same else [every.index(name) for name in self.further]
+        every = [(name, n) for name in self._compiled for n in TERMS.get(name).further]
+        given = [every.index((name, n)) for name in self.terms for n in TERMS.get(name).further]
         return _Layout(
             len(self.terms),
             len(self._compiled),
@@ -195,6 +204,8 @@ class Solver:
             self._places,
             np.array(given, int),
             self.law_places,
+            most_parameters(self._laws),
+            self._laws.index(self.restoring),
         )
 
     @cached_property
@@ -230,8 +241,10 @@ class Solver:
         coefficients[layout.places], switched[layout.places] = p[: layout.own], active
         q = np.zeros(layout.further)
         q[layout.given] = p[layout.own : layout.law.start]
+        law, parameters = np.zeros(layout.most + 1), p[layout.law]
+        law[: parameters.size], law[-1] = parameters, layout.number
         times, states, slopes = self.kernel.march(
-            coefficients, q, switched, p[layout.law].copy(), *self._widths(self.epsilon), p[layout.law.stop :].copy(),
+            coefficients, q, switched, law, *self._widths(self.epsilon), p[layout.law.stop :].copy(),
             knots, g, h, tolerance or TOLERANCE, self._sizes, tangents, most,
         )  # fmt: skip
         if times.size == 0:
@@ -240,9 +253,10 @@ class Solver:
         y = points.mean(at_times(times, states, t, order))
         if not tangents:
             return Motion(y, np.zeros((y.size, 0)), times, states)
-        columns = np.arange(slopes.shape[1] - layout.terms - layout.further)
+        first = layout.terms + layout.further
+        behind = np.arange(first + layout.most, slopes.shape[1])
         columns = np.concatenate(
-            [layout.places, layout.terms + layout.given, layout.terms + layout.further + columns]
+            [layout.places, layout.terms + layout.given, first + np.arange(parameters.size), behind]
         )
         return Motion(y, Slopes(times, slopes, columns, points, order), times, states)
 
@@ -270,13 +284,10 @@ class Solver:
         further: rows of the terms' further parameters, (d, e); active: which terms act, (m,); epsilon: in place of the
         solver's own.
         """
-        whole, every = len(self._compiled), [n for name in self._compiled for n in TERMS.get(name).further]
-        switched, q = np.zeros(whole, bool), np.zeros((len(further), len(every)))
-        switched[self._places] = active
-        for i, name in enumerate(every):
-            if name in self.further:
-                q[:, i] = further[:, self.further.index(name)]
-        out = np.zeros((len(further), whole))
+        layout = self._layout
+        switched, q = np.zeros(layout.terms, bool), np.zeros((len(further), layout.further))
+        switched[layout.places], q[:, layout.given] = active, further
+        out = np.zeros((len(further), layout.terms))
         points = (np.array(one, float) for one in (x, v, weight))
         widths = self._widths(self.epsilon if epsilon is None else epsilon)
         self.kernel.sums(*points, *widths, q, switched, out)
