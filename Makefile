@@ -55,9 +55,9 @@ PARTS ?= tests/physics tests/verdict tests/store tests/records/readers tests/con
 lowest: $(READY)
 	$(BIN)/python -m venv $(LOW)
 	$(LOW)/bin/python -m pip install --quiet --disable-pip-version-check uv
-	$(LOW)/bin/uv pip compile --quiet --resolution lowest-direct --extra excel --extra parquet --extra plots pyproject.toml \
-	  -o $(LOW)/constraints.txt
-	$(LOW)/bin/uv pip install --quiet --python $(LOW)/bin/python -c $(LOW)/constraints.txt -e ".[excel,parquet,plots]" \
+	$(LOW)/bin/uv pip compile --quiet --resolution lowest-direct --extra paper --extra excel --extra parquet --extra plots \
+	  pyproject.toml -o $(LOW)/constraints.txt
+	$(LOW)/bin/uv pip install --quiet --python $(LOW)/bin/python -c $(LOW)/constraints.txt -e ".[paper,excel,parquet,plots]" \
 	  pytest pytest-xdist hypothesis jaxtyping beartype distributed nbclient ipykernel
 	$(ONE_THREAD) $(LOW)/bin/python -m pytest -n $(WORKERS) -W ignore::DeprecationWarning -m "not slow" $(PARTS) $(ARGS)
 
@@ -107,7 +107,7 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip --version >/dev/null 2>&1 || "$$python" -m venv $(VENV); \
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"; \
 	$(BIN)/python -m compileall -q bayesdamp; \
-	echo "compiling what every record is fitted with; once, about a minute"; \
+	echo "compiling the equations of motion, once, about 15 s"; \
 	$(BIN)/python -c "from bayesdamp.physics.kernel.warm import warm; warm()"; \
 	touch $@
 

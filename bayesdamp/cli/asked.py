@@ -73,7 +73,7 @@ def compiles_first() -> str:
     """What a first command has to say before it is silent: nothing that it runs is compiled yet. Empty later."""
     if any((cache_folder() / "kernels").glob("*")):
         return ""
-    return "compiling the equations of motion for this machine, once: about a minute more than later"
+    return "compiling the equations of motion for this machine, once: about 20 s more than later"
 
 
 def run_asked(
