@@ -11,8 +11,8 @@ import numpy as np
 
 from bayesdamp.outcomes import Status
 from bayesdamp.store import CellResult, Store
-from bayesdamp.store.beside import no_room
 from bayesdamp.store.contents import Content
+from bayesdamp.store.files import no_room
 from bayesdamp.types import OK, InputError, Refusal
 
 
