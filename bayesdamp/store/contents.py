@@ -416,8 +416,8 @@ class JointCandidate(Weighing):
 class PopulationFound:
     """Mean and spread of a coefficient over a population of specimens.
 
-    scale: of the half-normal prior of the population's location. shrunk: each specimen's own value given all; effective:
-    its effective draws then.
+    scale: of the half-normal prior of the population's location. shrunk: each specimen's own value given all;
+    effective: its effective draws then.
     """
 
     scale: float
@@ -508,7 +508,7 @@ class RanksContent(ChunkContent):
 
 @dataclass(frozen=True)
 class RecoveryContent(ChunkContent):
-    """A chunk of model recovery (`recovery/FIRST`, `single/FIRST`): models, and outcomes of their evidence by record."""
+    """A chunk of model recovery (`recovery/FIRST`, `single/FIRST`): models, outcomes of their evidence by record."""
 
     models: tuple[str, ...] = ()
     evidence_outcomes: tuple[tuple[str, ...], ...] = ()

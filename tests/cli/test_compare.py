@@ -11,7 +11,7 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.cli.asked import own_folder
-from bayesdamp.config.again import asked
+from bayesdamp.config.load import record_question
 from bayesdamp.config.compare import comparison, laws_for
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.pipeline.tasks import perform
@@ -119,7 +119,7 @@ def test_two_questions_share_no_folder_that_nobody_chose(tmp_path, monkeypatch) 
     asked_for = [{"file": str(write(tmp_path / "a.csv")), "time": "t", "angle": "angle"}]
     first, other = comparison(asked_for), comparison(asked_for, damping=["viscous", "coulomb"])
     assert own_folder(first) == own_folder(other) == Path("reports/a")
-    write_json(Path("reports/a/run.json"), {"asked": asked(first, Path("reports/a"))})
+    write_json(Path("reports/a/run.json"), {"asked": record_question(first, Path("reports/a"))})
     assert own_folder(first) == Path("reports/a")
     assert own_folder(other) == Path("reports/a-2")
     write_json(Path("reports/a-2/run.json"), {"name": "of an older version"})

@@ -228,7 +228,7 @@ FAULTS = {
     # [[sweep]]
     "sweep key": (
         GOOD + '[[sweep]]\nkey = "noise"\nvalues = [1]\n',
-        "sweep[1].key: is 'noise', which is no key of a signal; it must be like",
+        "sweep[1].key: is 'noise', which is not a key of a signal; it must be like",
     ),
     "sweep inner": (
         GOOD + '[[sweep]]\nkey = "simulate.nois_sd"\nvalues = [1]\n',

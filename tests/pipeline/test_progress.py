@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from bayesdamp.config import load_study
-from bayesdamp.config.shipped import folder
+from bayesdamp.config.load import shipped_folder
 from bayesdamp.formatting import duration
 from bayesdamp.pipeline import progress as p
 from bayesdamp.pipeline.jobs import Job, jobs_of
@@ -60,7 +60,7 @@ def test_a_quiet_console_says_nothing() -> None:
 
 
 def test_every_job_of_a_study_has_words() -> None:
-    study = load_study(folder() / "quickstart.toml")
+    study = load_study(shipped_folder() / "quickstart.toml")
     words = {job.part: p.words_of(study, [job]) for job in jobs_of(study)}
     assert all(words.values())
     assert not any("_" in one for one in words.values())

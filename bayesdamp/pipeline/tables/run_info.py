@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
-from bayesdamp.config.again import asked
+from bayesdamp.config.load import record_question
 from bayesdamp.config.signals import damping_order
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
@@ -72,7 +72,7 @@ def run_info(study: Study, store: Store) -> Row:
         "description": study.description,
         "seed": study.seed,
         "study": study.resolved(),
-        "asked": asked(study, store.folder),
+        "asked": record_question(study, store.folder),
         "schema": SCHEMA,
         **provenance(files),
         "seconds": {name: cell.seconds for name in store.names() if (cell := store.find(name))},
