@@ -18,12 +18,12 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.fitting.starts import ALL, OBSERVED, observed, of_all, regression
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
+from bayesdamp.pipeline.answering import answer_key, compute_answer
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of
 from bayesdamp.pipeline.candidates.modes import seeds_of
-from bayesdamp.pipeline.records.answering import AnswerCell
-from bayesdamp.pipeline.records.records import SignalCell
-from bayesdamp.pipeline.records.targets import Record
+from bayesdamp.pipeline.records import compute_signal, signal_key
+from bayesdamp.pipeline.targets import Record
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.records.oscillation.features import features
@@ -46,9 +46,10 @@ def record(tmp_path_factory) -> Record:
         [{"file": str(folder / "tower.csv"), "time": "t", "angle": "a", "quantity": "acceleration"}]
     )
     store = Store(folder / "out")
-    cell = SignalCell(study, study.signals[0], 0, store)
-    perform(cell.store, cell.name, cell.key, cell.product)
-    return Record(study, study.signals[0], store.read(cell.name))
+    spec = study.signals[0]
+    key = signal_key(study, spec, 0, store)
+    perform(store, "signal/tower/0", key, lambda: compute_signal(study, spec, 0))
+    return Record(study, spec, store.read("signal/tower/0"))
 
 
 def test_the_record_itself_says_where_to_start(record) -> None:
@@ -75,8 +76,8 @@ def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
     """Its motion keeps step: no other start is climbed from, and the three terms begin at their mode."""
     study, store = record.study, Store(tmp_path)
     store.write(record.cell)
-    cell = AnswerCell(study, record.spec, 0, store)
-    perform(store, cell.name, cell.key, cell.product)
+    key = answer_key(study, record.spec, 0, store)
+    perform(store, "answer/tower/0", key, lambda: compute_answer(study, record.spec, 0, store))
     fits = store.read("answer/tower/0").meta["fits"]
     assert fits["linear"]["stiffness"] == pytest.approx(FREQUENCY**2, rel=0.01)
     for model, most in (("coulomb@linear", 20), ("viscous+coulomb+quadratic@linear", 12)):

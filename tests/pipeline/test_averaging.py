@@ -45,7 +45,7 @@ def test_probabilities_are_of_evidence_alone():
 
 
 @pytest.mark.parametrize(
-    ("left", "said"), [(0.02, "ok"), (0.1, "not applicable: the models with draws hold 0.90")]
+    ("left", "said"), [(0.02, "ok"), (0.1, "not applicable: the models with draws have 0.90")]
 )
 def test_the_average_is_over_what_has_draws_if_that_is_nearly_all(monkeypatch, left, said) -> None:
     found = {"a": Evidence("a", "m", np.log(1 - left)), "b": Evidence("b", "m", np.log(left))}

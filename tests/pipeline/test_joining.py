@@ -10,9 +10,7 @@ import pytest
 
 from bayesdamp.inference.deviation.several.specimen import OtherForm, weigh_specimen
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.pipeline.many.joining import coefficients_of, joined, likeliest
-from bayesdamp.pipeline.many.populating import WIDE, location_scale
-from bayesdamp.pipeline.many.specimens import Specimen
+from bayesdamp.pipeline.specimens import WIDE, Specimen, coefficients_of, joined, likeliest, location_scale
 from bayesdamp.priors import HalfNormal, SharedHalfNormal
 from bayesdamp.report.sections.specimens import joint_sentence
 from bayesdamp.store import CellResult
