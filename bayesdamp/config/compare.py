@@ -108,35 +108,37 @@ def comparison_tables(
     """
     if repeats and len(records) < 2:
         raise InputError("--repeats: there is one record; give two or more of one specimen")
-    names: list[str] = []
+    signals: dict[str, dict[str, Any]] = {}
     for record in records:
         label = f"{Path(record['file']).stem} {record.get('label', '')}".strip()
         stem = _as_name(label) or "record"
         name, number = stem, 2
-        while name in names:
+        while name in signals:
             name, number = f"{stem}-{number}", number + 1
-        names.append(name)
-    signals = [_signal(record, name, tuple(restoring)) for record, name in zip(records, names, strict=True)]
-    if len(records) > 1:
-        for signal, record in zip(signals, records, strict=True):
-            if repeats:
-                signal["specimen"] = SPECIMEN
-            elif record.get("quantity") != "envelope":
-                signal["specimen"] = _as_name(record.get("specimen", "")) or signal["name"]
-    name = names[0] if len(names) == 1 else f"{names[0]}-and-{len(names) - 1}-more"
-    if len(names) > 1 and len({record["file"] for record in records}) == 1:
-        name = f"{_as_name(Path(records[0]['file']).stem) or 'record'}-{len(names)}-records"
-    files = ", ".join(dict.fromkeys(Path(record["file"]).name for record in records))
+        given = {k: v for k, v in record.items() if k not in ("label", "specimen") and v is not None}
+        signals[name] = signal = {"name": name, **given}
+        is_envelope = record.get("quantity") == "envelope"
+        if not is_envelope:
+            laws = list(restoring) or list(laws_for(record.get("unit", "rad")))
+            signal |= {"least_noise": LEAST_NOISE, "restoring": laws, "system": {"restoring": laws[0]}}
+        if repeats:
+            signal["specimen"] = SPECIMEN
+        elif len(records) > 1 and not is_envelope:
+            signal["specimen"] = _as_name(record.get("specimen", "")) or name
+    first, files = next(iter(signals)), list(dict.fromkeys(Path(record["file"]).name for record in records))
+    study = first if len(records) == 1 else f"{first}-and-{len(records) - 1}-more"
+    if len(records) > 1 and len({record["file"] for record in records}) == 1:
+        study = f"{_as_name(Path(records[0]['file']).stem) or 'record'}-{len(records)}-records"
     own = TERMS.added()
     sums = all_sums() + [sum_ for term in own for sum_ in (term, *(f"{t}+{term}" for t in PAPER_TERMS))]
     # The joint fit reads the answers: nobody would read draws of each record by itself, or evidence from these.
     samplers, methods = ([], JOINT_METHODS) if repeats else (["nuts"], METHODS)
     return {
         "version": 1,
-        "name": name,
+        "name": study,
         "seed": seed,
-        "description": f"Which damping has {files}?"[:200],
-        "signal": signals,
+        "description": f"Which damping has {', '.join(files)}?"[:200],
+        "signal": list(signals.values()),
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or sums, "prune": PRUNE},
         "posterior": {
@@ -149,20 +151,6 @@ def comparison_tables(
             "draws": DRAWS,
         },
         "evidence": {"methods": list(methods), "referee": "auto"},
-    }
-
-
-def _signal(record: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, Any]:
-    given = {k: v for k, v in record.items() if k not in ("label", "specimen") and v is not None}
-    if record.get("quantity") == "envelope":
-        return {"name": name, **given}
-    laws = restoring or laws_for(record.get("unit", "rad"))
-    return {
-        "name": name,
-        **given,
-        "least_noise": LEAST_NOISE,
-        "restoring": list(laws),
-        "system": {"restoring": laws[0]},
     }
 
 

@@ -121,7 +121,9 @@ class SignalTable(FileTable):
 class SimulateTable(Section):
     """How a record is simulated, besides the true values of the parameters."""
 
-    duration: float = Field(gt=0, description="the length of the record in s, a positive number")
+    duration: float = Field(
+        ge=1e-12, le=1e9, description="the length of the record in s, a positive number up to 1e9"
+    )
     samples: int = Field(ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
     repeats: int = Field(1, ge=1, le=RECORDS, description=_A_COUNT)
     noise: str = Field("gaussian", description="a noise model's name in quotes")

@@ -138,17 +138,15 @@ class Depth(StrEnum):
 class Job:
     """The tasks that one worker does in a row.
 
-    A record itself (model None); one candidate's branch on it; or, once all of these are done, what joins them: an
-    "average" over models, a "specimen" of several records (signal is then its name), the "population" of all specimens.
-
-    part: of a record "read", "answer" or "sampled"; of a branch "look" (estimates, mode, Laplace's evidence), "weigh"
-    (the other evidence), "sample" or "depend" (the sensitivity); None for all of it.
+    model: the candidate, in a job of a branch; else None. part: of a record "read", "answer" or "sampled"; of a branch
+    "look" (estimates, mode, Laplace's evidence), "weigh" (the other evidence), "sample" or "depend" (the sensitivity),
+    None for all of it; else "average" over models, "specimen" of several records (signal is then its name), or
+    "population" of all specimens.
     """
 
     signal: str
     repeat: int
     model: str | None = None
-    joined: str = ""
     part: str | None = None
 
 
@@ -161,8 +159,7 @@ def cells(study: Study) -> list[str]:
 
 def within(job: Job, depth: Depth) -> bool:
     """Return whether a run of this depth does a job."""
-    last = {Depth.ANSWER: ("read", ANSWERED), Depth.SAMPLED: ("read", ANSWERED, SAMPLED)}.get(depth)
-    return last is None or (job.part in last and job.model is None)
+    return depth is Depth.WHOLE or job.part in ("read", ANSWERED, depth)
 
 
 def side_by_side(jobs: list[Job], depth: Depth) -> int:
@@ -188,24 +185,24 @@ def jobs_of(study: Study) -> list[Job]:
         if part == ANSWERED or not s.is_envelope
     ]
     jobs += [Job(s.name, r, model) for s, r in records for model in study.compare(s)]
-    jobs += [Job(s.name, 0, joined="average") for s in study.signals if has_average(study, s)]
+    jobs += [Job(s.name, 0, part="average") for s in study.signals if has_average(study, s)]
     if study.evidence.methods:
-        jobs += [Job(name, 0, joined="specimen") for name in study.repeated]
-        jobs += [Job("specimens", 0, joined="population")] if len(study.specimens) > 1 else []
+        jobs += [Job(name, 0, part="specimen") for name in study.repeated]
+        jobs += [Job("specimens", 0, part="population")] if len(study.specimens) > 1 else []
     return jobs
 
 
 def work_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]:
     """Return the cells of a job: by name, the key and the function that computes it."""
-    if job.joined == "population":
+    if job.part == "population":
         keys = {n: Specimen(study, n, specs, store).key for n, specs in study.specimens.items()}
         return {"population/specimens": (task_key("population", keys), partial(populate, study, store))}
-    if job.joined == "specimen":
+    if job.part == "specimen":
         specimen = Specimen(study, job.signal, study.specimens[job.signal], store)
         return {f"joint/{job.signal}": (specimen.key, partial(joined, specimen))}
     spec = next(s for s in study.signals if s.name == job.signal)
     record = f"{spec.name}/{job.repeat}"
-    if job.joined:
+    if job.part == "average":
         branches = [cells_of(Branch(study, spec, job.repeat, m, store)) for m in study.compare(spec)]
         name = f"averaged/{record}"
         return {name: (task_key("averaged", branches), partial(average, study, spec, store, name))}
@@ -247,16 +244,16 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
     """Iterate over the stages of a run: jobs that may run at once. A stage may depend on the results before it."""
     jobs = jobs_of(study)
     # Records first: every other task reads its record from the store.
-    for part, last in (("read", None), (ANSWERED, Depth.ANSWER), (SAMPLED, Depth.SAMPLED)):
-        yield [job for job in jobs if job.part == part and job.model is None]
-        if depth is last:
-            return
+    for part in ("read", ANSWERED, SAMPLED):
+        yield [job for job in jobs if job.part == part and within(job, depth)]
+    if depth is not Depth.WHOLE:
+        return
     if study.models.prune is not None or study.posterior.best is not None:
         yield from _pruned_stages(study, store)
     else:
         yield [job for job in jobs if job.model is not None]
-    yield [job for job in jobs if job.joined in ("average", "specimen")]
-    yield [job for job in jobs if job.joined == "population"]
+    yield [job for job in jobs if job.part in ("average", "specimen")]
+    yield [job for job in jobs if job.part == "population"]
 
 
 def _pruned_stages(study: Study, store: Store) -> Iterator[list[Job]]:

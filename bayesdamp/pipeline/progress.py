@@ -39,16 +39,15 @@ def words_of(study: Study, jobs: list[Job]) -> str:
         laws = max(len(s.restoring) for s in specs)
         under = f" and {_counted(laws, 'restoring law')}" if laws else ""  # an envelope has none
         return f"measuring the damping of {records} with {sums}{under}"
-    if job.part == "sampled":
-        return f"checking the answer on {records} by sampling"
-    if job.joined:
-        return {
-            "average": "averaging over damping models",
-            "specimen": f"joining the records of {_counted(len(jobs), 'specimen')}",
-            "population": "comparing the specimens",
-        }[job.joined]
-    models = _counted(len({candidate_parts(j.model)[0] for j in jobs if j.model}), "damping model")
-    return f"{DOING[job.part]} {models} on {records}"
+    if job.model is not None:
+        models = _counted(len({candidate_parts(j.model)[0] for j in jobs if j.model}), "damping model")
+        return f"{DOING[job.part]} {models} on {records}"
+    return {
+        "sampled": f"checking the answer on {records} by sampling",
+        "average": "averaging over damping models",
+        "specimen": f"joining the records of {_counted(len(jobs), 'specimen')}",
+        "population": "comparing the specimens",
+    }[str(job.part)]
 
 
 def _counted(number: int, what: str) -> str:

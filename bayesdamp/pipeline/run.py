@@ -263,7 +263,7 @@ def _current(study: Study, store: Store) -> dict[str, str]:
     for job in jobs_of(study):
         # Keys of candidates cost more than all else here, and most runs have none of their cells.
         path = f"{job.signal}/{job.repeat}/{job.model or ''}"
-        is_of_candidates = job.model is not None or job.joined == "average"
+        is_of_candidates = job.model is not None or job.part == "average"
         if is_of_candidates and not any(path in f"{name}/" for name in stored):
             continue
         for name, (key, _) in work_of(study, store, job).items():

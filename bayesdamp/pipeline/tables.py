@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -36,13 +35,12 @@ from bayesdamp.store.contents import (
     JointContent,
     ModeContent,
     PopulationContent,
-    PopulationFound,
     PosteriorContent,
     SampledPosterior,
     Summary,
     Weighing,
 )
-from bayesdamp.types import OK, candidate_name, candidate_parts
+from bayesdamp.types import OK, Evidence, candidate_name, candidate_parts
 from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
 from bayesdamp.verdict import files
 from bayesdamp.verdict.specimen import specimen
@@ -133,12 +131,8 @@ def _branches(study: Study, store: Store) -> Iterator[tuple[SignalSpec, str, Row
 
 def _head(spec: SignalSpec, repeat: int, name: str) -> Row:
     damping, law = candidate_parts(name)
-    return {
-        "signal": spec.name,
-        "repeat": repeat,
-        "model": damping,
-        "restoring": law or spec.restoring[0],
-    }
+    law = law or spec.restoring[0]
+    return {"signal": spec.name, "repeat": repeat, "model": damping, "restoring": law}
 
 
 def _unit(spec: SignalSpec, name: str, restoring: str) -> str:
@@ -239,31 +233,27 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
             is_complete = len(finite) + len(pruned) + len(lost) == len(models)
             shares = {**probabilities(by_model), **dict.fromkeys(pruned, 0.0)} if is_complete else {}
             for model, evidence in by_model.items():
-                yield {
-                    **_head(spec, repeat, model),
-                    "method": method,
-                    "deviation": likelihood_of(study),
-                    "log_evidence": evidence.log_evidence,
-                    "stderr": evidence.stderr,
-                    "log_bayes_factor": evidence.log_evidence - best,
-                    "probability": shares.get(model, math.nan),
-                    "diagnostic": evidence.diagnostic,
-                    "outcome": evidence.outcome,
-                }
+                row = _evidence_row(evidence, likelihood_of(study), best, shares.get(model, math.nan))
+                yield {**_head(spec, repeat, model), "method": method, **row}
         sampled = _sampled(store, spec, repeat)
-        top = max((motions.log_evidence for motions in sampled.values()), default=math.nan)
+        best = max((motions.log_evidence for motions in sampled.values()), default=math.nan)
         for model, motions in sampled.items():
-            yield {
-                **_head(spec, repeat, model),
-                "method": SMC,
-                "deviation": _deviation(study, spec),
-                "log_evidence": motions.log_evidence,
-                "stderr": motions.stderr,
-                "log_bayes_factor": motions.log_evidence - top,
-                "probability": math.nan,
-                "diagnostic": f"{motions.temperatures} temperatures, acceptance {motions.acceptance:.2f}",
-                "outcome": OK,
-            }
+            diagnostic = f"{motions.temperatures} temperatures, acceptance {motions.acceptance:.2f}"
+            evidence = Evidence(model, SMC, motions.log_evidence, motions.stderr, diagnostic)
+            row = _evidence_row(evidence, _deviation(study, spec), best, math.nan)
+            yield {**_head(spec, repeat, model), "method": SMC, **row}
+
+
+def _evidence_row(evidence: Evidence, deviation: str, best: float, probability: float) -> Row:
+    return {
+        "deviation": deviation,
+        "log_evidence": evidence.log_evidence,
+        "stderr": evidence.stderr,
+        "log_bayes_factor": evidence.log_evidence - best,
+        "probability": probability,
+        "diagnostic": evidence.diagnostic,
+        "outcome": evidence.outcome,
+    }
 
 
 def _fits(study: Study, store: Store) -> Iterator[Row]:
@@ -334,9 +324,16 @@ def _populations(study: Study, store: Store) -> Iterator[Row]:
         cell = store.find(f"joint/{label}")
         joint = JointContent.maybe(cell)
         if cell is not None and joint is not None:
-            own = Specimen(study, label, specs, store)
-            head = {**_specimen_model(own, joint.best), "over": f"repeats of {label}"}
-            yield from _repeat_rows(head, cell.arrays, joint)
+            own, row = Specimen(study, label, specs, store), joint.candidates[joint.best]
+            head = {**_specimen_model(own, joint.best), "over": f"repeats of {label}", "outcome": OK}
+            for name, draws in coefficients_of(cell.arrays, joint.best).items():
+                between = draws * cell.arrays[f"{joint.best}/spread"]
+                spread = summarise(between, np.full(draws.size, 1 / draws.size))
+                common = {**head, "parameter": name, "unit": row.units[name]}
+                yield {**common, "what": "mean", **_numbers(row.summary[name])}
+                yield {**common, "what": "spread", **_numbers(spread)}
+                for record, alone in joint.alone.items():
+                    yield {**common, "what": "own value", "of": record, **_numbers(alone.summary[name])}
     cell = store.find("population/specimens")
     if cell is None:
         return
@@ -347,26 +344,10 @@ def _populations(study: Study, store: Store) -> Iterator[Row]:
     first, specs = next(iter(study.specimens.items()))
     head = {**_specimen_model(Specimen(study, first, specs, store), content.best), "over": "specimens"}
     for name, coefficient in content.populations.items():
-        own = {**head, "parameter": name, "unit": content.units[name]}
-        yield from _population_rows(own, replace(coefficient, outcome=cell.outcome))
-
-
-def _repeat_rows(head: Row, arrays: Mapping[str, np.ndarray], joint: JointContent) -> Iterator[Row]:
-    """Iterate over a specimen's coefficients: their mean, their spread between records, and each record's own value."""
-    row = joint.candidates[joint.best]
-    for name, draws in coefficients_of(arrays, joint.best).items():
-        spread = summarise(draws * arrays[f"{joint.best}/spread"], np.full(draws.size, 1 / draws.size))
-        common = {**head, "parameter": name, "unit": row.units[name], "outcome": OK}
-        yield {**common, "what": "mean", **_numbers(row.summary[name])}
-        yield {**common, "what": "spread", **_numbers(spread)}
-        for label, alone in joint.alone.items():
-            yield {**common, "what": "own value", "of": label, **_numbers(alone.summary[name])}
-
-
-def _population_rows(head: Row, coefficient: PopulationFound) -> Iterator[Row]:
-    common = {**head, "prior_scale": coefficient.scale, "outcome": coefficient.outcome}
-    yield {**common, "what": "mean", **_numbers(coefficient.mean)}
-    yield {**common, "what": "spread", **_numbers(coefficient.spread)}
-    for label, summary in coefficient.shrunk.items():
-        own = {**_numbers(summary), "effective": coefficient.effective[label]}
-        yield {**common, "what": "own value", "of": label, **own}
+        common = {**head, "parameter": name, "unit": content.units[name]}
+        common |= {"prior_scale": coefficient.scale, "outcome": cell.outcome}
+        yield {**common, "what": "mean", **_numbers(coefficient.mean)}
+        yield {**common, "what": "spread", **_numbers(coefficient.spread)}
+        for label, summary in coefficient.shrunk.items():
+            own = {**_numbers(summary), "effective": coefficient.effective[label]}
+            yield {**common, "what": "own value", "of": label, **own}

@@ -43,7 +43,7 @@ class Record:
         return self.content.scales
 
     @cached_property
-    def seen(self) -> Features:
+    def features(self) -> Features:
         """Features of the signal."""
         return features(self.signal)
 
@@ -55,4 +55,4 @@ class Record:
     def case(self, terms: tuple[str, ...], law: str) -> Case:
         """Return damping terms and a restoring law on the record."""
         priors = {t: p for t, p in self.study.models.prior.items() if t in terms}
-        return Case(self.signal, terms, self.system(law), priors, self.seen, self.reference)
+        return Case(self.signal, terms, self.system(law), priors, self.features, self.reference)

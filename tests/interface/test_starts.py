@@ -55,7 +55,7 @@ def record(tmp_path_factory) -> Record:
 def test_the_record_itself_says_where_to_start(record) -> None:
     """Truth from the closed form of the damped cosine. Negative control: the regression is lost."""
     problem = Problem(("viscous", "coulomb"), record.system("linear"))
-    (values,) = observed(record.signal, record.seen, problem).values()
+    (values,) = observed(record.signal, record.features, problem).values()
     assert values["stiffness"] == pytest.approx(FREQUENCY**2, rel=0.02)
     assert values["zeta"] < 2 * RATE
     (lost,) = regression(record.signal, problem)[0].values()
@@ -66,8 +66,8 @@ def test_the_record_itself_says_where_to_start(record) -> None:
 def test_no_damping_misses_its_mode_on_a_noisy_acceleration(record, damping) -> None:
     target = record.case(damping, "linear").target("gaussian")
     problem = Problem(damping, record.system("linear"))
-    seeds = observed(record.signal, record.seen, problem) | regression(record.signal, problem)[0]
-    found = find_mode(target, seeds, noise_level=record.seen.roughness, thrifty=True)
+    seeds = observed(record.signal, record.features, problem) | regression(record.signal, problem)[0]
+    found = find_mode(target, seeds, noise_level=record.features.roughness, thrifty=True)
     assert [c.seed for c in found.searches] == [OBSERVED]  # it keeps step: the other need not be climbed from
     assert float(target.values(found.z)["stiffness"]) == pytest.approx(FREQUENCY**2, rel=0.01)
 
@@ -85,7 +85,7 @@ def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
         estimate, *_ = (n for n in cells_of(branch) if n.startswith("estimate/"))
         store.write(CellResult(estimate, "", outcome="none"))
         seeds, _ = seeds_of(branch)
-        found = find_mode(branch.target, seeds, noise_level=record.seen.roughness, thrifty=True)
+        found = find_mode(branch.target, seeds, noise_level=record.features.roughness, thrifty=True)
         assert [c.seed for c in found.searches] == [ALL]
         assert found.searches[0].evaluations <= most
     decay = seeds[OBSERVED]

@@ -15,7 +15,7 @@ from bayesdamp.report.sections.specimens import joint_sentence, population_sente
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import JointContent
 from bayesdamp.verdict.thresholds import CAP
-from tests.pipeline.many.test_specimens import write
+from tests.pipeline.test_specimens import write
 
 pytestmark = pytest.mark.slow
 

@@ -44,7 +44,7 @@ def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[Ref
     problem = branch.case.problem
     if not seeds:
         seeds |= regression(branch.record.signal, problem)[0]
-    decays = observed(branch.record.signal, branch.record.seen, problem)
+    decays = observed(branch.record.signal, branch.record.features, problem)
     seeds = decays | seeds
     fit = branch.answer.fits.get(branch.restoring) if branch.many and branch.answer else None
     if branch.answer and fit:
@@ -63,7 +63,7 @@ def compute_mode(branch: Branch) -> Product:
     seeds, refused = seeds_of(branch)
     mode = branch.case.mode(branch.target, seeds, thrifty=branch.many)
     seed = cell_seed(branch.study, f"checks/{branch.spec.name}/{branch.repeat}")
-    fit, target = check_fit(branch.target, mode, branch.record.seen.period, seed), branch.target
+    fit, target = check_fit(branch.target, mode, branch.record.features.period, seed), branch.target
     arrays = {"t": branch.record.signal.t, **{k: getattr(fit, k) for k in CHECKS}}
     maxima, numbers = basins(mode)
     own_target = mode.likelihood.target

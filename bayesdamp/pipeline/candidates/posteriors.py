@@ -98,7 +98,7 @@ def _motions(branch: Branch, inferred: Mapping[str, np.ndarray]) -> Motions:
     target, record = branch.density.likelihood.target, branch.record
     values = {**target.known, **inferred}
     return Motions(
-        target.oscillator, values, record.seen.rest, record.reference.amplitude, branch.spec.inertia
+        target.oscillator, values, record.features.rest, record.reference.amplitude, branch.spec.inertia
     )
 
 
@@ -107,7 +107,7 @@ def _curves(branch: Branch, motions: Motions, u: np.ndarray | None) -> dict[str,
 
     u: draws with their deviations, (n, K), where laws may hold approximately.
     """
-    record, law = branch.record.seen, branch.law
+    record, law = branch.record.features, branch.law
     least = max(min(record.amplitude, record.final_amplitude), FAINTEST * record.amplitude)
     grid = np.geomspace(least, record.amplitude, CURVE_POINTS)
     levels = (*LEVELS, *SPREAD)
