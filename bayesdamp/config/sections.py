@@ -15,6 +15,7 @@ def _tuple_of(value: object) -> object:
     return tuple(value) if isinstance(value, list) else value
 
 
+Name = Annotated[str, Field(pattern=NAME, max_length=64)]
 Names = Annotated[tuple[str, ...], BeforeValidator(_tuple_of)]
 SomeNames = Annotated[Names, Field(min_length=1)]
 Levels = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(_tuple_of), Field(min_length=1)]
@@ -43,9 +44,7 @@ class Header(Section):
     """The top of the file; the tables are checked one by one after it."""
 
     version: int = Field(ge=1, le=1, description="1, the version of this format")
-    name: str | None = Field(
-        None, pattern=NAME, max_length=64, description="at most 64 letters, digits, - and _"
-    )
+    name: Name | None = Field(None, description="at most 64 letters, digits, - and _")
     seed: int = Field(0, ge=0, lt=2**63, description="a whole number, 0 or more")
     description: str = Field("", description="a line of text in quotes")
     published: str | None = Field(
@@ -92,9 +91,7 @@ class FileTable(Section):
 class SignalTable(FileTable):
     """One [[signal]]: a record that is simulated or read."""
 
-    name: str = Field(
-        pattern=NAME, max_length=64, description="a name in quotes: at most 64 letters, digits, - and _"
-    )
+    name: Name = Field(description="a name in quotes: at most 64 letters, digits, - and _")
     simulate: dict[str, Any] | None = Field(None, description="a table such as { viscous = 0.05, ... }")
     system: dict[str, Any] = Field(
         {}, description='a table of what is known, such as { restoring = "pendulum", stiffness = 20.1 }'
@@ -106,14 +103,10 @@ class SignalTable(FileTable):
         None, description="a list of one or more restoring laws for this signal, in place of [models]'s"
     )
     estimate: Names | None = Field(
-        None,
-        description="a list of the models under which estimators run on this signal; all that it compares",
+        None, description="a list of the models under which estimators run on this signal; all by default"
     )
-    specimen: str | None = Field(
-        None,
-        pattern=NAME,
-        max_length=64,
-        description="a name in quotes, the same for repeats of one specimen: letters, digits, - and _",
+    specimen: Name | None = Field(
+        None, description="a name in quotes, the same for repeats of one specimen: letters, digits, - and _"
     )
     file: str | None = Field(None, min_length=1, description="a file's path in quotes")
 

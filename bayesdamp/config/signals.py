@@ -214,7 +214,7 @@ def _read_recording(entry: SignalTable, folder: Path, key: str) -> Recording:
         what = f"{entry.file!r} is not there; paths start at the study's folder {folder}"
         raise StudyError(join_keys(key, "file"), what)
     if entry.time is not None and entry.rate is not None:
-        raise StudyError(join_keys(key, "rate"), "is given beside time; give one of the two")
+        raise StudyError(join_keys(key, "rate"), "is given together with time; give one of the two")
     if isinstance(entry.start, float) and isinstance(entry.stop, float) and entry.start >= entry.stop:
         what = f"is {entry.stop:g}; it must be later than start ({entry.start:g})"
         raise StudyError(join_keys(key, "stop"), what)

@@ -97,7 +97,7 @@ def compute_answer(
     missing = [t for t in _terms_of(study, spec) if TERMS.get(t).kernel is DampingTerm.kernel]
     if missing:
         names = ", ".join(missing)
-        raise Refusal(f"not weighed at once: {names} cannot be compiled; give the term a `kernel`")
+        raise Refusal(f"not weighed: {names} cannot be compiled; give the term a `kernel`")
 
     def known(law: str) -> Mapping[str, float]:
         system = record.system(law)

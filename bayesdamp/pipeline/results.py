@@ -142,17 +142,13 @@ class Run(Shown):
         ):
             if name not in valid:
                 raise InputError(f"{self.name}: no {what} {name!r}{nearest(name, sorted(valid))}")
+        wanted = record, damping, repeat
         for candidate in self.candidates:
-            is_law = restoring in (None, candidate.restoring)
-            if is_law and (candidate.record, candidate.damping, candidate.repeat) == (
-                record,
-                damping,
-                repeat,
-            ):
+            same = wanted == (candidate.record, candidate.damping, candidate.repeat)
+            if same and restoring in (None, candidate.restoring):
                 return candidate
-        raise InputError(
-            f"{self.name}: {damping} was not run on repeat {repeat} of {record} under {restoring or 'any law'}"
-        )
+        where = f"repeat {repeat} of {record} under {restoring or 'any law'}"
+        raise InputError(f"{self.name}: {damping} was not run on {where}")
 
     @property
     def report(self) -> Path:
@@ -165,9 +161,8 @@ class Run(Shown):
         try:
             shutil.copytree(self.folder, path, ignore=shutil.ignore_patterns(".lock", ".*.tmp"))
         except OSError as error:
-            raise InputError(
-                f"{path}: cannot be written ({error.strerror or 'it exists'}); give a new folder"
-            ) from None
+            reason = error.strerror or "it exists"
+            raise InputError(f"{path}: cannot be written ({reason}); give a new folder") from None
         return path
 
     @classmethod
@@ -176,11 +171,10 @@ class Run(Shown):
         folder = Path(path)
         name = (read_description(folder).get("study") or {}).get("name")
         if name is None:
-            raise InputError(
-                f"{folder}: its run.json names no study; give the folder that run_study or the command wrote"
-            )
+            right = "give the folder that run_study or the command wrote"
+            raise InputError(f"{folder}: its run.json names no study; {right}")
         store = Store(folder)
-        failed = [n for n in store.names() if status_of(store.read(n).outcome) is Status.FAILED]
+        failed = [n for n in store.names() if status_of(store.head(n)[1]) is Status.FAILED]
         outcome = f"{len(failed)} tasks failed: {', '.join(failed)}" if failed else OK
         return cls(folder, name, outcome)
 

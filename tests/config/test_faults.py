@@ -161,7 +161,7 @@ FAULTS = {
         rig('time_unit = "weeks"'),
         "signal[rig].time_unit: is 'weeks'; it must be the unit of the times",
     ),
-    "two clocks": (rig("rate = 3\n"), "signal[rig].rate: is given beside time; give one of the two"),
+    "two clocks": (rig("rate = 3\n"), "signal[rig].rate: is given together with time; give one of the two"),
     "rate": (rig("", "time = 1", "rate = -1"), "signal[rig].rate: is -1; it must be the sampling rate in Hz"),
     "unit of another quantity": (
         rig('unit = "g"\nsystem = { restoring = "linear" }\n'),
