@@ -27,14 +27,11 @@ def run_info(study: Study, store: Store) -> Row:
     for spec in study.signals:
         if spec.is_envelope:
             answered = store.find(f"{ANSWERED}/{spec.name}/0")
-            envelope = answered and AnswerContent.of(answered).envelope
-            if answered and envelope:
-                about[spec.name] = {
-                    "quantity": "envelope",
-                    "unit": envelope.unit,
-                    "outcome": answered.outcome,
-                }
-                assumed |= dict.fromkeys(envelope.assumed)
+            content = AnswerContent.maybe(answered)
+            if answered and content and content.envelope:
+                unit, outcome = content.envelope.unit, answered.outcome
+                about[spec.name] = {"quantity": "envelope", "unit": unit, "outcome": outcome}
+                assumed |= dict.fromkeys(content.envelope.assumed)
             continue
         cell = store.find(f"signal/{spec.name}/0")
         if cell is None:
@@ -66,7 +63,7 @@ def run_info(study: Study, store: Store) -> Row:
         "schema": SCHEMA,
         **provenance(files),
         "seconds": {name: cell.seconds for name in store.names() if (cell := store.find(name))},
-        **({"cells": dict(store.only)} if store.only is not None else {}),
+        "cells": dict(store.only or {}),
         "signals": about,
         "priors": priors,
         **({"assumed": list(assumed)} if assumed else {}),
