@@ -31,12 +31,12 @@ _WEIGHINGS: dict[str, dict[str, Weighing]] = {}
 """The weighing behind an answer, by the answer's key: that of the last record alone."""
 
 
-def answers(study: Study) -> bool:
+def asks_for_answers(study: Study) -> bool:
     """Return whether a study asks which damping its records have."""
     return bool(study.posterior.samplers or study.evidence.methods)
 
 
-def approximately(study: Study, spec: SignalSpec) -> bool:
+def is_approximate(study: Study, spec: SignalSpec) -> bool:
     """Return whether laws hold approximately in a record's answer: by default in that of a measured one."""
     deviation = study.posterior.deviation
     return deviation == "law" or (deviation == "auto" and isinstance(spec.source, Recording))
@@ -72,7 +72,7 @@ def answer_key(study: Study, spec: SignalSpec, repeat: int, store: Store, kind: 
             study.compare(spec),
             {t: str(p) for t, p in study.models.prior.items()},
             [split(spec.under(law)) for law in spec.restoring],
-            approximately(study, spec),
+            is_approximate(study, spec),
             posterior.sensor,
             bool(spec.specimen),
             posterior.noise,
@@ -113,7 +113,7 @@ def compute_answer(
         priors |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
     result = answer(
         record.signal,
-        deviation="law" if approximately(study, spec) else "none",
+        deviation="law" if is_approximate(study, spec) else "none",
         damping=study.dampings(spec),
         restoring=spec.restoring,
         known=known,

@@ -16,16 +16,16 @@ from bayesdamp.pipeline.answering import (
     ANSWERED,
     SAMPLED,
     answer_key,
-    answers,
+    asks_for_answers,
     compute_answer,
     likelihood_of,
     shortlist,
 )
-from bayesdamp.pipeline.candidates.averaging import average, has_average
+from bayesdamp.pipeline.candidates.averaging import compute_average, has_average
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of, compute
 from bayesdamp.pipeline.records import compute_signal, signal_key
-from bayesdamp.pipeline.specimens import Specimen, joined, populate
+from bayesdamp.pipeline.specimens import Specimen, compute_joint, compute_population
 from bayesdamp.pipeline.tasks import Make, digest, task_key
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
@@ -157,12 +157,12 @@ def cells(study: Study) -> list[str]:
     return [name for job in jobs_of(study) for name in work_of(study, store, job)]
 
 
-def within(job: Job, depth: Depth) -> bool:
+def is_within(job: Job, depth: Depth) -> bool:
     """Return whether a run of this depth does a job."""
     return depth is Depth.WHOLE or job.part in ("read", ANSWERED, depth)
 
 
-def side_by_side(jobs: list[Job], depth: Depth) -> int:
+def count_parallel_jobs(jobs: list[Job], depth: Depth) -> int:
     """Return how many jobs of a run could run at once.
 
     These are candidates, or records, each of which is answered by threads of one process.
@@ -176,7 +176,7 @@ def jobs_of(study: Study) -> list[Job]:
     # Repeat by repeat over all signals, so that a run which is cut off has a little of everything.
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
-    parts = ("read", *((ANSWERED, SAMPLED) if answers(study) else ()))
+    parts = ("read", *((ANSWERED, SAMPLED) if asks_for_answers(study) else ()))
     # The one task of an envelope reads it too.
     jobs = [
         Job(s.name, r, part=part)
@@ -196,16 +196,18 @@ def work_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]
     """Return the cells of a job: by name, the key and the function that computes it."""
     if job.part == "population":
         keys = {n: Specimen(study, n, specs, store).key for n, specs in study.specimens.items()}
-        return {"population/specimens": (task_key("population", keys), partial(populate, study, store))}
+        return {
+            "population/specimens": (task_key("population", keys), partial(compute_population, study, store))
+        }
     if job.part == "specimen":
         specimen = Specimen(study, job.signal, study.specimens[job.signal], store)
-        return {f"joint/{job.signal}": (specimen.key, partial(joined, specimen))}
+        return {f"joint/{job.signal}": (specimen.key, partial(compute_joint, specimen))}
     spec = next(s for s in study.signals if s.name == job.signal)
     record = f"{spec.name}/{job.repeat}"
     if job.part == "average":
         branches = [cells_of(Branch(study, spec, job.repeat, m, store)) for m in study.compare(spec)]
         name = f"averaged/{record}"
-        return {name: (task_key("averaged", branches), partial(average, study, spec, store, name))}
+        return {name: (task_key("averaged", branches), partial(compute_average, study, spec, store, name))}
     if job.model is not None:
         branch = Branch(study, spec, job.repeat, job.model, store)
         return {
@@ -245,7 +247,7 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
     jobs = jobs_of(study)
     # Records first: every other task reads its record from the store.
     for part in ("read", ANSWERED, SAMPLED):
-        yield [job for job in jobs if job.part == part and within(job, depth)]
+        yield [job for job in jobs if job.part == part and is_within(job, depth)]
     if depth is not Depth.WHOLE:
         return
     if study.models.prune is not None or study.posterior.best is not None:

@@ -17,8 +17,8 @@ from bayesdamp.config import Recording, Study
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.machine.threads import cores
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.pipeline.answering import ANSWERED, SAMPLED, answers, verdict_of
-from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, within, work_of
+from bayesdamp.pipeline.answering import ANSWERED, SAMPLED, asks_for_answers, verdict_of
+from bayesdamp.pipeline.jobs import Depth, Job, count_parallel_jobs, is_within, jobs_of, stages, work_of
 from bayesdamp.pipeline.progress import progress_on, words_of
 from bayesdamp.pipeline.records import read_free_decay, signal_of
 from bayesdamp.pipeline.tables import write_tables, write_verdicts
@@ -95,8 +95,8 @@ def run_study(
         if fresh:
             store.clear()
         jobs = jobs_of(study)
-        wanted = [job for job in jobs if within(job, depth)]
-        workers = workers or max(1, min(cores(), side_by_side(jobs, depth)))
+        wanted = [job for job in jobs if is_within(job, depth)]
+        workers = workers or max(1, min(cores(), count_parallel_jobs(jobs, depth)))
         names = [name for job in wanted for name in work_of(study, store, job)]
         shown = Console(quiet=True) if quiet else console
         with progress_on(shown) as progress, pool_of(workers, scheduler, console.print) as pool:
@@ -108,7 +108,7 @@ def run_study(
                     continue
                 progress.begin(words_of(study, stage), stage)
                 _run_jobs(study, store, stage, pool, lambda _: progress.advance())
-                if stage[0].part == "read" and not answers(study):
+                if stage[0].part == "read" and not asks_for_answers(study):
                     _report_verdicts(study, store, answered)
                 if stage[0].part in (ANSWERED, SAMPLED):  # an answer is kept whatever comes later
                     current = Store(out, _current(study, store))
@@ -199,7 +199,7 @@ def _report_verdicts(study: Study, store: Store, answered: Callable[[Verdict], N
         return
     for spec in study.signals:
         verdict = None
-        if answers(study):
+        if asks_for_answers(study):
             verdict = verdict_of(store, spec.name, 0)
         elif isinstance(spec.source, Recording) and not spec.is_envelope:
             verdict = no_free_decay(signal_of(store.read(f"signal/{spec.name}/0")))

@@ -28,7 +28,7 @@ from bayesdamp.pipeline.answering import (
     SAMPLED,
     answer_key,
     answered_of,
-    approximately,
+    is_approximate,
     stated_priors,
 )
 from bayesdamp.pipeline.tasks import Product, cell_seed, task_key
@@ -75,7 +75,7 @@ class Specimen:
     @property
     def deviation(self) -> str:
         """Return "law" where laws may hold approximately in every record's answer, else "none"."""
-        return "law" if all(approximately(self.study, spec) for spec in self.specs) else "none"
+        return "law" if all(is_approximate(self.study, spec) for spec in self.specs) else "none"
 
     @property
     def key(self) -> str:
@@ -135,21 +135,21 @@ class Specimen:
         return {n: parameter_unit(n, law, UNITS[source.unit].base, source.quantity) for n in names}
 
 
-def summaries(draws: Repeats) -> dict[str, Summary]:
+def summarise_draws(draws: Repeats) -> dict[str, Summary]:
     """Return the summary of each damping parameter of the specimen, from draws of equal weight."""
     weights = np.full(len(draws.draws), 1.0 / len(draws.draws))
     return {n: summarise(draws.draws[:, i], weights) for i, n in enumerate(draws.names)}
 
 
-def joined(specimen: Specimen) -> Product:
+def compute_joint(specimen: Specimen) -> Product:
     """Return the joint fit (`joint/SPECIMEN`) and its draws. Raises Refusal where fewer than two records have one."""
     if len(specimen.answered) < 2:
         raise Refusal("fewer than two of its records have an answer")
-    rows, arrays = weighed_candidates(specimen)
+    rows, arrays = weigh_candidates(specimen)
     weighed = specimen.weighed
     if not weighed.repeats:
         raise Refusal("no damping model was weighed on all records")
-    best = likeliest({c: row.probability for c, row in rows.items()})
+    best = find_likeliest({c: row.probability for c, row in rows.items()})
     model = specimen.model_of(best)
     alone: dict[str, Weighing] = {}
     no_spread = float("nan")
@@ -157,7 +157,7 @@ def joined(specimen: Specimen) -> Product:
         runs, units = weighed.under(model), rows[best].units
         for record, run in zip(specimen.answered, runs, strict=True):
             single = weigh_specimen([run], specimen.priors, seed=specimen.seed)
-            summary = summaries(single.repeats[model])
+            summary = summarise_draws(single.repeats[model])
             alone[record.label] = Weighing(OK, single.log_evidence[model], summary, units)
         same = weigh_specimen(runs, specimen.priors, spread=0.0, seed=specimen.seed)
         no_spread = same.log_evidence[model] - weighed.log_evidence[model]
@@ -176,7 +176,7 @@ def joined(specimen: Specimen) -> Product:
     return Product(content, arrays)
 
 
-def weighed_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], Arrays]:
+def weigh_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], Arrays]:
     """Return each candidate of a study on a specimen's records, and draws as `JointContent` explains them."""
     rows: dict[str, JointCandidate] = {}
     arrays: Arrays = {}
@@ -187,7 +187,7 @@ def weighed_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], A
             rows[candidate] = JointCandidate(NOT_WEIGHED)
             continue
         repeats = weighed.repeats.get(model)
-        summary = {} if repeats is None else summaries(repeats)
+        summary = {} if repeats is None else summarise_draws(repeats)
         rows[candidate] = JointCandidate(
             OK if repeats else NOT_JOINED,
             weighed.log_evidence[model],
@@ -217,14 +217,14 @@ def coefficients_of(arrays: Mapping[str, np.ndarray], candidate: str) -> dict[st
     return {n: arrays[f"{candidate}/{n}"] for n in names}
 
 
-def likeliest(probabilities: Mapping[str, float]) -> str:
+def find_likeliest(probabilities: Mapping[str, float]) -> str:
     """Return the likeliest candidate of the likeliest damping, whose probability is summed over restoring laws."""
     dampings = summed(probabilities)
     first = max(dampings, key=lambda d: dampings[d])
     return max((c for c in probabilities if candidate_parts(c)[0] == first), key=lambda c: probabilities[c])
 
 
-def populate(study: Study, store: Store) -> Product:
+def compute_population(study: Study, store: Store) -> Product:
     """Return the population over all specimens (`population/specimens`), under one candidate for all.
 
     Raises Refusal where there is none.
@@ -305,6 +305,6 @@ def candidates_of(specimen: Specimen) -> tuple[Mapping[str, JointCandidate], Arr
         content = JointContent.maybe(cell)
         return (content.candidates, dict(cell.arrays)) if content else ({}, {})
     try:
-        return weighed_candidates(specimen)
+        return weigh_candidates(specimen)
     except Refusal:
         return {}, {}

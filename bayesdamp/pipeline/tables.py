@@ -18,7 +18,7 @@ from bayesdamp.pipeline.answering import (
     SAMPLED,
     answer_of,
     answered_of,
-    approximately,
+    is_approximate,
     likelihood_of,
     stated_priors,
     verdict_of,
@@ -167,7 +167,7 @@ def _sampled(store: Store, spec: SignalSpec, repeat: int) -> dict[str, SampledPo
 
 def _deviation(study: Study, spec: SignalSpec) -> str:
     """Return the likelihood of a record's answer: "law" or "none"."""
-    return "law" if approximately(study, spec) else "none"
+    return "law" if is_approximate(study, spec) else "none"
 
 
 def _estimates(study: Study, store: Store) -> Iterator[Row]:

@@ -32,7 +32,7 @@ def has_average(study: Study, spec: SignalSpec) -> bool:
     return is_weighed and len(study.compare(spec)) > 1
 
 
-def average(study: Study, spec: SignalSpec, store: Store, name: str) -> Product:
+def compute_average(study: Study, spec: SignalSpec, store: Store, name: str) -> Product:
     """Return the averaged curve of a signal's first repeat (`averaged/bench/0`). Raises Refusal where it has none."""
     models, record = study.compare(spec), f"{spec.name}/0"
     by_method = evidence_by_method(study, store, record, models)
@@ -62,7 +62,7 @@ def average(study: Study, spec: SignalSpec, store: Store, name: str) -> Product:
         raise Refusal(f"not applicable: {share}, below {COVERED}")
     shared = np.array(sorted(set.intersection(*(set(a["amplitudes"]) for a in drawn.values()))))
     curves = {m: a[f"spread/{CURVE}"][:, np.isin(a["amplitudes"], shared)] for m, a in drawn.items()}
-    arrays = {"amplitudes": shared, f"curve/{CURVE}": averaged(curves, shares)}
+    arrays = {"amplitudes": shared, f"curve/{CURVE}": average_curves(curves, shares)}
     arrays |= {f"median/{m}": np.median(c, axis=0) for m, c in curves.items()}
     return Product(AverageContent(shares, method, covered, tuple(weighed)), arrays)
 
@@ -82,7 +82,7 @@ def probabilities(evidence: Mapping[str, Evidence]) -> dict[str, float]:
     return {m: float(np.exp(v - total)) for m, v in logs.items()}
 
 
-def averaged(curves: Mapping[str, np.ndarray], shares: Mapping[str, float]) -> np.ndarray:
+def average_curves(curves: Mapping[str, np.ndarray], shares: Mapping[str, float]) -> np.ndarray:
     """Return median and central 95 % of a mixture of models at each of m points.
 
     Parameters

@@ -52,7 +52,7 @@ def compute_evidence(branch: Branch, method: str, seed: int) -> Product:
         and study.evidence.referee == "auto"
     ):
         others = [m for m in study.evidence.methods if m != FIRST_LOOK]
-        weighed = evidences(branch.store, f"{branch.spec.name}/{branch.repeat}", branch.model, others)
+        weighed = list_evidence(branch.store, f"{branch.spec.name}/{branch.repeat}", branch.model, others)
         if weighed and not disagreement(weighed):
             return Product(EvidenceContent(), seconds=0.0)
     plugin, mode = EVIDENCES.get(method), branch.density
@@ -69,7 +69,7 @@ def compute_evidence(branch: Branch, method: str, seed: int) -> Product:
     return Product(content, arrays, evidence.outcome, evidence.seconds)
 
 
-def evidences(store: Store, record: str, model: str, methods: Sequence[str]) -> list[Evidence]:
+def list_evidence(store: Store, record: str, model: str, methods: Sequence[str]) -> list[Evidence]:
     """Return the evidence for a model on a record (`bench/0`) by each method, and by the referee where it ran.
 
     Of a method that refused it has the outcome and no number.
@@ -96,7 +96,7 @@ def evidence_by_method(
     """
     methods = study.evidence.methods
     by_method: dict[str, dict[str, Evidence]] = {m: {} for m in methods}
-    by_model = {model: evidences(store, record, model, methods) for model in models}
+    by_model = {model: list_evidence(store, record, model, methods) for model in models}
     for model, weighed in by_model.items():
         for e in weighed:
             by_method.setdefault(e.method, {})[model] = e
