@@ -100,12 +100,10 @@ def evidence_by_method(
     for model, weighed in by_model.items():
         for e in weighed:
             by_method.setdefault(e.method, {})[model] = e
-    if NESTED_CHECK not in methods and not any(
-        np.isfinite(e.log_evidence) for e in by_method.get(NESTED_CHECK, {}).values()
-    ):
-        by_method.pop(
-            NESTED_CHECK, None
-        )  # where there is no posterior, the outcomes of the other methods say so
+    refereed = by_method.get(NESTED_CHECK, {}).values()
+    if NESTED_CHECK not in methods and not any(np.isfinite(e.log_evidence) for e in refereed):
+        # Where there is no posterior, the outcomes of the other methods say so.
+        by_method.pop(NESTED_CHECK, None)
     if len([m for m in by_method if m != FIRST_LOOK]) > 1:
         by_method[COMBINED] = {}
         for model, weighed in by_model.items():
