@@ -92,6 +92,10 @@ def _read_value(name: str, raw: object, key: str) -> object:
             return read_prior(raw, key, negative=name not in ("epsilon", *NOISE))
         if isinstance(raw, str):
             raise StudyError(key, f'is {show(raw)}; it must be a number (known), "free" or a prior table')
+    return _read_number(name, raw, key)
+
+
+def _read_number(name: str, raw: object, key: str) -> float:
     return check_number(raw, key, positive=name in _POSITIVE, minimum=_MINIMUM.get(name))
 
 
@@ -148,11 +152,7 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
         for name, t in terms.items()
     }
     truth |= {n: system.known[n] for n in numbers if n in system.known}
-    truth |= {
-        n: check_number(given[n], join_keys(key, n), positive=n in _POSITIVE, minimum=_MINIMUM.get(n))
-        for n in numbers
-        if n in given
-    }
+    truth |= {n: _read_number(n, given[n], join_keys(key, n)) for n in numbers if n in given}
 
     check_plugins(NOISES, [settings.noise], join_keys(key, "noise"))
     noise = NOISES.get(settings.noise)
