@@ -98,7 +98,7 @@ def test_each_kind_reaches_the_physics_and_nothing_that_is_no_part_of_it(kind):
     assert set(CODE[kind]) <= set(modules)
     found = reached(CODE[kind])
     assert any(name.startswith("bayesdamp.physics.") for name in found)
-    assert "bayesdamp.pipeline.run" not in found  # which reaches everything: no kind would keep its results then
+    assert "bayesdamp.pipeline.run" not in found, "it reaches everything: no kind would keep its results"
     assert not [name for name in found - set(CODE[kind]) if name.startswith(OUTSIDE)]
     assert "bayesdamp.physics.damping.viscous" not in found  # a plug-in: it counts where it is used
 
