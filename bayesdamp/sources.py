@@ -18,8 +18,8 @@ OUTSIDE = (
 """What decides where and when something is computed, and what is made of it, but not the result itself; settings are
 part of a key by their values."""
 LEAVES = (
-    "bayesdamp.pipeline.candidates.branch", "bayesdamp.pipeline.candidates.cells", "bayesdamp.pipeline.envelopes",
-    "bayesdamp.interface.envelopes",
+    "bayesdamp.pipeline", "bayesdamp.pipeline.candidates.branch", "bayesdamp.pipeline.candidates.cells",
+    "bayesdamp.pipeline.envelopes", "bayesdamp.interface.envelopes",
 )  # fmt: skip
 """Modules that bring many computations together: each counts with its own source, not with what it imports."""
 

@@ -45,7 +45,7 @@ def test_all_is_in_it(wheel: Path) -> None:
 
 def test_a_shipped_study_is_found_by_name(wheel: Path, tmp_path: Path) -> None:
     zipfile.ZipFile(wheel).extractall(tmp_path / "installed")
-    where = "from bayesdamp.config import shipped; print(shipped.folder())"
+    where = "from bayesdamp.config.load import shipped_folder; print(shipped_folder())"
     for arguments, said in (
         (("-c", where), str(tmp_path / "installed" / "bayesdamp" / "studies")),
         (("-m", "bayesdamp.cli", "check", "quickstart"), "quickstart: ok"),

@@ -20,9 +20,8 @@ from bayesdamp.machine.threads import cores
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.progress import progress_bar
-from bayesdamp.pipeline.tasks import Product, perform
+from bayesdamp.pipeline.tasks import Product, perform, task_key
 from bayesdamp.pipeline.workers import pool_of
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store

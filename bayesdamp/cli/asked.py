@@ -46,7 +46,7 @@ def run_folder(out: Path | None, name: str) -> Path:
 def own_folder(study: Study) -> Path:
     """The folder of a question that none was given for: reports/NAME, or the first of NAME-2, NAME-3, ... that has no
     other question's answer. Raises InputError where a file has its name."""
-    from bayesdamp.config.again import asks_another
+    from bayesdamp.config.load import asks_another
 
     names = (study.name, *(f"{study.name}-{number}" for number in range(2, MOST_QUESTIONS)))
     folders = (run_folder(None, one) for one in names)
@@ -112,7 +112,7 @@ def run_asked(
 def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
     """A study with the options of its estimators checked too. plugins: files besides those that it names."""
     from bayesdamp.config import load_study
-    from bayesdamp.config.shipped import study_file
+    from bayesdamp.config.load import study_file
     from bayesdamp.plugins import read_modules
 
     loaded = load_study(study_file(file), read_modules(plugins or ()))

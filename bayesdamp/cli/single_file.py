@@ -38,7 +38,7 @@ class SingleFile:
 
     def check(self) -> None:
         """Refuse what may not or cannot be written, before anything is computed for it. Raises InputError."""
-        from bayesdamp.store.folders import refuse_special
+        from bayesdamp.store.files import refuse_special
 
         try:
             above = next(filter(os.path.lexists, self.path.absolute().parents), None)  # `/` has none
@@ -62,8 +62,7 @@ class SingleFile:
 
     def write(self, text: str) -> None:
         """Write it in one step, all of it or nothing. Raises InputError; OSError where the disk is full."""
-        from bayesdamp.store.beside import create, no_room
-        from bayesdamp.store.files import write_bytes
+        from bayesdamp.store.files import create, no_room, write_bytes
 
         self.check()
         write = write_bytes if os.path.lexists(self.path) else create

@@ -15,11 +15,14 @@ from bayesdamp.types import InputError
 
 Model = TypeVar("Model", bound=BaseModel)
 _KEYS = {"value": "angle", "channels": "channel", "runs": "run"}
-"""A record's keys that are called otherwise than the arguments of `read`."""
+"""Arguments of `read` that have another name among the keys of a record."""
+_PRIORS: Mapping[str, type[BaseModel]] = {
+    kind.model_fields["prior"].default: kind for kind in get_args(get_args(GivenPrior)[0])
+}
 
 
 class StudyError(Exception):
-    """What is wrong at a key of the study file; `load_study` adds the file's name."""
+    """A fault at a key of the study file; `load_study` adds the file's name."""
 
     def __init__(self, key: str, what: str) -> None:
         key = key if len(key) <= 80 else f"{key[:50]}...{key[-27:]}"
@@ -27,13 +30,13 @@ class StudyError(Exception):
         super().__init__(f"{key}: {what}" if key else what)
 
     def within(self, table: str) -> str:
-        """The line with its key as it is called inside a table."""
+        """Return the line with its key as it is called inside a table."""
         key = "" if self.key == table else self.key.removeprefix(f"{table}.")
         return f"{key}: {self.what}" if key else self.what
 
 
-def shown(value: object) -> str:
-    """A value as the study file writes it, cut to a line's length."""
+def show(value: object) -> str:
+    """Return a value as the study file writes it, cut to a line's length."""
     try:
         text = str(value).lower() if isinstance(value, bool) else repr(value)
     except ValueError:  # Python writes no integer of more than 4,300 digits
@@ -41,107 +44,94 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def below(key: str, name: str) -> str:
-    """The key `name` of the table `key`."""
+def join_keys(key: str, name: str) -> str:
+    """Return the full key of `name` in the table `key`."""
     return f"{key}.{name}" if key else name
 
 
-def table(raw: object, key: str) -> dict[str, Any]:
-    """The raw value as a table. Raises StudyError."""
+def check_table(raw: object, key: str) -> dict[str, Any]:
+    """Return the raw value as a table. Raises StudyError."""
     if not isinstance(raw, dict):
-        raise StudyError(key, f"is {shown(raw)}; it must be a table")
+        raise StudyError(key, f"is {show(raw)}; it must be a table")
     return raw
 
 
-def known_keys(raw: Iterable[str], valid: Iterable[str], key: str) -> None:
+def check_keys(raw: Iterable[str], valid: Iterable[str], key: str) -> None:
     """Refuse an unknown key and name the nearest valid one. Raises StudyError."""
     valid = list(valid)
     for name in raw:
         if name not in valid:
-            raise StudyError(below(key, name), f"unknown key{nearest(name, valid)}")
+            raise StudyError(join_keys(key, name), f"unknown key{nearest(name, valid)}")
 
 
-def section(model: type[Model], raw: object, key: str) -> Model:
-    """A table as a frozen model; each field's description says what would be right. Raises StudyError."""
+def read_section(model: type[Model], raw: object, key: str) -> Model:
+    """Return a table as a frozen model; a field's description says what would be right. Raises StudyError."""
     fields = {n: f for n, f in model.model_fields.items() if not f.exclude}
-    known_keys(table(raw, key), fields, key)
+    given = check_table(raw, key)
+    check_keys(given, fields, key)
     try:
-        return model.model_validate(raw, strict=True)
+        return model.model_validate(given, strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        inner = first.get("ctx", {}).get("error")
         if not first["loc"]:
+            inner = first.get("ctx", {}).get("error")
             raise StudyError(key, str(inner or first["msg"])) from None
         name = str(first["loc"][0])
         right = fields[name].description
         must = f"it must be {right}" if right else first["msg"].lower()
-        if first["type"] == "missing":
-            raise StudyError(below(key, name), f"is missing; {must}") from None
-        given = raw.get(name) if isinstance(raw, dict) else None
-        raise StudyError(below(key, name), f"is {shown(given)}; {must}") from None
+        what = "is missing" if first["type"] == "missing" else f"is {show(given.get(name))}"
+        raise StudyError(join_keys(key, name), f"{what}; {must}") from None
 
 
-def number(raw: object, key: str, *, positive: bool = False, minimum: float | None = None) -> float:
-    """A finite number. Raises StudyError."""
+def check_number(raw: object, key: str, *, positive: bool = False, minimum: float | None = None) -> float:
+    """Return a finite number. Raises StudyError."""
     right = "a positive number" if positive else "a number" if minimum is None else f"at least {minimum:g}"
     try:
         value = float(raw) if isinstance(raw, int | float) and not isinstance(raw, bool) else math.nan
     except OverflowError:  # an integer of more than 308 digits
         value = math.inf
     if not math.isfinite(value) or (positive and value <= 0) or (minimum is not None and value < minimum):
-        raise StudyError(key, f"is {shown(raw)}; it must be {right}")
+        raise StudyError(key, f"is {show(raw)}; it must be {right}")
     return value
 
 
-_PRIORS: Mapping[str, type[BaseModel]] = {
-    kind.model_fields["prior"].default: kind for kind in get_args(get_args(GivenPrior)[0])
-}
-
-
-def prior(raw: object, key: str, *, negative: bool = True) -> Any:
-    """A prior table as one of `bayesdamp.priors`, with or without values below zero. Raises StudyError."""
-    found = _prior(raw, key)
-    if not negative and (isinstance(found, Normal) or (isinstance(found, Uniform) and found.low < 0)):
-        what = f"is {found.describe()}, which allows values below zero"
-        raise StudyError(
-            key, f"{what}; it must be a halfnormal, lognormal, loguniform, or a uniform from 0 up"
-        )
-    return found
-
-
-def _prior(raw: object, key: str) -> Any:
+def read_prior(raw: object, key: str, *, negative: bool = True) -> Any:
+    """Return a prior table as one of `bayesdamp.priors`, with or without values below zero. Raises StudyError."""
     example = 'a table such as { prior = "normal", mean = 0.0, sd = 1.0 }'
     if not isinstance(raw, dict):
-        raise StudyError(key, f"is {shown(raw)}; it must be {example}")
+        raise StudyError(key, f"is {show(raw)}; it must be {example}")
     kind = raw.get("prior")
     if kind is None:
         raise StudyError(key, f"names no prior; it must be {example}")
     if not isinstance(kind, str) or kind not in _PRIORS:
-        raise StudyError(
-            below(key, "prior"), f"unknown prior {shown(kind)}{nearest(str(kind), list(_PRIORS))}"
-        )
-    return section(_PRIORS[kind], raw, key)
+        what = f"unknown prior {show(kind)}{nearest(str(kind), list(_PRIORS))}"
+        raise StudyError(join_keys(key, "prior"), what)
+    prior = read_section(_PRIORS[kind], raw, key)
+    if not negative and (isinstance(prior, Normal) or (isinstance(prior, Uniform) and prior.low < 0)):
+        right = "it must be a halfnormal, lognormal, loguniform, or a uniform from 0 up"
+        raise StudyError(key, f"is {prior.describe()}, which allows values below zero; {right}")
+    return prior
 
 
-def plugin_name(registry: Registry[Any], name: str, key: str) -> str:
-    """A plug-in's name, checked without importing the plug-in. Raises StudyError."""
-    if name not in registry.names():
-        raise StudyError(key, f"unknown {registry.kind} {name!r}{nearest(name, registry.names())}")
-    return name
-
-
-def distinct(names: Iterable[str], key: str, what: str) -> None:
-    """Refuse a repeated name. Raises StudyError."""
-    seen: set[str] = set()
+def check_plugins(registry: Registry[Any], names: Iterable[str], key: str) -> None:
+    """Check plug-ins' names, without importing a plug-in. Raises StudyError."""
     for name in names:
-        if name in seen:
+        if name not in registry.names():
+            raise StudyError(key, f"unknown {registry.kind} {name!r}{nearest(name, registry.names())}")
+
+
+def check_distinct(names: Iterable[str], key: str, what: str) -> None:
+    """Refuse a repeated name. Raises StudyError."""
+    earlier: set[str] = set()
+    for name in names:
+        if name in earlier:
             raise StudyError(key, f"names {what} {name!r} twice; once is enough")
-        seen.add(name)
+        earlier.add(name)
 
 
 @contextmanager
 def in_keys() -> Iterator[None]:
-    """Name what a refusal asks for as keys of a study, and not as the command's options."""
+    """Make refusals name the keys of a study, in place of the command's options."""
     try:
         yield
     except InputError as error:

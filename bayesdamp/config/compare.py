@@ -17,51 +17,63 @@ from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
 PRUNE = 20.0
-"""Nats behind the best at which a candidate is pruned: a probability of 2e-9, and Laplace's evidence, by which it is
-judged, is a few nats off at most where a posterior is not normal."""
+"""Nats behind the best at which a candidate is pruned: a probability of 2e-9. Laplace's evidence, by which candidates
+are pruned, is a few nats off at most where a posterior is not normal."""
 BEST = 2
-"""Candidates whose posterior is sampled: what is concluded, and what it is weighed against."""
+"""Number of candidates whose posterior is sampled: the conclusion and its nearest rival."""
 WARMUP, DRAWS = 100, 500
 """Of each of four chains: NUTS is whitened from the start and its draws are nearly independent, so that these are worth
-2,000; where they are not it takes more by itself."""
+2,000; where they are not, the sampler draws more by itself."""
 LEAST_NOISE = 1e-3
-"""Share of the amplitude that a record without noise is given: what a good encoder has. Without any there is no
-likelihood, and nothing could be weighed."""
+"""Noise that is added to a record without noise, as a share of the amplitude: that of a good encoder. Without noise
+there is no likelihood, and nothing could be weighed."""
 METHODS = ("laplace", "importance", "bridge")
 JOINT_METHODS = ("laplace", "importance")
-"""Of the records one by one, where they are fitted jointly."""
+"""Evidence methods of the single records, where they are fitted jointly."""
 SPECIMEN = "specimen"
-"""The name of the one specimen that all records are of."""
+"""The name of the specimen, where all records are of one."""
 
 
 Asked = Mapping[str, Any]
-"""A record's file and how to read it, with the keys of a study's [[signal]] (None is no value), and a label where the
-file has several records. Without a unit an envelope's file says it; a motion is then in rad."""
+"""A record's file and how to read it, with the keys of a study's [[signal]] (None for no value), and a label where the
+file has several records. Without a unit, an envelope has that of its file, and a motion is in rad."""
 
 
 def laws_for(unit: str) -> tuple[str, ...]:
-    """The restoring laws that an unknown record is compared under: all there are, of a translation all that describe
-    one. Nobody said which it is, and a law left out would leave its misfit to the damping."""
+    """Return the restoring laws that an unknown record is compared under.
+
+    These are all laws, for a translation all that describe one. The user named no law, and a law that is left out would
+    leave its misfit to the damping.
+    """
     along = unit in UNITS and UNITS[unit].translates
     return tuple(n for n in LAWS.present() if not along or LAWS.get(n).translates)
 
 
 def comparison(records: Sequence[Asked], *, plugins: Sequence[PluginModule] = (), **settings: Any) -> Study:
-    """The study that compares all damping sums (or those given) under all restoring laws (or those given) on each
-    record. plugins: the user's modules; each damping term in them is compared alone and beside each one that ships,
-    each law as one more; settings: as `comparison_tables` has them. Raises InputError, one line in the terms of the
-    command's options."""
+    """Return the study that compares damping sums under restoring laws on each record.
+
+    Parameters
+    ----------
+    records
+        Files and how to read them.
+    plugins
+        The user's modules. Each damping term in them is compared alone and together with each one that ships, each law
+        as one more.
+    settings
+        As `comparison_tables` has them.
+
+    Raises
+    ------
+    InputError
+        One line in the terms of the command's options.
+    """
     use(plugins)
     try:
         return resolve_study(comparison_tables(records, **settings), Path("compare"), plugins)
     except StudyError as error:
-        raise _in_options(error) from None
-
-
-def _sums() -> list[str]:
-    """All sums of the paper's terms, and each of the user's own, alone and beside each of these."""
-    own = TERMS.added()
-    return all_sums() + [sum_ for name in own for sum_ in (name, *(f"{t}+{name}" for t in PAPER_TERMS))]
+        option = re.sub(r"^signal\[[^\]]*\]\.(system\.)?|^models\.|^posterior\.", "", error.key)
+        option = "damping" if option == "compare" else option
+        raise InputError(error.what, f"--{option}" if option else "") from None
 
 
 def comparison_tables(
@@ -75,33 +87,60 @@ def comparison_tables(
     deviation: str = "auto",
     sensor: float = 0.002,
 ) -> dict[str, Any]:
-    """The tables of that study's file.
+    """Return the tables of that study's file.
 
-    repeats: whether all records are of one specimen, of which one by one modes and evidence are found, without draws;
-    otherwise each is a specimen of its own.
+    Parameters
+    ----------
+    records
+        Files and how to read them.
+    restoring, damping
+        Restoring laws and damping sums; all of them where empty.
+    repeats
+        Whether all records are of one specimen. The records one by one then get modes and evidence, but no draws.
+        Otherwise each record is a specimen of its own.
+    noise, seed, deviation, sensor
+        As a study has them.
+
+    Raises
+    ------
+    InputError
+        There is one record to repeat.
     """
     if repeats and len(records) < 2:
         raise InputError("--repeats: there is one record; give two or more of one specimen")
-    names = _names([f"{Path(r['file']).stem} {r.get('label', '')}".strip() for r in records])
-    signals = [_signal(asked, name, tuple(restoring)) for asked, name in zip(records, names, strict=True)]
-    if len(records) > 1:
-        for signal, asked in zip(signals, records, strict=True):
-            if repeats or asked.get("quantity") != "envelope":
-                signal["specimen"] = (
-                    SPECIMEN if repeats else _name(asked.get("specimen", "")) or signal["name"]
-                )
-    # The joint fit reads the answers: draws of each record by itself, and evidence from these, would be read by nobody.
+    signals: dict[str, dict[str, Any]] = {}
+    for record in records:
+        label = f"{Path(record['file']).stem} {record.get('label', '')}".strip()
+        stem = _as_name(label) or "record"
+        name, number = stem, 2
+        while name in signals:
+            name, number = f"{stem}-{number}", number + 1
+        given = {k: v for k, v in record.items() if k not in ("label", "specimen") and v is not None}
+        signals[name] = signal = {"name": name, **given}
+        is_envelope = record.get("quantity") == "envelope"
+        if not is_envelope:
+            laws = list(restoring) or list(laws_for(record.get("unit", "rad")))
+            signal |= {"least_noise": LEAST_NOISE, "restoring": laws, "system": {"restoring": laws[0]}}
+        if repeats:
+            signal["specimen"] = SPECIMEN
+        elif len(records) > 1 and not is_envelope:
+            signal["specimen"] = _as_name(record.get("specimen", "")) or name
+    first, files = next(iter(signals)), list(dict.fromkeys(Path(record["file"]).name for record in records))
+    study = first if len(records) == 1 else f"{first}-and-{len(records) - 1}-more"
+    if len(records) > 1 and len({record["file"] for record in records}) == 1:
+        study = f"{_as_name(Path(records[0]['file']).stem) or 'record'}-{len(records)}-records"
+    own = TERMS.added()
+    sums = all_sums() + [sum_ for term in own for sum_ in (term, *(f"{t}+{term}" for t in PAPER_TERMS))]
+    # The joint fit reads the answers: nobody would read draws of each record by itself, or evidence from these.
     samplers, methods = ([], JOINT_METHODS) if repeats else (["nuts"], METHODS)
     return {
         "version": 1,
-        "name": _question(records, names),
+        "name": study,
         "seed": seed,
-        "description": f"Which damping has {', '.join(dict.fromkeys(Path(r['file']).name for r in records))}?"[
-            :200
-        ],
-        "signal": signals,
+        "description": f"Which damping has {', '.join(files)}?"[:200],
+        "signal": list(signals.values()),
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
-        "models": {"compare": list(damping) or _sums(), "prune": PRUNE},
+        "models": {"compare": list(damping) or sums, "prune": PRUNE},
         "posterior": {
             "samplers": samplers,
             "noise": noise,
@@ -115,50 +154,8 @@ def comparison_tables(
     }
 
 
-def _question(records: Sequence[Asked], names: Sequence[str]) -> str:
-    """A name for them all: of their one file, else of the first and how many follow."""
-    if len(names) == 1:
-        return names[0]
-    if len({asked["file"] for asked in records}) == 1:
-        return f"{_name(Path(records[0]['file']).stem) or 'record'}-{len(names)}-records"
-    return f"{names[0]}-and-{len(names) - 1}-more"
-
-
-def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, Any]:
-    given = {k: v for k, v in asked.items() if k not in ("label", "specimen") and v is not None}
-    if asked.get("quantity") == "envelope":
-        return {"name": name, **given}
-    laws = restoring or laws_for(asked.get("unit", "rad"))
-    return {
-        "name": name,
-        **given,
-        "least_noise": LEAST_NOISE,
-        "restoring": list(laws),
-        "system": {"restoring": laws[0]},
-    }
-
-
-def _names(labels: Sequence[str]) -> list[str]:
-    """A signal's name for each record, from its file's own and its label; the same ones are numbered."""
-    found: list[str] = []
-    for label in labels:
-        stem = _name(label) or "record"
-        name, number = stem, 2
-        while name in found:
-            name, number = f"{stem}-{number}", number + 1
-        found.append(name)
-    return found
-
-
-def _name(label: str) -> str:
-    """A label as a name: letters, digits, - and _, from both its ends where it is long."""
+def _as_name(label: str) -> str:
+    """Return a label as a name of letters, digits, - and _; of a long one both its ends."""
     name = re.sub(r"[^A-Za-z0-9_-]", "_", label)
     name = name if len(name) <= 56 else f"{name[:30]}-{name[-25:]}"
     return name if not name or re.match(r"[A-Za-z0-9_]", name) else f"_{name}"
-
-
-def _in_options(error: StudyError) -> InputError:
-    """What is wrong with a key of the study, told of the command's option."""
-    option = re.sub(r"^signal\[[^\]]*\]\.(system\.)?|^models\.|^posterior\.", "", error.key)
-    option = {"compare": "damping"}.get(option, option)
-    return InputError(error.what, f"--{option}" if option else "")

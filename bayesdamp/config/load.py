@@ -1,26 +1,29 @@
-"""The whole study file: reading it, and what comes out."""
+"""Reading a study: from a TOML file, from a run's run.json, or by the name of a study that ships."""
 
 from __future__ import annotations
 
+import csv
+import hashlib
+import io
+import json
+import os
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from bayesdamp.config.again import read_asked
 from bayesdamp.config.checks import (
     StudyError,
-    below,
-    distinct,
-    known_keys,
-    plugin_name,
-    prior,
-    section,
-    shown,
-    table,
+    check_distinct,
+    check_keys,
+    check_plugins,
+    check_table,
+    join_keys,
+    read_prior,
+    read_section,
+    show,
 )
-from bayesdamp.config.published import Published, read_published
 from bayesdamp.config.sections import (
     NAME,
     CalibrationTable,
@@ -35,180 +38,135 @@ from bayesdamp.config.sections import (
 from bayesdamp.config.signals import (
     canonical_models,
     check_base,
+    check_laws,
     damping_order,
+    expand,
     resolve_signal,
-    restoring_laws,
 )
-from bayesdamp.config.study import Estimators, Models, SignalSpec, Study
-from bayesdamp.config.sweeps import expand
+from bayesdamp.config.study import Estimators, Models, Published, SignalSpec, Study
+from bayesdamp.physics.damping import TERMS, all_sums
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plain_text import read_plain
-from bayesdamp.plugins import PluginModule, Registry, read_modules, use
+from bayesdamp.plugins import PluginModule, nearest, read_modules, use
 from bayesdamp.types import InputError
 from bayesdamp.units import unit_named
 
-
-def check_specimens(
-    specimens: Mapping[str, Sequence[SignalSpec]], dampings: Mapping[str, Sequence[str]], swept: bool
-) -> None:
-    """Refuse repeats in rad and in m, or under other candidates, and specimens in a sweep.
-
-    specimens: by name; dampings: those that each signal is compared under; swept: whether the study has a sweep.
-    Raises StudyError.
-    """
-    for name, specs in specimens.items():
-        first = specs[0]
-        if swept:
-            raise StudyError(
-                f"signal[{first.name}].specimen", "cannot stand beside a [[sweep]]; remove one of the two"
-            )
-        for spec in specs[1:]:
-            key, repeat = f"signal[{spec.name}].specimen", f"is {name!r}, which signal {first.name} is too"
-            if unit_named(spec.source.unit).base != unit_named(first.source.unit).base:
-                units = f"{spec.source.unit} and {first.source.unit}"
-                raise StudyError(
-                    key, f"{repeat}, in {units}; repeats must all be angles, all lengths or all in one unit"
-                )
-            if spec.restoring != first.restoring or set(dampings[spec.name]) != set(dampings[first.name]):
-                raise StudyError(
-                    key, f"{repeat}, under other models; repeats must have the same compare and restoring"
-                )
-
-
+PACKAGE = Path(__file__).resolve().parents[1]
 _TABLES = (
-    "system",
-    "signal",
-    "sweep",
-    "estimators",
-    "models",
-    "posterior",
-    "evidence",
-    "calibration",
-    "recovery",
-    "plugins",
-)
+    "system", "signal", "sweep", "estimators", "models", "posterior", "evidence", "calibration", "recovery", "plugins",
+)  # fmt: skip
+_PUBLISHED = ("estimator", "signal", "error_pct", "time")
+"""Columns of a CSV file of published figures."""
+_NO_STUDY = "give a study file (TOML), or a run's run.json"
 
 
-def _read(path: Path) -> dict[str, Any]:
+def shipped_folder() -> Path:
+    """Return the folder of the studies that ship: in the installed package, or next to it in a clone."""
+    own = PACKAGE / "studies"
+    return own if own.is_dir() else PACKAGE.parent / "studies"
+
+
+def study_file(given: Path) -> Path:
+    """Return the file itself where it exists, else the study of this name that ships. Raises InputError."""
+    if given.exists() or len(given.parts) != 1 or given.suffix not in ("", ".toml"):
+        return given
+    names = sorted(path.stem for path in shipped_folder().glob("*.toml"))
+    if given.stem in names:
+        return shipped_folder() / f"{given.stem}.toml"
+    if given.suffix:
+        return given
+    raise InputError(f"{given}: no such file, and no study of this name ships{nearest(given.name, names)}")
+
+
+def record_question(study: Study, folder: Path) -> dict[str, Any]:
+    """Return the study as run.json in a run's folder stores it.
+
+    The path to the study's files is relative, so that both folders can move together.
+    """
+    beside = Path(os.path.relpath(study.source.parent.resolve(), folder.resolve())).as_posix()
+    return {"tables": dict(study.tables), "beside": beside}
+
+
+def asks_another(study: Study, folder: Path) -> bool:
+    """Return whether a folder has the run of another study than this one."""
+    try:
+        run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError, RecursionError):
+        return True
+    question = json.loads(json.dumps(record_question(study, folder)))
+    return not isinstance(run, dict) or run.get("asked") != question
+
+
+def _read_question(path: Path) -> tuple[dict[str, Any], Path, dict[str, str]]:
+    """Read a run.json: the study's tables, the folder of its files, and files of the user's modules by their digests.
+
+    Raises StudyError where it has no study, or where an input has changed.
+    """
+    try:
+        run = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise StudyError("", f"there is no such file; {_NO_STUDY}") from None
+    except (OSError, ValueError, RecursionError):
+        raise StudyError("", f"is not JSON; {_NO_STUDY}") from None
+    try:
+        tables, beside = {"name": run.get("name"), **run["asked"]["tables"]}, run["asked"].get("beside", ".")
+        inputs = dict(run.get("inputs", {}))
+        plugins = {module["sha256"]: module["file"] for module in run.get("study", {}).get("plugins", ())}
+    except (AttributeError, KeyError, TypeError, ValueError):
+        what = "does not contain the study of the run"
+        raise StudyError("", f"{what}; give that study file (TOML), or a run.json of this version") from None
+    # The inputs are where they were, else in the run's folder, else in the working directory.
+    places = (path.parent / str(beside), path.parent, Path())
+    for name, digest in inputs.items():
+        file = next((place / name for place in places if (place / name).is_file()), None)
+        if file is None:
+            raise StudyError("", f"{name} is not there any more; put the file of that run next to it")
+        if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
+            raise StudyError("", f"{name} is another file than that of the run; put that one next to it")
+    whole = [place for place in places if place.is_dir() and all((place / name).is_file() for name in inputs)]
+    return tables, whole[0] if whole else places[0], plugins
+
+
+def _read_tables(path: Path) -> dict[str, Any]:
     try:
         raw = tomllib.loads(read_plain(path, "the path of a study file (TOML)"))
     except tomllib.TOMLDecodeError as error:
         what, place = re.fullmatch(r"(.*?)(?: \(at (.*)\))?", str(error), re.DOTALL).groups()  # type: ignore[union-attr]
-        raise StudyError(
-            place or "", f"is not TOML: {what[:1].lower()}{what[1:]}; write key = value"
-        ) from None
-    except (
-        ValueError,
-        RecursionError,
-    ) as error:  # an endless number, tables a thousand deep
+        right = "write key = value"
+        raise StudyError(place or "", f"is not TOML: {what[:1].lower()}{what[1:]}; {right}") from None
+    except (ValueError, RecursionError) as error:  # an endless number, tables a thousand deep
         raise StudyError("", f"is not TOML that can be read ({error}); write key = value") from None
     if not raw:
         raise StudyError("", "is empty; a study starts with version = 1 and has at least one [[signal]]")
     return raw
 
 
-def _list_of_tables(raw: dict[str, Any], name: str) -> list[dict[str, Any]]:
-    entries = raw.get(name, [])
-    if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
-        raise StudyError(name, f"is {shown(entries)}; it must be tables that start with [[{name}]]")
-    return entries
-
-
-def _signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> tuple[SignalSpec, ...]:
-    written = _list_of_tables(raw, "signal")
-    lists = [entry["restoring"] for entry in written if isinstance(entry.get("restoring"), list)]
-    own = [law for laws in lists for law in laws if law in LAWS.names()]  # others are told with their signal
-    base = check_base(raw.get("system", {}), (*laws, *own))
-    if not written:
-        raise StudyError("signal", "is missing; a study has at least one [[signal]]")
-    signals = []
-    for place, entry in enumerate(expand(written, _list_of_tables(raw, "sweep")), start=1):
-        label = entry.get("name")
-        label = label if isinstance(label, str) and re.fullmatch(NAME, label) else str(place)
-        signals.append(resolve_signal(entry, base, folder, f"signal[{label}]", laws))
-    distinct((s.name for s in signals), "signal", "the signal")
-    return tuple(signals)
-
-
-def _estimators(raw: object) -> Estimators:
-    from bayesdamp.estimators import ESTIMATORS, names_for_all
-
-    given = table(raw, "estimators")
-    own = list(EstimatorsTable.model_fields)
-    variants = {
-        name: _variant(name, options["variant_of"])
-        for name, options in given.items()
-        if isinstance(options, dict) and "variant_of" in options and name not in own
-    }
-    known_keys(given, [*own, *ESTIMATORS.names(), *variants], "estimators")
-    checked = section(EstimatorsTable, {n: v for n, v in given.items() if n in own}, "estimators")
-    use = tuple(names_for_all()) if checked.use == "all" else checked.use
-    for name in use:
-        if name not in variants:
-            plugin_name(ESTIMATORS, name, "estimators.use")
-    distinct(use, "estimators.use", "the estimator")
-    distinct(checked.stages, "estimators.stages", "the stage")
-    known_keys(checked.repeats, list(use), "estimators.repeats")
-    options = {n: table(v, below("estimators", n)) for n, v in given.items() if n not in own}
-    options = {n: {k: v for k, v in o.items() if k != "variant_of"} for n, o in options.items()}
-    return Estimators(use, checked.stages, options, checked.repeats, variants)
-
-
-def _variant(name: str, method: object) -> str:
-    """The estimator that a study runs under a name of its own, checked."""
-    from bayesdamp.estimators import ESTIMATORS
-
-    key = below("estimators", name)
-    if name in ESTIMATORS.names():
-        raise StudyError(key, "is an estimator's own name; a variant needs another, such as sindy_sign")
-    if not re.fullmatch(NAME, name):
-        raise StudyError(key, "is no name of a variant; it must be letters, digits, - and _")
-    if not isinstance(method, str):
-        raise StudyError(
-            below(key, "variant_of"), f"is {shown(method)}; it must be an estimator's name in quotes"
-        )
-    plugin_name(ESTIMATORS, method, below(key, "variant_of"))
-    return method
-
-
-def _models(raw: object) -> Models:
-    from bayesdamp.physics.damping import TERMS, all_sums
-
-    checked = section(ModelsTable, raw, "models")
-    names = all_sums() if checked.compare == "all" else checked.compare
-    compare = canonical_models(tuple(names), "models.compare")
-    further = [p.name for t in damping_order() for p in TERMS.get(t).inferred]
-    known_keys(checked.prior, [*damping_order(), *further], "models.prior")
-    return Models(
-        compare,
-        {n: prior(v, f"models.prior.{n}", negative=n in further) for n, v in checked.prior.items()},
-        restoring_laws(checked.restoring or (), "models.restoring"),
-        checked.prune,
-    )
-
-
-def _check_plugins(registry: Registry[Any], names: Sequence[str], key: str, what: str) -> None:
-    for name in names:
-        plugin_name(registry, name, key)
-    distinct(names, key, what)
-
-
 def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
-    """Read and check a study file. Files of signals, and modules of plug-ins, are looked for beside it.
+    """Read and check a study file. Paths of signals' files and of plug-ins start at its folder.
 
-    path: of a TOML file, or of the run.json of a run, which asks the same again. plugins: modules besides those that
-    the file names.
-    Raises InputError: one line with the file, the key, what is wrong and what would be right.
+    Parameters
+    ----------
+    path
+        A TOML file, or the run.json of a run, which asks the same question again.
+    plugins
+        Modules besides those that the file names.
+
+    Raises
+    ------
+    InputError
+        One line with the file, the key, what is wrong and what would be right.
     """
     path = Path(path)
     try:
         if path.suffix != ".json":
-            return resolve_study(_read(path), path, plugins)
-        asked = read_asked(path)
-        study = resolve_study(dict(asked.tables), asked.beside / path.name, plugins)
-        missing = asked.plugins.keys() - {m.digest for m in study.plugins}
+            return resolve_study(_read_tables(path), path, plugins)
+        tables, folder, modules = _read_question(path)
+        study = resolve_study(tables, folder / path.name, plugins)
+        missing = modules.keys() - {m.digest for m in study.plugins}
         if missing:
-            what = f"the run had the plug-in {asked.plugins[min(missing)]}, which is missing or has changed"
+            what = f"the run had the plug-in {modules[min(missing)]}, which is missing or has changed"
             raise InputError(f"{what}; give it with --plugin")
         return study
     except (StudyError, InputError) as error:
@@ -216,41 +174,54 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
 
 
 def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModule] = ()) -> Study:
-    """The study that the tables of a file say. path: of that file; signals' files are looked for beside it.
+    """Check the tables of a study file and return the study.
 
-    plugins: modules besides those that it names; all of these, and no others, are in use from here on.
-    Raises StudyError and InputError without the file's name.
+    Parameters
+    ----------
+    raw
+        The file's tables.
+    path
+        The file. Paths of signals' files start at its folder.
+    plugins
+        Modules besides those that it names; all of these, and no others, are in use from here on.
+
+    Raises
+    ------
+    StudyError, InputError
+        Without the file's name.
     """
     from bayesdamp.estimators import ESTIMATORS
     from bayesdamp.inference.evidence import EVIDENCES
     from bayesdamp.inference.noise import NOISES
     from bayesdamp.inference.samplers import SAMPLERS
 
-    header = section(Header, {n: v for n, v in raw.items() if n in Header.model_fields}, "")
-    known_keys(raw, [*Header.model_fields, *_TABLES], "")
-    named = section(PluginsTable, raw.get("plugins", {}), "plugins").modules or ()
+    header = read_section(Header, {n: v for n, v in raw.items() if n in Header.model_fields}, "")
+    check_keys(raw, [*Header.model_fields, *_TABLES], "")
+    named = read_section(PluginsTable, raw.get("plugins", {}), "plugins").modules or ()
     modules = tuple(dict.fromkeys((*read_modules(named, path.parent), *plugins)))
     use(modules)
-    name = header.name if header.name is not None else re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)
-    models = _models(raw.get("models", {}))
-    signals = _signals(raw, path.parent, models.restoring)
-    estimators = _estimators(raw.get("estimators", {}))
+    models = _read_models(raw.get("models", {}))
+    signals = _read_signals(raw, path.parent, models.restoring)
+    estimators = _read_estimators(raw.get("estimators", {}))
     published: tuple[Published, ...] = ()
     if header.published is not None:
         methods = [*ESTIMATORS.names(), *estimators.variants]
-        published = read_published(path.parent / header.published, [s.name for s in signals], methods)
-    posterior = section(PosteriorTable, raw.get("posterior", {}), "posterior")
-    _check_plugins(SAMPLERS, posterior.samplers, "posterior.samplers", "the sampler")
-    if posterior.noise != "auto":
-        noises = (posterior.noise,) if isinstance(posterior.noise, str) else posterior.noise
-        _check_plugins(NOISES, noises, "posterior.noise", "the noise model")
-    evidence = section(EvidenceTable, raw.get("evidence", {}), "evidence")
-    _check_plugins(EVIDENCES, evidence.methods, "evidence.methods", "the method")
-    calibration = section(CalibrationTable, raw.get("calibration", {}), "calibration")
-    _check_plugins(SAMPLERS, calibration.samplers, "calibration.samplers", "the sampler")
+        published = _read_published(path.parent / header.published, [s.name for s in signals], methods)
+    posterior = read_section(PosteriorTable, raw.get("posterior", {}), "posterior")
+    noises = (posterior.noise,) if isinstance(posterior.noise, str) else posterior.noise
+    evidence = read_section(EvidenceTable, raw.get("evidence", {}), "evidence")
+    calibration = read_section(CalibrationTable, raw.get("calibration", {}), "calibration")
+    for registry, names, key, what in (
+        (SAMPLERS, posterior.samplers, "posterior.samplers", "the sampler"),
+        (NOISES, () if posterior.noise == "auto" else noises, "posterior.noise", "the noise model"),
+        (EVIDENCES, evidence.methods, "evidence.methods", "the method"),
+        (SAMPLERS, calibration.samplers, "calibration.samplers", "the sampler"),
+    ):
+        check_plugins(registry, names, key)
+        check_distinct(names, key, what)
     study = Study(
         source=path,
-        name=name,
+        name=header.name if header.name is not None else re.sub(r"[^A-Za-z0-9_-]", "_", path.stem),
         signals=signals,
         estimators=estimators,
         models=models,
@@ -260,7 +231,7 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
         description=header.description,
         published=published,
         calibration=calibration,
-        recovery=section(RecoveryTable, raw.get("recovery", {}), "recovery"),
+        recovery=read_section(RecoveryTable, raw.get("recovery", {}), "recovery"),
         plugins=modules,
         tables=raw,
     )
@@ -269,14 +240,117 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
             if model not in study.dampings(spec):
                 what = f"names {model}, which this signal does not compare"
                 raise StudyError(f"signal[{spec.name}].estimate", f"{what}; it must be one of its models")
-    check_specimens(
-        study.every_specimen, {s.name: study.dampings(s) for s in study.signals}, bool(raw.get("sweep"))
-    )
+    _check_specimens(study)
     if "laplace" not in study.evidence.methods:
-        for key, value in (
-            ("models.prune", study.models.prune),
-            ("posterior.best", study.posterior.best),
-        ):
+        limits = {"models.prune": study.models.prune, "posterior.best": study.posterior.best}
+        for key, value in limits.items():
             if value is not None:
                 raise StudyError(key, 'needs "laplace" among evidence.methods; name it there')
     return study
+
+
+def _read_models(raw: object) -> Models:
+    checked = read_section(ModelsTable, raw, "models")
+    names = all_sums() if checked.compare == "all" else checked.compare
+    compare = canonical_models(tuple(names), "models.compare")
+    further = [p.name for t in damping_order() for p in TERMS.get(t).inferred]
+    check_keys(checked.prior, [*damping_order(), *further], "models.prior")
+    return Models(
+        compare,
+        {n: read_prior(v, f"models.prior.{n}", negative=n in further) for n, v in checked.prior.items()},
+        check_laws(checked.restoring or (), "models.restoring"),
+        checked.prune,
+    )
+
+
+def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> tuple[SignalSpec, ...]:
+    def tables_of(name: str) -> list[dict[str, Any]]:
+        entries = raw.get(name, [])
+        if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
+            raise StudyError(name, f"is {show(entries)}; it must be tables that start with [[{name}]]")
+        return entries
+
+    written = tables_of("signal")
+    lists = [entry["restoring"] for entry in written if isinstance(entry.get("restoring"), list)]
+    own = [
+        law for names in lists for law in names if law in LAWS.names()
+    ]  # others are refused with their signal
+    base = check_base(raw.get("system", {}), (*laws, *own))
+    if not written:
+        raise StudyError("signal", "is missing; a study has at least one [[signal]]")
+    signals = []
+    for place, entry in enumerate(expand(written, tables_of("sweep")), start=1):
+        label = entry.get("name")
+        label = label if isinstance(label, str) and re.fullmatch(NAME, label) else str(place)
+        signals.append(resolve_signal(entry, base, folder, f"signal[{label}]", laws))
+    check_distinct((s.name for s in signals), "signal", "the signal")
+    return tuple(signals)
+
+
+def _read_estimators(raw: object) -> Estimators:
+    from bayesdamp.estimators import ESTIMATORS, names_for_all
+
+    given = check_table(raw, "estimators")
+    own = list(EstimatorsTable.model_fields)
+    variants: dict[str, str] = {}
+    for name, options in given.items():
+        if name in own or not isinstance(options, dict) or "variant_of" not in options:
+            continue
+        key, method = join_keys("estimators", name), options["variant_of"]
+        if name in ESTIMATORS.names():
+            raise StudyError(key, "is an estimator's own name; a variant needs another, such as sindy_sign")
+        if not re.fullmatch(NAME, name):
+            raise StudyError(key, "is not a name for a variant; it must be letters, digits, - and _")
+        key = join_keys(key, "variant_of")
+        if not isinstance(method, str):
+            raise StudyError(key, f"is {show(method)}; it must be an estimator's name in quotes")
+        check_plugins(ESTIMATORS, [method], key)
+        variants[name] = method
+    check_keys(given, [*own, *ESTIMATORS.names(), *variants], "estimators")
+    checked = read_section(EstimatorsTable, {n: v for n, v in given.items() if n in own}, "estimators")
+    names = tuple(names_for_all()) if checked.use == "all" else checked.use
+    check_plugins(ESTIMATORS, [name for name in names if name not in variants], "estimators.use")
+    check_distinct(names, "estimators.use", "the estimator")
+    check_distinct(checked.stages, "estimators.stages", "the stage")
+    check_keys(checked.repeats, names, "estimators.repeats")
+    options = {n: check_table(v, join_keys("estimators", n)) for n, v in given.items() if n not in own}
+    options = {n: {k: v for k, v in o.items() if k != "variant_of"} for n, o in options.items()}
+    return Estimators(names, checked.stages, options, checked.repeats, variants)
+
+
+def _read_published(path: Path, signals: Iterable[str], estimators: Iterable[str]) -> tuple[Published, ...]:
+    """Read the figures in a CSV file with the columns `_PUBLISHED`. Raises StudyError."""
+    try:
+        reader = csv.DictReader(io.StringIO(read_plain(path, "a CSV file"), newline=""))
+        missing = [c for c in _PUBLISHED if c not in (reader.fieldnames or ())]
+        rows = list(reader)
+    except (InputError, csv.Error) as error:
+        raise StudyError("published", f"is {show(path.name)}, which cannot be read ({error})") from None
+    if missing:
+        what = f"is {path.name!r}, which has no column {missing[0]}"
+        raise StudyError("published", f"{what}; its columns must be {', '.join(_PUBLISHED)}")
+    known = {"signal": list(signals), "estimator": list(estimators)}
+    for line, row in enumerate(rows, start=2):
+        for column, names in known.items():
+            if row[column] not in names:
+                what = f"line {line} of {path.name}: unknown {column} {show(row[column])}"
+                raise StudyError("published", f"{what}{nearest(str(row[column]), names)}")
+    return tuple(Published(*(row[c] or "" for c in _PUBLISHED)) for row in rows)
+
+
+def _check_specimens(study: Study) -> None:
+    """Refuse repeats of a specimen in rad and in m, or with other candidates, and specimens in a sweep."""
+    for name, (first, *others) in study.every_specimen.items():
+        if study.tables.get("sweep"):
+            what = "cannot be combined with a [[sweep]]; remove one of the two"
+            raise StudyError(f"signal[{first.name}].specimen", what)
+        for spec in others:
+            key, repeat = f"signal[{spec.name}].specimen", f"is {name!r}, which signal {first.name} is too"
+            if unit_named(spec.source.unit).base != unit_named(first.source.unit).base:
+                units = f"{spec.source.unit} and {first.source.unit}"
+                right = "repeats must all be angles, all lengths or all in one unit"
+                raise StudyError(key, f"{repeat}, in {units}; {right}")
+            same = set(study.dampings(spec)) == set(study.dampings(first))
+            if spec.restoring != first.restoring or not same:
+                right = "repeats must have the same compare and restoring"
+                raise StudyError(key, f"{repeat}, under other models; {right}")

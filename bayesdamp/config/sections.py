@@ -1,4 +1,4 @@
-"""The sections of a study file that hold the same keys whatever the physics."""
+"""The sections of a study file whose keys do not depend on the physics."""
 
 from __future__ import annotations
 
@@ -11,19 +11,17 @@ from bayesdamp.units import UNITS
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"
 
 
-def _listed(value: object) -> object:
+def _tuple_of(value: object) -> object:
     return tuple(value) if isinstance(value, list) else value
 
 
-Names = Annotated[tuple[str, ...], BeforeValidator(_listed)]
-Levels = Annotated[
-    tuple[Annotated[float, Field(gt=0)], ...],
-    BeforeValidator(lambda x: _floats(_listed(x))),
-    Field(min_length=1),
-]
+Name = Annotated[str, Field(pattern=NAME, max_length=64)]
+Names = Annotated[tuple[str, ...], BeforeValidator(_tuple_of)]
+SomeNames = Annotated[Names, Field(min_length=1)]
+Levels = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(_tuple_of), Field(min_length=1)]
 Deviation = Literal["auto", "none", "law"]
 DEVIATIONS: tuple[str, ...] = get_args(Deviation)
-"""Whether laws hold exactly: none; approximately: law; auto: as the record says."""
+"""Whether laws hold exactly ("none") or approximately ("law"), or it depends on the record ("auto")."""
 MANY = 10_000_000
 """The most samples of a record, and draws of a chain, that a study may ask for (conventional)."""
 RECORDS = 1_000_000
@@ -36,15 +34,8 @@ UNIT = f"one of {', '.join(UNITS)} (of the displacement itself)"
 _A_COUNT = "a whole number from 1 to 1,000,000"
 
 
-def _floats(values: object) -> object:
-    """Whole numbers among others as floats: a list of levels may hold both."""
-    if not isinstance(values, tuple):
-        return values
-    return tuple(float(v) if isinstance(v, int) and not isinstance(v, bool) else v for v in values)
-
-
 class Section(BaseModel):
-    """A table of the study file: frozen, and no key but its own."""
+    """A table of the study file: frozen, without other keys than its own."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -53,9 +44,7 @@ class Header(Section):
     """The top of the file; the tables are checked one by one after it."""
 
     version: int = Field(ge=1, le=1, description="1, the version of this format")
-    name: str | None = Field(
-        None, pattern=NAME, max_length=64, description="at most 64 letters, digits, - and _"
-    )
+    name: Name | None = Field(None, description="at most 64 letters, digits, - and _")
     seed: int = Field(0, ge=0, lt=2**63, description="a whole number, 0 or more")
     description: str = Field("", description="a line of text in quotes")
     published: str | None = Field(
@@ -67,7 +56,7 @@ class FileTable(Section):
     """How a record's file is read.
 
     angle: the recorded quantity's column, whatever the quantity; None where the file has only that one. start and stop
-    in s of the record's own clock. What is not given the file says, or it is chosen.
+    in s of the record's own clock. The file or the reader decides what is not given.
     """
 
     time: ColumnName | None = Field(None, description="a column's name or its number from 1")
@@ -100,38 +89,34 @@ class FileTable(Section):
 
 
 class SignalTable(FileTable):
-    """One [[signal]]: a record that is simulated or one that is read."""
+    """One [[signal]]: a record that is simulated or read."""
 
-    name: str = Field(
-        pattern=NAME, max_length=64, description="a name in quotes: at most 64 letters, digits, - and _"
-    )
+    name: Name = Field(description="a name in quotes: at most 64 letters, digits, - and _")
     simulate: dict[str, Any] | None = Field(None, description="a table such as { viscous = 0.05, ... }")
     system: dict[str, Any] = Field(
         {}, description='a table of what is known, such as { restoring = "pendulum", stiffness = 20.1 }'
     )
-    compare: Annotated[Names, Field(min_length=1)] | None = Field(
+    compare: SomeNames | None = Field(
         None, description="a list of one or more models for this signal, in place of [models]'s"
     )
-    restoring: Annotated[Names, Field(min_length=1)] | None = Field(
+    restoring: SomeNames | None = Field(
         None, description="a list of one or more restoring laws for this signal, in place of [models]'s"
     )
     estimate: Names | None = Field(
-        None,
-        description="a list of the models under which estimators run on this signal; all that it compares",
+        None, description="a list of the models under which estimators run on this signal; all by default"
     )
-    specimen: str | None = Field(
-        None,
-        pattern=NAME,
-        max_length=64,
-        description="a name in quotes, the same for repeats of one specimen: letters, digits, - and _",
+    specimen: Name | None = Field(
+        None, description="a name in quotes, the same for repeats of one specimen: letters, digits, - and _"
     )
     file: str | None = Field(None, min_length=1, description="a file's path in quotes")
 
 
 class SimulateTable(Section):
-    """How a record is made, besides the true values of the parameters."""
+    """How a record is simulated, besides the true values of the parameters."""
 
-    duration: float = Field(gt=0, description="the length of the record in s, a positive number")
+    duration: float = Field(
+        ge=1e-12, le=1e9, description="the length of the record in s, a positive number up to 1e9"
+    )
     samples: int = Field(ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
     repeats: int = Field(1, ge=1, le=RECORDS, description=_A_COUNT)
     noise: str = Field("gaussian", description="a noise model's name in quotes")
@@ -148,15 +133,15 @@ class SweepTable(Section):
     """One [[sweep]]: all signals that have the key, repeated over its values."""
 
     key: str = Field(min_length=1, description='a key of a signal, such as "simulate.noise_sd"')
-    values: Annotated[tuple[Any, ...], BeforeValidator(_listed), Field(min_length=1)] = Field(
+    values: Annotated[tuple[Any, ...], BeforeValidator(_tuple_of), Field(min_length=1)] = Field(
         description="a list of one or more values"
     )
 
 
 class PluginsTable(Section):
-    """[plugins]: modules of the user's own that hold plug-ins."""
+    """[plugins]: the user's own modules of plug-ins."""
 
-    modules: Annotated[Names, Field(min_length=1)] | None = Field(
+    modules: SomeNames | None = Field(
         None, description='a list of Python files, such as ["my_terms.py"], whose paths start at this file'
     )
 
@@ -165,7 +150,7 @@ class EstimatorsTable(Section):
     """[estimators] without the options of single methods."""
 
     use: Literal["all"] | Names = Field("all", description='"all" or a list of names')
-    stages: Annotated[tuple[Literal["initial", "refined"], ...], BeforeValidator(_listed)] = Field(
+    stages: Annotated[tuple[Literal["initial", "refined"], ...], BeforeValidator(_tuple_of)] = Field(
         ("initial", "refined"), description='a list of "initial" and "refined"'
     )
     repeats: dict[str, Annotated[int, Field(ge=1)]] = Field(
@@ -176,10 +161,10 @@ class EstimatorsTable(Section):
 class ModelsTable(Section):
     """[models]: the damping sums and restoring laws to compare, and the priors of the terms."""
 
-    compare: Literal["all"] | Annotated[Names, Field(min_length=1)] = Field(
+    compare: Literal["all"] | SomeNames = Field(
         ("viscous", "coulomb", "quadratic"), description='"all" or a list of one or more models'
     )
-    restoring: Annotated[Names, Field(min_length=1)] | None = Field(
+    restoring: SomeNames | None = Field(
         None, description="a list of one or more restoring laws, in place of [system]'s one"
     )
     prior: dict[str, Any] = Field({}, description="a table of priors by damping term")
@@ -189,10 +174,10 @@ class ModelsTable(Section):
 
 
 class PosteriorTable(Section):
-    """[posterior]: which samplers, under which noise, how long."""
+    """[posterior]: which samplers, with which noise model, how many draws."""
 
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
-    noise: str | Annotated[Names, Field(min_length=1)] = Field(
+    noise: str | SomeNames = Field(
         "gaussian", description='a noise model\'s name in quotes, a list of names, or "auto"'
     )
     best: int | None = Field(
@@ -210,7 +195,7 @@ class PosteriorTable(Section):
 
 
 class EvidenceTable(Section):
-    """[evidence]: which methods, and when nested sampling is called as a referee."""
+    """[evidence]: which methods, and when nested sampling is used as a referee."""
 
     methods: Names = Field(("importance", "bridge"), description="a list of methods' names")
     referee: Literal["auto", "always", "never"] = Field(
@@ -219,9 +204,9 @@ class EvidenceTable(Section):
 
 
 class CalibrationTable(Section):
-    """[calibration]: how many records for each model, and how they are looked at.
+    """[calibration]: how many records for each model, and how truths are ranked.
 
-    draws: thinned draws among which a truth is ranked; bins of the ranks, which are of equal size.
+    draws: thinned draws among which a truth is ranked; bins: of the ranks, of equal size.
     """
 
     records: int = Field(500, ge=1, le=RECORDS, description=_A_COUNT)
@@ -239,9 +224,9 @@ class CalibrationTable(Section):
 class RecoveryTable(Section):
     """[recovery]: records for `calibrate --models`, over levels of noise and lengths that the inference knows.
 
-    noise: medians of the noise's prior as shares of the reference amplitude; noise_sigma: its sd in the logarithm;
-    cycles: of the reference frequency. single: records of single dampings, at the noise and length of their own, of
-    which those count that lose least_loss of their amplitude.
+    noise: medians of the noise's prior as shares of the reference amplitude; noise_sigma: its sd in the logarithm.
+    cycles: of the reference frequency. single: records of single dampings, at their own noise and length; those that
+    lose at least least_loss of their amplitude count.
     """
 
     records: int = Field(1000, ge=1, le=RECORDS, description=_A_COUNT)

@@ -1,4 +1,4 @@
-"""The whole pipeline, the only part that knows all of it: a study as a graph of independent, named cells."""
+"""The pipeline of a study: a graph of independent, named cells, and the one room that knows all the others."""
 
 from bayesdamp.pipeline.jobs import Depth, cells
 from bayesdamp.pipeline.run import run_study

@@ -1,4 +1,4 @@
-"""Envelopes as records of a study: read from their files, answered, and taken together as one specimen."""
+"""Envelopes as records of a study: read from their files and answered."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.inference.envelope.dampings import Sums, further_terms, weighable
 from bayesdamp.interface.envelopes import answer_envelope
 from bayesdamp.physics.damping import TERMS, parse_model
-from bayesdamp.pipeline.keys import task_key
-from bayesdamp.pipeline.records.records import RecordCell
-from bayesdamp.pipeline.tasks import Product
+from bayesdamp.pipeline.tasks import Product, task_key
 from bayesdamp.plugins import sources_below
 from bayesdamp.records.envelope.reading import read_envelope
 from bayesdamp.records.envelope.record import EnvelopeRecord
@@ -38,7 +36,7 @@ def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Window
 
 @lru_cache(maxsize=KEPT)
 def _read(source: Recording, changed: int) -> EnvelopeRecord:
-    """Return the envelope in a file. changed: when the file was; a command checks its files before a run reads them."""
+    """Return the envelope in a file, from memory until the file changes: a run checks its files before it begins."""
     del changed
     return read_envelope(
         source.path,
@@ -50,40 +48,40 @@ def _read(source: Recording, changed: int) -> EnvelopeRecord:
     )
 
 
+def _sums(study: Study, spec: SignalSpec) -> Sums:
+    return tuple(parse_model(name) for name in study.dampings(spec))
+
+
 def check_recording(study: Study, spec: SignalSpec) -> None:
     """Read an envelope and check that its damping sums can be weighed on it. Raises InputError."""
     assert isinstance(spec.source, Recording)
     record, _ = read_recording(spec.source, spec.name)
-    sums, _ = weighable([parse_model(name) for name in study.dampings(spec)])
+    sums, _ = weighable(_sums(study, spec))
     if further_terms(sums):
         scale_of(record, sums, 0.0)
 
 
-class EnvelopeCell(RecordCell):
-    """The verdict on an envelope, as `answer/SIGNAL/0`.
+def envelope_key(study: Study, spec: SignalSpec, store: Store) -> str:
+    """Return the key of the verdict on an envelope, `answer/SIGNAL/0`.
 
-    Its key is of the file's content, the signal's table, the question, and the source of terms and readers.
+    It depends on the file's content, the signal's table, the study's question, and the source of terms and readers.
     """
+    source = spec.source
+    assert isinstance(source, Recording)
 
-    def __init__(self, study: Study, spec: SignalSpec, store: Store) -> None:
-        super().__init__("answer", study, spec, 0, store)
-
-    @property
-    def sums(self) -> Sums:
-        """The damping sums that are asked for."""
-        return tuple(parse_model(name) for name in self.study.dampings(self.spec))
-
-    def _key(self) -> str:
-        assert isinstance(self.spec.source, Recording)
-        read = {k: v for k, v in split(self.spec.source).items() if k not in ("file", "path")}
-        own = [*map(TERMS.source, further_terms(self.sums)), *sources_below("bayesdamp.records")]
-        content, repeated = sha256(self.spec.source.path), bool(self.spec.specimen)
-        parts = (self.spec.name, read, content, self.sums, self.study.seed, repeated)
+    def compute() -> str:
+        sums = _sums(study, spec)
+        settings = {k: v for k, v in split(source).items() if k not in ("file", "path")}
+        own = [*map(TERMS.source, further_terms(sums)), *sources_below("bayesdamp.records")]
+        parts = (spec.name, settings, sha256(source.path), sums, study.seed, bool(spec.specimen))
         return task_key("envelope", *parts, own)
 
-    def product(self) -> Product:
-        """The verdict with what it rests on."""
-        assert isinstance(self.spec.source, Recording)
-        record, window = read_recording(self.spec.source, self.spec.name)
-        result = answer_envelope(record, window, self.sums, self.study.seed, bool(self.spec.specimen))
-        return Product(result.content, result.arrays)
+    return store.key(f"answer/{spec.name}/0", (study, spec), compute)
+
+
+def compute_envelope(study: Study, spec: SignalSpec) -> Product:
+    """Return the verdict on an envelope with the numbers behind it."""
+    assert isinstance(spec.source, Recording)
+    record, window = read_recording(spec.source, spec.name)
+    result = answer_envelope(record, window, _sums(study, spec), study.seed, bool(spec.specimen))
+    return Product(result.content, result.arrays)

@@ -17,16 +17,13 @@ from bayesdamp.config import Recording, Study
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.machine.threads import cores
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, within, work_of
-from bayesdamp.pipeline.keys import digest
+from bayesdamp.pipeline.answering import ANSWERED, SAMPLED, asks_for_answers, verdict_of
+from bayesdamp.pipeline.jobs import Depth, Job, count_parallel_jobs, is_within, jobs_of, stages, work_of
 from bayesdamp.pipeline.progress import progress_on, words_of
-from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, answers, verdict_of
-from bayesdamp.pipeline.records.records import signal_of
-from bayesdamp.pipeline.spread import KILLED, restart, spread
-from bayesdamp.pipeline.tables.tables import write_tables
-from bayesdamp.pipeline.tables.verdicts import write_verdicts
-from bayesdamp.pipeline.tasks import perform
-from bayesdamp.pipeline.workers import pool_of
+from bayesdamp.pipeline.records import read_free_decay, signal_of
+from bayesdamp.pipeline.tables import write_tables, write_verdicts
+from bayesdamp.pipeline.tasks import digest, perform
+from bayesdamp.pipeline.workers import KILLED, pool_of, restart, spread
 from bayesdamp.plugins import use
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.reference import reference_of
@@ -41,7 +38,7 @@ if TYPE_CHECKING:
 
 DONE, WRONG_CELLS = 0, 3
 _ONE_AT_A_TIME = threading.Lock()
-"""A process has one job under way, also where a Dask worker has several threads."""
+"""A process runs one job at a time, also where a Dask worker has several threads."""
 
 
 def run_study(
@@ -55,13 +52,38 @@ def run_study(
     answered: Callable[[Verdict], None] | None = None,
     quiet: bool = False,
 ) -> int:
-    """Run what `out` does not hold yet, write tables and report; the exit status (0, or 3 with failed cells).
+    """Run the cells of a study that a folder lacks, and write tables and report.
 
-    depth: where to stop; answered: told of each record's verdict as soon as it is there, and again once its motions
-    are sampled; quiet: without progress, but not without what failed.
-    workers: processes on this machine, None for as many as there are cores; scheduler: address of a Dask
-    scheduler in their place.
-    Raises InputError where the input is wrong; every record is read before anything is written.
+    Parameters
+    ----------
+    study
+        What to run. Every record is read before anything is written.
+    out
+        The run's folder.
+    workers
+        Processes on this machine, None for as many as there are cores.
+    scheduler
+        Address of a Dask scheduler that is used in their place.
+    fresh
+        Whether to compute everything again.
+    console
+        For progress and failed cells.
+    depth
+        Where to stop.
+    answered
+        Called with each record's verdict as soon as there is one, and again once its motions are sampled.
+    quiet
+        Whether to show only failed cells.
+
+    Returns
+    -------
+    int
+        The exit status, 0, or 3 with failed cells.
+
+    Raises
+    ------
+    InputError
+        The input is wrong.
     """
     from rich.console import Console
 
@@ -73,25 +95,25 @@ def run_study(
         if fresh:
             store.clear()
         jobs = jobs_of(study)
-        wanted = [job for job in jobs if within(job, depth)]
-        workers = workers or max(1, min(cores(), side_by_side(jobs, depth)))
+        wanted = [job for job in jobs if is_within(job, depth)]
+        workers = workers or max(1, min(cores(), count_parallel_jobs(jobs, depth)))
         names = [name for job in wanted for name in work_of(study, store, job)]
         shown = Console(quiet=True) if quiet else console
-        with progress_on(shown, wanted) as progress, pool_of(workers, scheduler, console.print) as pool:
+        with progress_on(shown) as progress, pool_of(workers, scheduler, console.print) as pool:
             if pool is not None and depth is Depth.WHOLE:
                 pool.submit(_prepare)
                 threading.Thread(target=_prepare, daemon=True).start()
             for stage in stages(study, store, depth):
-                if stage:
-                    progress.begin(words_of(study, stage), stage)
+                if not stage:
+                    continue
+                progress.begin(words_of(study, stage), stage)
                 _run_jobs(study, store, stage, pool, lambda _: progress.advance())
-                if stage and stage[0].part == "read" and not answers(study):
-                    _tell(study, store, answered)
-                if stage and stage[0].part in (ANSWERED, SAMPLED):
+                if stage[0].part == "read" and not asks_for_answers(study):
+                    _report_verdicts(study, store, answered)
+                if stage[0].part in (ANSWERED, SAMPLED):  # an answer is kept whatever comes later
                     current = Store(out, _current(study, store))
-                    _tell(study, current, answered)
-                    if depth is not Depth.ANSWER:  # an answer is kept whatever becomes of the proof
-                        write_verdicts(study, current)
+                    _report_verdicts(study, current, answered)
+                    write_verdicts(study, current)
             progress.begin("drawing the report", ())
             write_tables(study, Store(out, _current(study, store)))
             _render(out, None if scheduler else pool)
@@ -103,10 +125,7 @@ def run_study(
 
 
 def read_records(study: Study) -> None:
-    """Read every file once, and what is known of its system, so that what is wrong is told before anything is written.
-    Raises InputError."""
-    from bayesdamp.pipeline.records.records import cleaned, of_file
-
+    """Read every file and its system once, so that faults show before anything is written. Raises InputError."""
     for spec in study.signals:
         source = spec.source
         if not isinstance(source, Recording):
@@ -116,10 +135,7 @@ def read_records(study: Study) -> None:
 
             check_recording(study, spec)
             continue
-        try:
-            _, signal = cleaned(source, spec.name)
-        except InputError as error:
-            raise of_file(error, source) from None
+        _, signal = read_free_decay(source, spec.name)
         try:
             for system in (spec.system, *spec.alternatives):
                 reference_of(system, features(signal))
@@ -130,48 +146,64 @@ def read_records(study: Study) -> None:
 def _run_job(
     study: Study | bytes, folder: Path, job: Job, given_up: Collection[str] = (), code: str = ""
 ) -> list[str]:
-    """Compute the cells of a job that the folder lacks; a cell that fails is stored with what went wrong.
+    """Compute the cells of a job that the folder lacks, and return the names of all its cells.
 
-    study: pickled once for all jobs where they run elsewhere (one of a thousand records takes 30 ms each time).
-    given_up: cells that are not to be tried again. code: the digest of the package that asks, where that is another
-    process; results of other code would stand under its keys.
+    A cell that fails is stored with its fault.
+
+    Parameters
+    ----------
+    study
+        Pickled once for all jobs where they run elsewhere (one of a thousand records takes 30 ms each time).
+    folder
+        The run's.
+    job
+        To do.
+    given_up
+        Cells that are not tried again.
+    code
+        Digest of the package of the command, where that is another process: its keys stand for its own code.
     """
     if code and code != package_digest():
         raise InputError("a worker runs another version of bayesdamp than this command; restart the workers")
     study = _unpickled(study) if isinstance(study, bytes) else study
-    store, done = Store(folder), []
+    store, names = Store(folder), []
     # One thread for sums of linear algebra: their order, and the last digits, would depend on how many there are.
     with _ONE_AT_A_TIME, threadpool_limits(1, "blas"):
         use(study.plugins)
         for name, (key, make) in work_of(study, store, job).items():
-            if name not in given_up and not _done(store, name, key):
+            if name not in given_up and not _is_done(store, name, key):
                 perform(store, name, key, make)
-            done.append(name)
-    return done
+            names.append(name)
+    return names
 
 
 _unpickled: Callable[[bytes], Study] = lru_cache(maxsize=1)(pickle.loads)
 
 
-def _done(store: Store, name: str, key: str) -> bool:
-    """Whether a cell has its result; one that failed is tried again, and what depends on it."""
-    try:
-        found = store.read(name)
-    except KeyError:
-        return False
-    return found.key == key and status_of(found.outcome) not in (Status.FAILED, Status.NOT_COMPUTED)
+def _is_done(store: Store, name: str, key: str) -> bool:
+    """Return whether a cell has its result; one that failed is tried again, and so is what depends on it."""
+    cell = store.find(name)
+    return (
+        cell is not None
+        and cell.key == key
+        and status_of(cell.outcome) not in (Status.FAILED, Status.NOT_COMPUTED)
+    )
 
 
-def _tell(study: Study, store: Store, answered: Callable[[Verdict], None] | None) -> None:
-    """Tell the verdict on each record; of a study that asks for none, on measured records that are no free decay."""
-    for spec in study.signals if answered else ():
-        if answers(study):
+def _report_verdicts(study: Study, store: Store, answered: Callable[[Verdict], None] | None) -> None:
+    """Call `answered` with the verdict on each record.
+
+    Of a study that asks for none, these are the verdicts on measured records that are not a free decay.
+    """
+    if answered is None:
+        return
+    for spec in study.signals:
+        verdict = None
+        if asks_for_answers(study):
             verdict = verdict_of(store, spec.name, 0)
         elif isinstance(spec.source, Recording) and not spec.is_envelope:
             verdict = no_free_decay(signal_of(store.read(f"signal/{spec.name}/0")))
-        else:
-            verdict = None
-        if answered and verdict is not None:
+        if verdict is not None:
             answered(verdict)
 
 
@@ -191,7 +223,7 @@ def _run_jobs(
 
     def under_way(job: Job, given_up: Collection[str]) -> str | None:
         cells = {n: key for n, (key, _) in work_of(study, store, job).items() if n not in given_up}
-        return next((n for n, key in cells.items() if not _done(store, n, key)), None)
+        return next((n for n, key in cells.items() if not _is_done(store, n, key)), None)
 
     def give_up(job: Job, name: str) -> None:
         store.write(CellResult(name, work_of(study, store, job)[name][0], outcome=KILLED))
@@ -207,7 +239,7 @@ def _run_jobs(
 
 
 def _prepare() -> None:
-    """Import what is needed later, while the first record leaves processes idle."""
+    """Import modules that are needed later, while the first record leaves processes idle."""
     for name in ("bayesdamp.report", "bayesdamp.inference.samplers.nuts", "arviz_base"):
         import_module(name)
 
@@ -224,15 +256,15 @@ def _render(out: Path, pool: Executor | None) -> None:
 
 
 def _current(study: Study, store: Store) -> dict[str, str]:
-    """Name to key of the stored cells that answer this study; those of an earlier question are not among them."""
-    found = {}
-    names = [(name, Place.of(name).kind) for name in store.names()]
-    stored = [name for name, kind in names if kind not in ("signal", ANSWERED, SAMPLED)]
+    """Return the keys of the stored cells that answer this study, by name, without those of an earlier question."""
+    current = {}
+    places = [(name, Place.of(name).kind) for name in store.names()]
+    stored = [name for name, kind in places if kind not in ("signal", ANSWERED, SAMPLED)]
     for job in jobs_of(study):
         # Keys of candidates cost more than all else here, and most runs have none of their cells.
         path = f"{job.signal}/{job.repeat}/{job.model or ''}"
-        of_candidates = job.model is not None or job.joined == "average"
-        if of_candidates and not any(path in f"{name}/" for name in stored):
+        is_of_candidates = job.model is not None or job.part == "average"
+        if is_of_candidates and not any(path in f"{name}/" for name in stored):
             continue
         for name, (key, _) in work_of(study, store, job).items():
             try:
@@ -240,5 +272,5 @@ def _current(study: Study, store: Store) -> dict[str, str]:
             except KeyError:
                 continue
             if own in (key, digest(outcome, key)):
-                found[name] = own
-    return found
+                current[name] = own
+    return current

@@ -1,4 +1,4 @@
-"""A run's folder: one atomic file a cell, the tables, provenance, and a lock."""
+"""The folder of a run: one atomic file a cell, the tables, provenance, and a lock."""
 
 from bayesdamp.store.cells import CellResult, Store
 from bayesdamp.store.files import write_bytes, write_json

@@ -1,4 +1,4 @@
-"""What the tasks of a run store: one class a kind of task."""
+"""The stored results of a run's tasks: one class for each kind of task."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ from bayesdamp.types import (
 
 
 class OtherVersionError(InputError, ValueError):
-    """What is stored is not what this version stores."""
+    """The stored result has another form than this version stores."""
 
 
 @dataclass(frozen=True)
 class Content:
-    """What a cell of one kind holds beside its arrays. Subclasses are frozen dataclasses of what JSON can hold."""
+    """The values of one kind of cell, without its arrays. Subclasses are frozen dataclasses that JSON can hold."""
 
     @classmethod
     def of(cls, cell: CellResult) -> Self:
-        """Of a cell that has a content of this kind. Raises OtherVersionError where it holds something else."""
+        """Read the content of a cell. Raises OtherVersionError where it has another form."""
         return cls.of_meta(cell.meta)
 
     @classmethod
     def maybe(cls, cell: CellResult | None) -> Self | None:
-        """Of a cell that may be missing, or hold nothing but why there is no result: None then."""
+        """Read the content of a cell; None where the cell is missing, or only says why it has no result."""
         return cls.of_meta(cell.meta) if cell is not None and cell.meta else None
 
     @classmethod
     def of_meta(cls, meta: Mapping[str, Any]) -> Self:
-        """What `meta` gave, after a file. Raises OtherVersionError."""
+        """Read what `meta` returned, from a file. Raises OtherVersionError."""
         try:
             own = {f.name for f in fields(cls)}
             return join(cls, {name: value for name, value in meta.items() if name in own})
@@ -57,7 +57,7 @@ class Content:
             raise OtherVersionError(f"{what} ({error})") from None
 
     def meta(self) -> dict[str, Any]:
-        """As a cell holds it."""
+        """Return the content as a cell stores it."""
         return split(self)
 
 
@@ -65,10 +65,10 @@ class Content:
 class RecordContent(Content):
     """A record (`signal/NAME/REPEAT`).
 
-    provenance: what was done to it. step: recording step, 0 where none is seen. bound: the Cramér–Rao bound of a
-    simulated one, sd by parameter. Where it shows an oscillation: features; anomalies, in words;
-    reference; known: of the system, friction's ε (rad/s) filled in, with a note; noisy: whether there is noise to weigh
-    by.
+    provenance: what was done to it. step: recording step, 0 where none shows. bound: the Cramér–Rao bound of a
+    simulated record, sd by parameter. The other fields need an oscillation: features; anomalies, in words; reference of
+    the priors; known: values of the system, with friction's ε (rad/s) filled in and a note on it; noisy: whether the
+    record has noise, without which there is no likelihood.
     """
 
     name: str = ""
@@ -86,7 +86,7 @@ class RecordContent(Content):
 
     @property
     def scales(self) -> Reference:
-        """The reference of a record with an oscillation. Raises ValueError where it has none."""
+        """Return the reference of the priors. Raises ValueError where the record shows no oscillation."""
         if self.reference is None:
             raise ValueError(f"{self.name} shows no oscillation")
         return self.reference
@@ -94,8 +94,10 @@ class RecordContent(Content):
 
 @dataclass(frozen=True)
 class EstimateContent(Content):
-    """One estimator on one candidate (`estimate/NAME/REPEAT/CANDIDATE/ESTIMATOR`), in the order of its stages, without
-    their curves: these are the cell's arrays, STAGE/NAME."""
+    """One estimator on one candidate (`estimate/NAME/REPEAT/CANDIDATE/ESTIMATOR`), in the order of its stages.
+
+    Their curves are the cell's arrays, STAGE/NAME.
+    """
 
     stages: tuple[Estimate, ...] = ()
 
@@ -105,9 +107,12 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class Climb:
-    """A search for the mode: the seed it started from and those that would have started there too, log posterior at
-    both ends, likelihoods, log volume at the end; distance: of the start from the mode, in sds; mode: number of the
-    maximum it ended in, 0 for the highest, None for none."""
+    """A search for the mode from one seed.
+
+    same: other seeds that start at the same point. start, end: log posterior there. evaluations: of the likelihood.
+    volume: log volume at the end. distance: of the start from the mode, in sds. mode: number of the maximum where it
+    ended, 0 for the highest, None for none.
+    """
 
     seed: Seed
     same: tuple[Seed, ...]
@@ -122,7 +127,7 @@ class Climb:
 
 @dataclass(frozen=True)
 class RefusedSeed:
-    """A seed without values to start from, and what its method said."""
+    """A seed without values to start from, with the outcome of its method."""
 
     seed: Seed
     outcome: str
@@ -141,11 +146,10 @@ class Maximum:
 class ModeContent(Content):
     """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`).
 
-    values, sd: of the inferred parameters; known: the others; priors in words. climbs, modes: what searches came to;
-    touching_zero: coefficients within a standard deviation of zero. stored: an `inference.fit.mode.StoredMode`, as
-    `bayesdamp.serial` splits it; its arrays are `stored/...`.
-    refused: what had no values to start from; and what was checked of the fit, as
-    `inference.checks.checks.Fit` explains it.
+    values, sd: of the inferred parameters; known: the others; priors in words. climbs, modes: the searches and the
+    maxima that they found; touching_zero: coefficients within a standard deviation of zero. refused: seeds without
+    values. stored: an `inference.fit.mode.StoredMode`, as `bayesdamp.serial` splits it; its arrays are `stored/...`.
+    The other fields are checks of the fit, which `inference.checks.checks.Fit` explains.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -184,9 +188,9 @@ class PosteriorContent(Content):
     """One sampler's draws (`posterior/NAME/REPEAT/CANDIDATE/SAMPLER`).
 
     posterior: without its arrays; the cell has `draws`, (chain, draw, parameter). summary, units: of the parameters and
-    of what follows from them, at the reference amplitude (unit of displacement); without: derived quantities that have
-    no summary, by how many draws have no such motion. file: whole, in the run's folder. ratios: where laws may hold
-    approximately, the damping ratio at the verdict's amplitudes.
+    of derived quantities, at the reference amplitude (unit of displacement). without: derived quantities that have no
+    summary, with the number of draws that have no such motion. file: the whole posterior, in the run's folder. ratios:
+    where laws may hold approximately, the damping ratio at the verdict's amplitudes.
     """
 
     posterior: Posterior = field(default_factory=lambda: Posterior("", (), *NO_DRAWS))
@@ -202,8 +206,8 @@ class PosteriorContent(Content):
 class AverageContent(Content):
     """The damping against amplitude averaged over the models (`averaged/NAME/0`).
 
-    probabilities: of the models, by which evidence method; covered: what the averaged ones hold together; weighed: what
-    was averaged by the weighted draws of its evidence, having no posterior.
+    probabilities: of the models, by the evidence `method`. covered: total probability of the models in the average.
+    weighed: models without a posterior, which are averaged by the weighted draws of their evidence.
     """
 
     probabilities: Mapping[str, float]
@@ -214,23 +218,27 @@ class AverageContent(Content):
 
 @dataclass(frozen=True)
 class EvidenceContent(Content):
-    """One method's evidence (`evidence/NAME/REPEAT/CANDIDATE/METHOD`), whose arrays are the cell's; None where a
-    referee was not called, because the others agree."""
+    """One method's evidence (`evidence/NAME/REPEAT/CANDIDATE/METHOD`), whose arrays are the cell's.
+
+    None where the referee was not called, because the other methods agree.
+    """
 
     evidence: Evidence | None = None
 
 
 @dataclass(frozen=True)
 class WidthsContent(Content):
-    """Evidence under other prior widths (`sensitivity/.../widths`): varied, the parameters whose priors were scaled."""
+    """Evidence under other prior widths (`sensitivity/.../widths`); varied: parameters whose priors were scaled."""
 
     varied: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class HalfContent(Forecast, Content):
-    """What the first half of a record says alone (`sensitivity/.../half`): its evidence, and of the second half what
-    `Forecast` explains; start: of the second half, in s."""
+    """The evidence of a record's first half alone, and its forecast of the second half (`sensitivity/.../half`).
+
+    start: of the second half, in s.
+    """
 
     start: float
     log_predictive_stderr: float
@@ -247,7 +255,7 @@ class UnderNoise:
 
 @dataclass(frozen=True)
 class NoisesContent(Content):
-    """Evidence under each noise model in play (`sensitivity/.../noises`), and which was chosen."""
+    """Evidence under each noise model of the study (`sensitivity/.../noises`), and which model was chosen."""
 
     chosen: str
     evidence: Mapping[str, UnderNoise]
@@ -262,10 +270,12 @@ class RatiosContent(Content):
 
 @dataclass(frozen=True)
 class WeighedCandidate:
-    """A damping sum under a restoring law: log evidence (nats) under approximate laws, None where they were taken to
-    hold exactly, and under exact ones; rms of the plain fit, in the record's unit. place: of another form of damping
-    than those that are compared, the sum that it comes to in a limit, if there is one. parameters: those of the damping
-    that are inferred."""
+    """A damping sum under a restoring law, as the answer weighed it.
+
+    log_evidence: in nats under approximate laws, None where laws hold exactly; log_evidence_exact: under exact laws.
+    rms: of the plain fit, in the record's unit. place: for a form of damping that the study does not compare, the sum
+    that it becomes in a limit, if there is one. parameters: the inferred ones of the damping.
+    """
 
     damping: str
     restoring: str
@@ -278,14 +288,17 @@ class WeighedCandidate:
 
     @property
     def exact(self) -> float:
-        """Log evidence under exact laws; −∞ where it was not weighed."""
+        """Return the log evidence under exact laws; −∞ where it was not weighed."""
         return float("-inf") if self.log_evidence_exact is None else self.log_evidence_exact
 
 
 @dataclass(frozen=True)
 class SampledPosterior:
-    """A candidate with its motions sampled. parameters: summaries by name; deviation: of the damping law, (2.5 %,
-    median, 97.5 %); unexplained: share of the amplitude; evidence in nats."""
+    """A candidate with its motions sampled.
+
+    parameters: summaries by name. deviation: of the damping law, (2.5 %, median, 97.5 %). unexplained: share of the
+    amplitude. log_evidence: in nats.
+    """
 
     damping: str
     restoring: str
@@ -318,8 +331,11 @@ class WeighedNoise:
 
 @dataclass(frozen=True)
 class FoundLaw:
-    """Where the search for a candidate with deviations ended, as `bayesdamp.serial` splits an
-    `inference.deviation.single.Found`; its arrays are `found/DAMPING@RESTORING/...`."""
+    """The end of the search for a candidate with deviations.
+
+    found: an `inference.deviation.single.Found`, as `bayesdamp.serial` splits it; its arrays are
+    `found/DAMPING@RESTORING/...`.
+    """
 
     damping: str
     restoring: str
@@ -328,9 +344,11 @@ class FoundLaw:
 
 @dataclass(frozen=True)
 class EnvelopeContent:
-    """What an answer on an envelope has beside its verdict: the unit of its readings, how many were used; numbers of
-    the likelihood of the rates by damping sum, whose arrays are `likelihood/DAMPING/...`; what was assumed, a sentence
-    each."""
+    """The answer on an envelope, without its verdict.
+
+    unit: of the readings. samples: how many were used. likelihoods: numbers of the likelihood of the rates by damping
+    sum, whose arrays are `likelihood/DAMPING/...`. assumed: a sentence for each assumption.
+    """
 
     unit: str
     samples: int = 0
@@ -342,12 +360,12 @@ class EnvelopeContent:
 class AnswerContent(Content):
     """The answer on a record (`answer/NAME/REPEAT`, `sampled/NAME/REPEAT`).
 
-    verdict: as `Verdict.to_dict` gives it. rivals: other forms of damping that were weighed. fits: parameters of the
+    verdict: as `Verdict.to_dict` returns it. rivals: other forms of damping that were weighed. fits: parameters of the
     fit of all terms, by restoring law. posteriors: of the candidates that were sampled; laws: of those that were
-    weighed with deviations. noise: the noise model that the answer is under; noises: all that were weighed. terms:
-    all damping terms that were weighed. epsilon: the width (rad/s or m/s) within which friction changes its sign, where
-    it was not known; frictions: the widths that were tried, with the coefficients of all terms.
-    envelope: of an envelope, of which nothing else is stored but the verdict.
+    weighed with deviations. noise: the noise model of the answer; noises: all that were weighed. terms: all damping
+    terms that were weighed. epsilon: the width (rad/s or m/s) within which friction changes its sign, where it was not
+    known; frictions: the widths that were tried, with the coefficients of all terms. envelope: of an envelope, which
+    has only this and the verdict.
     """
 
     verdict: Mapping[str, Any]
@@ -366,9 +384,9 @@ class AnswerContent(Content):
 
 
 CLEAR = 3.0
-"""Nats of a log Bayes factor from which something is said to be so: odds of twenty."""
+"""Log Bayes factor in nats from which a statement is made: odds of twenty."""
 APART = 0.05
-"""Lower end of the spread's 95 % interval above which records are said to differ (half the scale of its prior)."""
+"""Lower end of the spread's 95 % interval above which the records differ (half the scale of its prior)."""
 Summary = Mapping[str, float]
 """mean, sd, median, q2.5 and q97.5 of a parameter."""
 
@@ -377,8 +395,8 @@ Summary = Mapping[str, float]
 class Weighing:
     """A candidate's log evidence with the summaries of its damping parameters, and their units.
 
-    log_evidence: nats, relative to the best evidence that each record has by itself; None where it was not weighed, as
-    the outcome says.
+    log_evidence: nats, relative to the best evidence that each record has by itself; None where it was not weighed, for
+    the reason in the outcome.
     """
 
     outcome: str = OK
@@ -396,8 +414,11 @@ class JointCandidate(Weighing):
 
 @dataclass(frozen=True)
 class PopulationFound:
-    """Mean and spread of a coefficient over what the labels of `shrunk` name, each one's own value given all, and its
-    effective draws then; scale: of the half-normal prior of the population's location."""
+    """Mean and spread of a coefficient over a population of specimens.
+
+    scale: of the half-normal prior of the population's location. shrunk: each specimen's own value given all;
+    effective: its effective draws then.
+    """
 
     scale: float
     mean: Summary
@@ -409,7 +430,7 @@ class PopulationFound:
 
 @dataclass(frozen=True)
 class JointContent(Content):
-    """The joint fit of a specimen's records (`joint/SPECIMEN`): the weighing that the verdict on it rests on.
+    """The joint fit of a specimen's records (`joint/SPECIMEN`), on which its verdict is based.
 
     The cell's arrays are draws of equal weight: of each candidate's coefficients (`CANDIDATE/NAME`), the log density of
     their priors (`CANDIDATE/NAME/log_prior`) and the spread (`CANDIDATE/spread`).
@@ -434,12 +455,12 @@ class JointContent(Content):
 
     @property
     def differ(self) -> bool:
-        """Whether the records have dampings of different size."""
+        """Return whether the records have dampings of different size."""
         return self.spread["q2.5"] > APART or self.no_spread < -CLEAR
 
     @property
     def agree(self) -> bool:
-        """Whether the evidence is clearly for one size in all records."""
+        """Return whether the evidence is clearly for one size in all records."""
         return not self.differ and self.no_spread >= CLEAR
 
 
@@ -447,8 +468,8 @@ class JointContent(Content):
 class PopulationContent(Content):
     """The population over specimens (`population/specimens`), under the candidate that is best for all.
 
-    log_evidence: of each candidate over all; behind: nats by which another is ahead, by specimen; specimens: each one's
-    own coefficients; units, populations: by coefficient; deviation: as in `JointContent`.
+    log_evidence: of each candidate over all specimens. behind: nats by which another candidate is ahead, by specimen.
+    specimens: each one's own coefficients. units, populations: by coefficient. deviation: as in `JointContent`.
     """
 
     best: str
@@ -462,8 +483,10 @@ class PopulationContent(Content):
 
 @dataclass(frozen=True)
 class ChunkContent(Content):
-    """A chunk of records that were drawn and fitted, or refused: each one's outcome, and whether it counts; first:
-    number of the first of them."""
+    """A chunk of records that were drawn and fitted, or refused: the outcome of each, and whether it counts.
+
+    first: number of the first record.
+    """
 
     outcomes: tuple[str, ...] = ()
     accepted: tuple[bool, ...] = ()
@@ -472,8 +495,10 @@ class ChunkContent(Content):
 
 @dataclass(frozen=True)
 class RanksContent(ChunkContent):
-    """Of one model (`ranks/MODEL/FIRST`): names of what is ranked, outcomes of each sampler by record, and seconds by
-    sampler and under "record"."""
+    """A chunk of one model's ranks (`ranks/MODEL/FIRST`).
+
+    names: of what is ranked. sampler_outcomes: of each sampler, by record. seconds: by sampler and under "record".
+    """
 
     model: str = ""
     names: tuple[str, ...] = ()
@@ -483,7 +508,7 @@ class RanksContent(ChunkContent):
 
 @dataclass(frozen=True)
 class RecoveryContent(ChunkContent):
-    """Of model recovery (`recovery/FIRST`, `single/FIRST`): models, and what the evidence of each says, by record."""
+    """A chunk of model recovery (`recovery/FIRST`, `single/FIRST`): models, outcomes of their evidence by record."""
 
     models: tuple[str, ...] = ()
     evidence_outcomes: tuple[tuple[str, ...], ...] = ()

@@ -65,17 +65,9 @@ VERDICTS: tuple[str, ...] = (
     "spread", "spread_low", "spread_high", "unexplained_pct", "noise_pct", "midline_drift_pct",
     "start", "stop", "cycles", "remarks", "sentence",
 )  # fmt: skip
-"""Columns of verdicts.csv; it has one more for each other term that was weighed, behind `quadratic`."""
+"""Columns of verdicts.csv; behind `quadratic` it has one more for each other term that was weighed."""
 
-DAMPING_CURVES: tuple[str, ...] = (
-    "amplitude",
-    "ratio",
-    "ratio_low",
-    "ratio_high",
-    "lost",
-    "lost_low",
-    "lost_high",
-)
+DAMPING_CURVES = ("amplitude", "ratio", "ratio_low", "ratio_high", "lost", "lost_low", "lost_high")
 """Columns of damping_curves.csv after the record's name and the unit of the amplitude; arrays `free/NAME` of an
 answer."""
 
@@ -86,13 +78,7 @@ _TEXT = frozenset({
     "diagnostic", "rms_unit", "verdict", "specimen", "record", "shared", "over", "what", "of",
 })  # fmt: skip
 _WHOLE = frozenset({"repeat", "evaluations", "divergences", "records"})
-_NUMBER = (
-    frozenset(c for t in (TABLES, SPECIMEN_TABLES) for columns in t.values() for c in columns)
-    - _TEXT
-    - _WHOLE
-)
-
-
+_NUMBER = {c for t in (TABLES, SPECIMEN_TABLES) for columns in t.values() for c in columns} - _TEXT - _WHOLE
 TEXT_OF = frozenset({("posteriors.csv", "deviation"), ("evidence.csv", "deviation")})
 """Columns that are numbers in another table."""
 
@@ -100,7 +86,7 @@ TEXT_OF = frozenset({("posteriors.csv", "deviation"), ("evidence.csv", "deviatio
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> None:
     """Write a CSV in one step. Floats read back exactly; nan, None and missing keys are empty fields.
 
-    Raises ValueError on a key that is no column.
+    Raises ValueError on a key that is not a column.
     """
     buffer = io.StringIO(newline="")
     writer = csv.writer(buffer, lineterminator="\n")
@@ -124,30 +110,23 @@ def _field(value: object) -> str:
 
 
 def read_table(path: Path) -> list[dict[str, Any]]:
-    """The rows of a table that `write_table` wrote.
+    """Return the rows of a table that `write_table` wrote.
 
-    Columns of `TABLES` are typed: text, whole numbers (None where empty) and floats (nan where empty);
-    any other column is text. Raises InputError on a field that is no number where one belongs.
+    Columns of `TABLES` are typed: text, whole numbers (None where empty) and floats (nan where empty); any other column
+    is text. Raises InputError on a field that is not a number in a column of numbers.
     """
     path = Path(path)
+
+    def typed(line: int, column: str, text: str) -> object:
+        try:
+            if column in _WHOLE:
+                return int(text) if text else None
+            if column in _NUMBER and (path.name, column) not in TEXT_OF:
+                return float(text) if text else math.nan
+        except ValueError:
+            raise InputError(f"{path.name}, line {line}, column {column}: {text!r} is not a number") from None
+        return text
+
     with path.open(newline="", encoding="utf-8") as handle:
         reader = csv.DictReader(handle)
-        return [
-            {
-                column: _value(path, reader.line_num, column, text or "")
-                for column, text in row.items()
-                if column
-            }
-            for row in reader
-        ]
-
-
-def _value(path: Path, line: int, column: str, text: str) -> object:
-    try:
-        if column in _WHOLE:
-            return int(text) if text else None
-        if column in _NUMBER and (path.name, column) not in TEXT_OF:
-            return float(text) if text else math.nan
-    except ValueError:
-        raise InputError(f"{path.name}, line {line}, column {column}: {text!r} is not a number") from None
-    return text
+        return [{c: typed(reader.line_num, c, text or "") for c, text in row.items() if c} for row in reader]

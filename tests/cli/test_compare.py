@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,9 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.cli.asked import own_folder
-from bayesdamp.config.again import asked
 from bayesdamp.config.compare import comparison, laws_for
-from bayesdamp.pipeline.records.records import SignalCell
+from bayesdamp.config.load import record_question
+from bayesdamp.pipeline.records import compute_signal, signal_key
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.store import Store, write_json
 from bayesdamp.types import InputError
@@ -119,7 +120,7 @@ def test_two_questions_share_no_folder_that_nobody_chose(tmp_path, monkeypatch) 
     asked_for = [{"file": str(write(tmp_path / "a.csv")), "time": "t", "angle": "angle"}]
     first, other = comparison(asked_for), comparison(asked_for, damping=["viscous", "coulomb"])
     assert own_folder(first) == own_folder(other) == Path("reports/a")
-    write_json(Path("reports/a/run.json"), {"asked": asked(first, Path("reports/a"))})
+    write_json(Path("reports/a/run.json"), {"asked": record_question(first, Path("reports/a"))})
     assert own_folder(first) == Path("reports/a")
     assert own_folder(other) == Path("reports/a-2")
     write_json(Path("reports/a-2/run.json"), {"name": "of an older version"})
@@ -184,9 +185,10 @@ def test_a_record_without_noise_gets_some_and_says_so(tmp_path) -> None:
     found = {}
     for name in ("clean", "noisy"):
         study = comparison([{"file": str(tmp_path / f"{name}.csv"), "time": "t", "angle": "angle"}])
-        cell = SignalCell(study, study.signals[0], 0, Store(tmp_path / "out"))
-        perform(cell.store, cell.name, cell.key, cell.product)
-        found[name] = Store(tmp_path / "out").read(cell.name)
+        store, cell = Store(tmp_path / "out"), f"signal/{name}/0"
+        work = partial(compute_signal, study, study.signals[0], 0)
+        perform(store, cell, signal_key(study, study.signals[0], 0, store), work)
+        found[name] = store.read(cell)
     told = {n: c.meta["provenance"]["warnings"] for n, c in found.items()}
     assert all(c.meta["noisy"] for c in found.values())
     assert told["noisy"] == []

@@ -17,7 +17,7 @@ from bayesdamp.cli.looking.plot import dots, plot
 from bayesdamp.cli.study_file import written
 from bayesdamp.config import Recording, in_keys, load_study
 from bayesdamp.config.compare import comparison
-from bayesdamp.pipeline.records.records import recorded
+from bayesdamp.pipeline.records import recorded
 from bayesdamp.types import InputError
 
 T = np.arange(600) / 50

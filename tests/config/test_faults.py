@@ -24,17 +24,12 @@ def rig(extra: str = "", old: str = "", new: str = "") -> str:
 FAULTS = {
     # the file as a whole
     "empty": ("", "is empty; a study starts with version = 1"),
-    "comment only": ("# nothing\n", "is empty"),
     "syntax": ("version = 1\nname =\n", "line 2, column 7: is not TOML"),
-    "key twice": ("version = 1\nversion = 1\n", "line 2, column 12: is not TOML: cannot overwrite"),
     "no version": (SYSTEM + SIGNAL, "version: is missing; it must be 1"),
     "version 2": (swap("version = 1", "version = 2"), "version: is 2; it must be 1, the version of"),
-    "version true": (swap("version = 1", "version = true"), "version: is true; it must be 1"),
-    "version text": (swap("version = 1", 'version = "1"'), "version: is '1'; it must be 1"),
     "top key": (swap("version = 1", "version = 1\nseeds = 3"), "seeds: unknown key; did you mean 'seed'?"),
     "top table": (GOOD + "[posteriors]\n", "posteriors: unknown key; did you mean 'posterior'?"),
     "seed": (swap("version = 1", "version = 1\nseed = -1"), "seed: is -1; it must be a whole number"),
-    "seed text": (swap("version = 1", 'version = 1\nseed = "x"'), "seed: is 'x'; it must be a whole"),
     "name": (
         swap("version = 1", 'version = 1\nname = "a/b"'),
         "name: is 'a/b'; it must be at most 64 letters",
@@ -58,7 +53,6 @@ FAULTS = {
         swap("20.0", '"fre"'),
         "system.stiffness: is 'fre'; it must be a number (known), \"free\"",
     ),
-    "system bool": (swap("20.0", "true"), "system.stiffness: is true; it must be a number"),
     "system inf": (swap("20.0", "inf"), "system.stiffness: is inf; it must be a number"),
     "epsilon": (swap("omega0", "epsilon = -1\nomega0"), "system.epsilon: is -1; it must be at least 0"),
     "amplitude": (
@@ -82,10 +76,6 @@ FAULTS = {
         swap("20.0", '{ prior = "normal", mean = 1, sdd = 1 }'),
         "system.stiffness.sdd: unknown key; did you mean 'sd'?",
     ),
-    "prior inner": (
-        swap("20.0", '{ prior = "halfnormal", scale = 1, reflected = false }'),
-        "system.stiffness.reflected: unknown key; valid are prior, scale",
-    ),
     "prior missing": (
         swap("20.0", '{ prior = "normal", mean = 1 }'),
         "stiffness.sd: is missing; it must be a num",
@@ -93,10 +83,6 @@ FAULTS = {
     "prior sd": (
         swap("20.0", '{ prior = "normal", mean = 1, sd = 0 }'),
         "system.stiffness.sd: is 0; it must be a number above 0",
-    ),
-    "prior text": (
-        swap("20.0", '{ prior = "normal", mean = "1", sd = 1 }'),
-        "system.stiffness.mean: is '1'; it must be a number",
     ),
     "prior order": (
         swap("20.0", '{ prior = "uniform", low = 2, high = 1 }'),
@@ -109,7 +95,6 @@ FAULTS = {
         swap('"one"', '"on e"'),
         "signal[1].name: is 'on e'; it must be a name in quotes: at most 64",
     ),
-    "long name": (swap('"one"', f'"{"a" * 65}"'), "it must be a name in quotes: at most 64 letters"),
     "name twice": (GOOD + SIGNAL, "signal: names the signal 'one' twice; once is enough"),
     "neither": (
         "version = 1\n" + SYSTEM + '[[signal]]\nname = "x"\n',
@@ -120,21 +105,12 @@ FAULTS = {
         "signal[one]: has both simulate and file; it must have one of the two",
     ),
     "own system": (GOOD + "system = { gravty = 3 }\n", "signal[one].system.gravty: unknown key"),
-    "own law": (
-        GOOD + 'system = { restoring = "x" }\n',
-        "signal[one].system.restoring: unknown restoring law 'x'",
-    ),
     "stray": (GOOD + "rate = 3.0\n", "signal[one].rate: belongs to a file; remove it here"),
-    "stray quantity": (
-        GOOD + 'quantity = "velocity"\n',
-        "belongs to a file; put it inside simulate = { ... }",
-    ),
     # simulate
     "simulate": (
         swap("duration", "durations"),
         "signal[one].simulate.durations: unknown key; did you mean 'duration'?",
     ),
-    "term": (swap("viscous", "viscuos"), "simulate.viscuos: unknown key; did you mean 'viscous'?"),
     "no term": (swap("viscous = 0.05, ", ""), "signal[one].simulate: names no damping; give at least one of"),
     "negative": (swap("0.05", "-0.05"), "signal[one].simulate.viscous: is -0.05; it must be at least 0"),
     "no duration": (
@@ -149,43 +125,22 @@ FAULTS = {
         swap("100", "100.0"),
         "simulate.samples: is 100.0; it must be a whole number from 10 to 10,000,000",
     ),
-    "few samples": (
-        swap("100", "9"),
-        "simulate.samples: is 9; it must be a whole number from 10 to 10,000,000",
-    ),
-    "repeats": (
-        swap("samples = 100", "samples = 100, repeats = 0"),
-        "simulate.repeats: is 0; it must be a whole",
-    ),
     "outliers": (
         swap("samples = 100", "samples = 100, outliers = 101"),
         "outliers: is 101; it must be at most samples",
-    ),
-    "gaps": (
-        swap("samples = 100", "samples = 100, gaps = 0.1"),
-        "gaps: is 0.1; it must be a whole number from 0 to 20",
     ),
     "simulated metres": (
         swap("samples = 100", 'samples = 100, unit = "m"').replace('"linear"', '"pendulum"'),
         "signal[one].simulate.unit: is 'm', a translation, which pendulum is not",
     ),
-    "noise": (swap("samples", 'noise = "white", samples'), "simulate.noise: unknown noise model 'white'"),
     "noise_sd": (swap("0.003", "-1"), "simulate.noise_sd: is -1; it must be at least 0"),
     "no noise_sd": (
         swap(", noise_sd = 0.003", ""),
         "signal[one].simulate: noise_sd is missing; a simulation needs",
     ),
-    "no noise_time": (
-        swap("samples", 'noise = "correlated", samples'),
-        "simulate: noise_time is missing; a simul",
-    ),
     "free": (
         swap("20.0", '"free"'),
         "signal[one].simulate: stiffness is missing; a simulation needs the true value",
-    ),
-    "two free": (
-        swap("stiffness = 20.0\nrest_angle = 0.0\n", ""),
-        "signal[one].simulate: stiffness, rest_angle are missing; a simulation needs the true value",
     ),
     "no epsilon": (
         swap("viscous", "coulomb"),
@@ -206,7 +161,7 @@ FAULTS = {
         rig('time_unit = "weeks"'),
         "signal[rig].time_unit: is 'weeks'; it must be the unit of the times",
     ),
-    "two clocks": (rig("rate = 3\n"), "signal[rig].rate: is given beside time; give one of the two"),
+    "two clocks": (rig("rate = 3\n"), "signal[rig].rate: is given together with time; give one of the two"),
     "rate": (rig("", "time = 1", "rate = -1"), "signal[rig].rate: is -1; it must be the sampling rate in Hz"),
     "unit of another quantity": (
         rig('unit = "g"\nsystem = { restoring = "linear" }\n'),
@@ -217,18 +172,12 @@ FAULTS = {
         "signal[rig].unit: is 'mV', which has no forces; leave inertia out or use rad or m",
     ),
     "unit": (rig('unit = "degrees"\n'), "signal[rig].unit: is 'degrees'; it must be one of rad, mrad, deg"),
-    "quantity": (rig('quantity = "speed"\n'), "signal[rig].quantity: is 'speed'; it must be \"angle\""),
-    "clock": (rig('clock = "unform"\n'), "signal[rig].clock: is 'unform'; it must be \"auto\""),
     "start": (rig('start = "early"\n'), "signal[rig].start: is 'early'; it must be a time in s, or \"auto\""),
     "stop": (rig("start = 3\nstop = 2.5\n"), "signal[rig].stop: is 2.5; it must be later than start (3)"),
-    "metres": (
-        rig('unit = "mm"\nsystem = { restoring = "pendulum" }\n'),
-        "signal[rig].unit: is 'mm', a translation, which pendulum is not; restoring can be duffing, linear",
-    ),
     # [[sweep]]
     "sweep key": (
         GOOD + '[[sweep]]\nkey = "noise"\nvalues = [1]\n',
-        "sweep[1].key: is 'noise', which is no key of a signal; it must be like",
+        "sweep[1].key: is 'noise', which is not a key of a signal; it must be like",
     ),
     "sweep inner": (
         GOOD + '[[sweep]]\nkey = "simulate.nois_sd"\nvalues = [1]\n',
@@ -250,10 +199,6 @@ FAULTS = {
     "estimator": (
         GOOD + '[estimators]\nuse = ["envelop"]\n',
         "unknown estimator 'envelop'; did you mean 'envelope'?",
-    ),
-    "estimators": (
-        GOOD + '[estimators]\nuse = "envelope"\n',
-        "estimators.use: is 'envelope'; it must be \"all\" or",
     ),
     "estimator twice": (
         GOOD + '[estimators]\nuse = ["envelope", "envelope"]\n',
@@ -284,10 +229,6 @@ FAULTS = {
         GOOD + "[models]\ncompare = []\n",
         'models.compare: is []; it must be "all" or a list of one',
     ),
-    "model prior": (
-        GOOD + "[models]\nprior = { zeta = 3 }\n",
-        "models.prior.zeta: unknown key; valid are viscous",
-    ),
     "term prior": (
         GOOD + "[models]\nprior = { viscous = 3 }\n",
         "models.prior.viscous: is 3; it must be a table",
@@ -308,11 +249,6 @@ FAULTS = {
     "chains": (
         GOOD + "[posterior]\nchains = 1\n",
         "posterior.chains: is 1; it must be a whole number from 2 to 1000",
-    ),
-    "draws": (GOOD + "[posterior]\ndraws = 1e3\n", "posterior.draws: is 1000.0; it must be a whole number"),
-    "posterior key": (
-        GOOD + "[posterior]\nchain = 4\n",
-        "posterior.chain: unknown key; did you mean 'chains'?",
     ),
     "evidence": (GOOD + '[evidence]\nmethods = ["importanc"]\n', "evidence method 'importanc'; did you mean"),
     "referee": (

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.config import Recording, Simulation, load_study
-from bayesdamp.config.sweeps import suffix
+from bayesdamp.config.signals import suffix
 from bayesdamp.priors import HalfNormal, Normal
 from tests.config.studies import FILE_SIGNAL, GOOD, SIGNAL, SYSTEM, write
 

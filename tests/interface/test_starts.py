@@ -18,12 +18,12 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.fitting.starts import ALL, OBSERVED, observed, of_all, regression
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
+from bayesdamp.pipeline.answering import answer_key, compute_answer
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of
 from bayesdamp.pipeline.candidates.modes import seeds_of
-from bayesdamp.pipeline.records.answering import AnswerCell
-from bayesdamp.pipeline.records.records import SignalCell
-from bayesdamp.pipeline.records.targets import Record
+from bayesdamp.pipeline.records import compute_signal, signal_key
+from bayesdamp.pipeline.targets import Record
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.records.oscillation.features import features
@@ -46,15 +46,16 @@ def record(tmp_path_factory) -> Record:
         [{"file": str(folder / "tower.csv"), "time": "t", "angle": "a", "quantity": "acceleration"}]
     )
     store = Store(folder / "out")
-    cell = SignalCell(study, study.signals[0], 0, store)
-    perform(cell.store, cell.name, cell.key, cell.product)
-    return Record(study, study.signals[0], store.read(cell.name))
+    spec = study.signals[0]
+    key = signal_key(study, spec, 0, store)
+    perform(store, "signal/tower/0", key, lambda: compute_signal(study, spec, 0))
+    return Record(study, spec, store.read("signal/tower/0"))
 
 
 def test_the_record_itself_says_where_to_start(record) -> None:
     """Truth from the closed form of the damped cosine. Negative control: the regression is lost."""
     problem = Problem(("viscous", "coulomb"), record.system("linear"))
-    (values,) = observed(record.signal, record.seen, problem).values()
+    (values,) = observed(record.signal, record.features, problem).values()
     assert values["stiffness"] == pytest.approx(FREQUENCY**2, rel=0.02)
     assert values["zeta"] < 2 * RATE
     (lost,) = regression(record.signal, problem)[0].values()
@@ -65,8 +66,8 @@ def test_the_record_itself_says_where_to_start(record) -> None:
 def test_no_damping_misses_its_mode_on_a_noisy_acceleration(record, damping) -> None:
     target = record.case(damping, "linear").target("gaussian")
     problem = Problem(damping, record.system("linear"))
-    seeds = observed(record.signal, record.seen, problem) | regression(record.signal, problem)[0]
-    found = find_mode(target, seeds, noise_level=record.seen.roughness, thrifty=True)
+    seeds = observed(record.signal, record.features, problem) | regression(record.signal, problem)[0]
+    found = find_mode(target, seeds, noise_level=record.features.roughness, thrifty=True)
     assert [c.seed for c in found.searches] == [OBSERVED]  # it keeps step: the other need not be climbed from
     assert float(target.values(found.z)["stiffness"]) == pytest.approx(FREQUENCY**2, rel=0.01)
 
@@ -75,8 +76,8 @@ def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
     """Its motion keeps step: no other start is climbed from, and the three terms begin at their mode."""
     study, store = record.study, Store(tmp_path)
     store.write(record.cell)
-    cell = AnswerCell(study, record.spec, 0, store)
-    perform(store, cell.name, cell.key, cell.product)
+    key = answer_key(study, record.spec, 0, store)
+    perform(store, "answer/tower/0", key, lambda: compute_answer(study, record.spec, 0, store))
     fits = store.read("answer/tower/0").meta["fits"]
     assert fits["linear"]["stiffness"] == pytest.approx(FREQUENCY**2, rel=0.01)
     for model, most in (("coulomb@linear", 20), ("viscous+coulomb+quadratic@linear", 12)):
@@ -84,7 +85,7 @@ def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
         estimate, *_ = (n for n in cells_of(branch) if n.startswith("estimate/"))
         store.write(CellResult(estimate, "", outcome="none"))
         seeds, _ = seeds_of(branch)
-        found = find_mode(branch.target, seeds, noise_level=record.seen.roughness, thrifty=True)
+        found = find_mode(branch.target, seeds, noise_level=record.features.roughness, thrifty=True)
         assert [c.seed for c in found.searches] == [ALL]
         assert found.searches[0].evaluations <= most
     decay = seeds[OBSERVED]

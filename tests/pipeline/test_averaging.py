@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from bayesdamp.inference.curves.weighted import resampled
 from bayesdamp.pipeline.candidates import averaging
-from bayesdamp.pipeline.candidates.averaging import averaged, probabilities
+from bayesdamp.pipeline.candidates.averaging import average_curves, probabilities
 from bayesdamp.pipeline.candidates.posteriors import SPREAD
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import AverageContent
@@ -23,14 +23,16 @@ def quantiles(mean: float, sd: float) -> np.ndarray:
 
 
 def test_one_model_alone_is_its_own_average():
-    low, median, high = averaged({"a": quantiles(1.0, 0.1)}, {"a": 1.0})
+    low, median, high = average_curves({"a": quantiles(1.0, 0.1)}, {"a": 1.0})
     np.testing.assert_allclose(median, [1.0, 11.0], atol=1e-3)
     np.testing.assert_allclose([low[0], high[0]], 1.0 + 0.196 * np.array([-1, 1]), atol=5e-3)
 
 
 def test_two_models_make_a_mixture():
     """A quarter at 0 and three quarters at 1: its quantiles by bisection of the mixture's distribution."""
-    low, median, high = averaged({"a": quantiles(0.0, 0.1), "b": quantiles(1.0, 0.2)}, {"a": 0.25, "b": 0.75})
+    low, median, high = average_curves(
+        {"a": quantiles(0.0, 0.1), "b": quantiles(1.0, 0.2)}, {"a": 0.25, "b": 0.75}
+    )
     x = np.linspace(-1, 2, 300_001)
     exact = np.interp([0.025, 0.5, 0.975], 0.25 * norm(0, 0.1).cdf(x) + 0.75 * norm(1, 0.2).cdf(x), x)
     np.testing.assert_allclose([low[0], median[0], high[0]], exact, atol=0.01)
@@ -45,7 +47,7 @@ def test_probabilities_are_of_evidence_alone():
 
 
 @pytest.mark.parametrize(
-    ("left", "said"), [(0.02, "ok"), (0.1, "not applicable: the models with draws hold 0.90")]
+    ("left", "said"), [(0.02, "ok"), (0.1, "not applicable: the models with draws have 0.90")]
 )
 def test_the_average_is_over_what_has_draws_if_that_is_nearly_all(monkeypatch, left, said) -> None:
     found = {"a": Evidence("a", "m", np.log(1 - left)), "b": Evidence("b", "m", np.log(left))}
@@ -64,16 +66,16 @@ def test_the_average_is_over_what_has_draws_if_that_is_nearly_all(monkeypatch, l
     study = SimpleNamespace(seed=1, compare=lambda spec: ("a", "b"), posterior=exact)
     asked: Any = study, SimpleNamespace(name="s"), SimpleNamespace(find=find), "averaged/s/0"
     if said == "ok":
-        content = averaging.average(*asked).content
+        content = averaging.compute_average(*asked).content
         assert isinstance(content, AverageContent)
         assert content.covered == pytest.approx(0.98)
     else:
         with pytest.raises(Refusal, match=f"^{said}"):
-            averaging.average(*asked)
+            averaging.compute_average(*asked)
     # With weighted draws of the other it is over both.
     own = {"amplitudes": np.arange(2.0), "spread/equivalent_ratio": quantiles(3.0, 0.1)}
     monkeypatch.setattr(averaging, "weighted_curves", lambda *_: own)
-    both = averaging.average(*asked)
+    both = averaging.compute_average(*asked)
     assert isinstance(both.content, AverageContent)
     assert both.content.weighed == ("b",)
     assert both.content.covered == pytest.approx(1.0)

@@ -11,10 +11,8 @@ from typing import Any
 import pytest
 
 from bayesdamp.config import load_study
-from bayesdamp.pipeline import cells, run_study
+from bayesdamp.pipeline import answering, cells, run_study, tables
 from bayesdamp.pipeline.jobs import NOT_SAMPLED, Contest
-from bayesdamp.pipeline.records import answering
-from bayesdamp.pipeline.tables import tables
 from bayesdamp.store import CellResult, Store, read_table
 from bayesdamp.store.contents import WeighedCandidate
 from bayesdamp.types import Evidence, InputError, candidate_name, candidate_parts

@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 from bayesdamp.config import load_study
-from bayesdamp.pipeline import run_study
+from bayesdamp.pipeline import records, run_study
 from bayesdamp.pipeline.candidates import cells
-from bayesdamp.pipeline.records import records
 from bayesdamp.store import Store, read_table
 
 STUDY = """

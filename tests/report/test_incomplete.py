@@ -132,7 +132,7 @@ def test_a_folder_that_is_no_run(tmp_path):
     with pytest.raises(InputError, match=r"run\.json: cannot be read"):
         render(tmp_path)
     (tmp_path / "run.json").write_text("[]")
-    with pytest.raises(InputError, match=r"run\.json: holds no description of a run"):
+    with pytest.raises(InputError, match=r"run\.json: does not describe a run"):
         render(tmp_path)
     assert not (tmp_path / "report.html").exists()
 

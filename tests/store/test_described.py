@@ -19,9 +19,9 @@ NO_RUN = {
     "": "cannot be read",
     '{"name": "rig", "stu': "cannot be read",
     DEEP: "cannot be read",
-    "[]": "holds no description of a run",
-    "3": "holds no description of a run",
-    "null": "holds no description of a run",
+    "[]": "does not describe a run",
+    "3": "does not describe a run",
+    "null": "does not describe a run",
     '{"schema": 2}': "was written by another version of bayesdamp",
 }
 NO_QUESTION = [

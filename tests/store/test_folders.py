@@ -16,7 +16,7 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.store import CellResult, Store, write_bytes
-from bayesdamp.store.beside import create, temporary
+from bayesdamp.store.files import create, temporary_path
 from bayesdamp.store.folders import MARK, SIGNED
 from bayesdamp.types import InputError
 
@@ -154,13 +154,13 @@ def test_other_files_beside_a_run_stay(tmp_path: Path) -> None:
     store = Store(tmp_path)
     (tmp_path / "rig.csv").write_text("mine")
     (tmp_path / "sub").mkdir()
-    mine = [tmp_path / "rig.csv", tmp_path / ".notes.tmp", temporary(tmp_path / "sub" / "x")]
+    mine = [tmp_path / "rig.csv", tmp_path / ".notes.tmp", temporary_path(tmp_path / "sub" / "x")]
     with store.lock():
         store.write(CELL)
     mine += [tmp_path / "cells" / "notes.txt", tmp_path / "cells" / "signal" / ".0123.tmp"]
     for path in mine:
         path.write_text("mine")
-    half = temporary(tmp_path / "cells" / "signal" / "b.npz")
+    half = temporary_path(tmp_path / "cells" / "signal" / "b.npz")
     half.write_text("half")
     with store.lock():
         assert not half.exists()

@@ -28,7 +28,7 @@ from bayesdamp.store import (
     write_json,
     write_table,
 )
-from bayesdamp.store.beside import temporary
+from bayesdamp.store.files import temporary_path
 from bayesdamp.types import InputError
 
 NAME = "estimate/bench/0/viscous+coulomb/least_squares"
@@ -204,7 +204,11 @@ def test_a_kill_leaves_a_whole_file_and_no_lock(tmp_path):
     found = store.read("a/b")
     assert np.all(found.arrays["x"] == found.meta["i"])
     others = tmp_path / "cells" / "a" / ".0123.tmp"
-    for half in (temporary(tmp_path / "cells" / "a" / "b.npz"), temporary(tmp_path / "run.json"), others):
+    for half in (
+        temporary_path(tmp_path / "cells" / "a" / "b.npz"),
+        temporary_path(tmp_path / "run.json"),
+        others,
+    ):
         half.write_bytes(b"half")
     with store.lock():
         assert [p for p in tmp_path.rglob("*") if p.suffix == ".tmp"] == [others]

@@ -21,8 +21,8 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import Depth, run_study
-from bayesdamp.pipeline.many.joining import joined as joint_fit
-from bayesdamp.pipeline.many.specimens import Specimen
+from bayesdamp.pipeline.specimens import Specimen
+from bayesdamp.pipeline.specimens import compute_joint as joint_fit
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.store import Store
 from bayesdamp.store.contents import CLEAR, JointContent

@@ -51,7 +51,7 @@ def init(
         typer.echo(line, err=True)
     from bayesdamp.cli.study_file import study_text
     from bayesdamp.config.checks import StudyError
-    from bayesdamp.store.beside import create, no_room
+    from bayesdamp.store.files import create, no_room
 
     try:
         text = study_text(as_signals(chosen.records, asked), out)

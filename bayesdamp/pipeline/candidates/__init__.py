@@ -1,1 +1,1 @@
-"""What is computed of one candidate on one record."""
+"""The tasks of one candidate on one record."""

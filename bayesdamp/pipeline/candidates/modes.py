@@ -8,27 +8,26 @@ import numpy as np
 
 from bayesdamp.inference.checks.checks import check_fit
 from bayesdamp.inference.fit.laplace import value_sds
-from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import basins, prior_starts
 from bayesdamp.interface.fitting.starts import observed, of_all, regression
 from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.pipeline.records.records import NOT_APPLICABLE, cell_seed
-from bayesdamp.pipeline.tasks import Product
+from bayesdamp.pipeline.records import NOT_APPLICABLE
+from bayesdamp.pipeline.tasks import Product, cell_seed
 from bayesdamp.serial import split
 from bayesdamp.store.contents import EstimateContent, Maximum, ModeContent, RefusedSeed
 from bayesdamp.types import OK, Refusal, Seed
 
 PRIOR_SEEDS = 2
-"""Draws from the prior that are climbed from beside the estimates."""
+"""Draws from the prior from which a search starts too, besides the estimates."""
 CHECKS = ("fit", "residual", "whitened", "autocorrelation")
-"""What of the checks of a fit is stored as arrays."""
+"""Checks of a fit that are stored as arrays."""
 
 
 def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[RefusedSeed, ...]]:
-    """Seeds with their values, and what methods said that have none.
+    """Return seeds with their values, and the outcomes of methods that have none.
 
-    Seeds are every estimator's values at each of its stages; what the record's frequency and decay say; draws from the
-    prior. With no estimator in the study, least squares'. Raises Refusal where there is nothing to start from.
+    Seeds are every estimator's values at each of its stages; values from the record's frequency and decay; draws from
+    the prior. With no estimator in the study, least squares' values are used. Raises Refusal where there is no start.
     """
     seeds: dict[Seed, Mapping[str, float]] = {}
     refused: list[RefusedSeed] = []
@@ -45,7 +44,7 @@ def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[Ref
     problem = branch.case.problem
     if not seeds:
         seeds |= regression(branch.record.signal, problem)[0]
-    decays = observed(branch.record.signal, branch.record.seen, problem)
+    decays = observed(branch.record.signal, branch.record.features, problem)
     seeds = decays | seeds
     fit = branch.answer.fits.get(branch.restoring) if branch.many and branch.answer else None
     if branch.answer and fit:
@@ -58,19 +57,33 @@ def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[Ref
 
 
 def compute_mode(branch: Branch) -> Product:
-    """The highest mode with what was checked of its fit. Raises Refusal where there is none."""
+    """Return the highest mode with the checks of its fit. Raises Refusal where there is none."""
     if not branch.record.content.noisy:
         raise Refusal(NOT_APPLICABLE)
-    (seeds, refused), seen = seeds_of(branch), branch.record.seen
+    seeds, refused = seeds_of(branch)
     mode = branch.case.mode(branch.target, seeds, thrifty=branch.many)
     seed = cell_seed(branch.study, f"checks/{branch.spec.name}/{branch.repeat}")
-    fit, target = check_fit(branch.target, mode, seen.period, seed), branch.target
+    fit, target = check_fit(branch.target, mode, branch.record.features.period, seed), branch.target
     arrays = {"t": branch.record.signal.t, **{k: getattr(fit, k) for k in CHECKS}}
-    # What comes next reads the mode from its cell, as a run that was cut off in between does: the solver's plan is
-    # made anew there, and evidence on the plan that found the mode is some 1e-8 nats apart.
+    maxima, numbers = basins(mode)
+    own_target = mode.likelihood.target
+    climbs = []
+    for search, number in zip(mode.searches, numbers, strict=True):
+        away = search.origin - mode.z
+        distance = float(np.sqrt(max(away @ mode.information @ away, 0.0)))
+        own = {k: v for k, v in vars(search).items() if k not in ("origin", "z")}
+        climbs.append({**own, "distance": distance, "mode": number})
+    scores = zip(own_target.names, mode.z, mode.sd(), own_target.reflected, strict=True)
+    # Later tasks read the mode from its cell, as a run that was cut off in between does: the solver's plan is made
+    # again there, and evidence on the plan that found the mode differs by some 1e-8 nats.
     content = {
         **{k: v for k, v in vars(fit).items() if k not in CHECKS},
-        **_climbs(mode),
+        "climbs": climbs,
+        "modes": [
+            Maximum(climb.end, share, {n: float(v) for n, v in own_target.values(climb.z).items()})
+            for climb, share in maxima
+        ],
+        "touching_zero": [n for n, z, sd, reflected in scores if reflected and abs(z) < sd],
         "values": target.values(mode.z),
         "sd": value_sds(target, mode.z, np.linalg.inv(mode.information)),
         "known": target.known,
@@ -81,24 +94,3 @@ def compute_mode(branch: Branch) -> Product:
         "stored": split(mode.stored, arrays, "stored"),
     }
     return Product(ModeContent.of_meta(split(content)), arrays)
-
-
-def _climbs(mode: Mode) -> dict[str, object]:
-    """What the seeds came to, the modes that they found, and the coefficients that touch zero."""
-    target = mode.likelihood.target
-    found, where = basins(mode)
-    climbs = []
-    for search, number in zip(mode.searches, where, strict=True):
-        away = search.origin - mode.z
-        distance = float(np.sqrt(max(away @ mode.information @ away, 0.0)))
-        own = {k: v for k, v in vars(search).items() if k not in ("origin", "z")}
-        climbs.append({**own, "distance": distance, "mode": number})
-    scores = zip(target.names, mode.z, mode.sd(), target.reflected, strict=True)
-    return {
-        "climbs": climbs,
-        "modes": [
-            Maximum(climb.end, share, {n: float(v) for n, v in target.values(climb.z).items()})
-            for climb, share in found
-        ],
-        "touching_zero": [n for n, z, sd, reflected in scores if reflected and abs(z) < sd],
-    }

@@ -1,8 +1,8 @@
-"""Cells that say what a branch's evidence depends on: the priors' width, half the record, the posterior at zero."""
+"""The sensitivity of a branch's evidence: to the priors' width, to half the record, to the noise model, at zero."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import partial
 
@@ -18,8 +18,8 @@ from bayesdamp.inference.evidence.widths import against_width, under_priors
 from bayesdamp.inference.fit.laplace import log_evidence_near
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.outcomes import following
+from bayesdamp.pipeline.answering import likelihood_of
 from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.pipeline.records.answering import likelihood_of
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult
@@ -35,53 +35,53 @@ from bayesdamp.store.contents import (
 )
 from bayesdamp.types import OK, Refusal, Seed, candidate_name, candidate_parts
 
-SOURCES = {
-    "widths": "evidence/{}/importance",
-    "half": "evidence/{}/importance",
-    "noises": "evidence/{}/importance",
-    "savage_dickey": "posterior/{}/nuts",
-}
-"""Which cell of the branch each starts from."""
-CLOSE = ("half", "noises")
-"""Those that need searches of their own."""
 SHOWN = 1000
-"""Samples of a prediction that are kept, at least, where there are as many."""
+"""Least number of samples of a prediction that are stored, where there are as many."""
 
 
-def sensitivity_cells(branch: Branch, found: Mapping[str, str]) -> dict[str, str]:
-    """Return the names of a branch's cells and what their keys depend on.
+def sensitivity_cells(branch: Branch, keys: Mapping[str, str]) -> dict[str, str]:
+    """Return the names of a branch's cells and the key of the cell that each starts from.
 
-    They are of the first repeat alone, and only where evidence is asked for. Where laws may hold approximately, what is
-    coloured is the deviations' and κ's, and there is no other noise. Where what counts is a fit of this record and
-    others together, the record is not looked at closely by itself. found: the branch's other cells, name to key.
+    Only the first repeat has them, and only where evidence is asked for. Where laws may hold approximately, deviations
+    and κ take the place of other noise models. A record that is fitted jointly with others gets no searches of its own.
+
+    Parameters
+    ----------
+    branch
+        The candidate.
+    keys
+        The branch's other cells, name to key.
     """
-    if branch.repeat or not any(Place.of(n).kind == "evidence" for n in found):
+    if branch.repeat or not any(Place.of(n).kind == "evidence" for n in keys):
         return {}
     study = branch.study
-    joined = branch.spec.specimen in study.repeated and not study.posterior.samplers
+    is_joined = branch.spec.specimen in study.repeated and not study.posterior.samplers
     left_out = {
-        *(CLOSE if joined else ()),
+        *(["half", "noises"] if is_joined else []),  # these need searches of their own
         *(["noises"] if len(study.noises) < 2 or likelihood_of(study) == "law" else []),
         *(["savage_dickey"] if len(branch.terms) < 2 else []),
     }
-    sources = {kind: source.format(branch.path) for kind, source in SOURCES.items() if kind not in left_out}
+    sources = {
+        kind: source.format(branch.path) for kind, (source, _) in KINDS.items() if kind not in left_out
+    }
     return {
-        f"sensitivity/{branch.path}/{kind}": found[source]
+        f"sensitivity/{branch.path}/{kind}": keys[source]
         for kind, source in sources.items()
-        if source in found
+        if source in keys
     }
 
 
 def compute_sensitivity(branch: Branch, kind: str, seed: int) -> Product:
     """Compute one of these cells. Raises Refusal."""
-    source = branch.store.read(SOURCES[kind].format(branch.path))
+    source_name, compute = KINDS[kind]
+    source = branch.store.read(source_name.format(branch.path))
     if not source.arrays:
-        none = "not applicable: no draws were kept; run with --fresh"
-        raise Refusal(following(source.name, source.outcome) if source.outcome != OK else none)
-    return _PRODUCTS[kind](branch, source, seed)
+        reason = "not applicable: no draws were kept; run with --fresh"
+        raise Refusal(following(source.name, source.outcome) if source.outcome != OK else reason)
+    return compute(branch, source, seed)
 
 
-def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
+def _compute_widths(branch: Branch, source: CellResult, seed: int) -> Product:
     y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
     law, mode = branch.law, branch.density
     target = mode.likelihood.target
@@ -89,20 +89,21 @@ def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
     def near(priors: Mapping[str, Prior]) -> Mode:
         return under_priors(mode, priors) if law is None else under(law, priors).mode
 
-    found = asdict(against_width(target.priors, target.oscillator.coefficients, y, log_weights, near, seed))
-    varied = found.pop("varied")
-    return Product(WidthsContent(tuple(varied)), found)
+    coefficients = target.oscillator.coefficients
+    widths = asdict(against_width(target.priors, coefficients, y, log_weights, near, seed))
+    varied = widths.pop("varied")
+    return Product(WidthsContent(tuple(varied)), widths)
 
 
-def _half(branch: Branch, source: CellResult, seed: int) -> Product:
+def _compute_half(branch: Branch, source: CellResult, seed: int) -> Product:
     law, mode, signal = branch.law, branch.density, branch.record.signal
     if law is None:
         t, half = signal.t, first_half(mode)
         carry = partial(carried_on, mode.likelihood, half=signal.t.size // 2)
     else:
-        data, one = law.weighing.data, first_half_of(law)
-        t, half = float(signal.t[0]) + data.t, one.mode
-        carry = partial(law.carried_on, one, seed=seed)
+        data, single = law.weighing.data, first_half_of(law)
+        t, half = float(signal.t[0]) + data.t, single.mode
+        carry = partial(law.carried_on, single, seed=seed)
     evidence, ahead = predict(branch.model, half, carry, seed)
     whole = EvidenceContent.of(source).evidence
     assert whole is not None  # a source with draws was weighed
@@ -121,38 +122,45 @@ def _half(branch: Branch, source: CellResult, seed: int) -> Product:
     return Product(content, {"t": later[::every], "error": ahead.error[::every], "sd": ahead.sd[::every]})
 
 
-def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
-    target = branch.density.likelihood.target
-    z = Draws.of(target, source.arrays["draws"]).z
-    scores = dict(zip(target.names, np.moveaxis(z, -1, 0), strict=True))
-    # The model without a term, in the order in which the study writes it.
-    law = candidate_parts(branch.model)[1]
-    pairs = {candidate_name("+".join(x for x in branch.terms if x != t), law): t for t in branch.terms}
-    coefficient = dict(zip(branch.terms, branch.target.oscillator.coefficients, strict=True))
-    return Product(
-        RatiosContent(
-            {m: savage_dickey(target.priors, coefficient[t], scores, target.scales) for m, t in pairs.items()}
-        )
-    )
-
-
-def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
-    """Laplace's log evidence under each noise model in play, from the mode under the one that was chosen."""
+def _compute_noises(branch: Branch, source: CellResult, seed: int) -> Product:
+    """Return Laplace's log evidence under each noise model, from the mode under the chosen one."""
     del source, seed
-    mode = ModeContent.of(branch.store.read(f"mode/{branch.path}"))
-    start, (whole, *_) = mode.values, mode.windows
-    found: dict[str, UnderNoise] = {}
+    content = ModeContent.of(branch.store.read(f"mode/{branch.path}"))
+    start, (whole, *_) = content.values, content.windows
+    evidence: dict[str, UnderNoise] = {}
     for noise in branch.study.noises:
         if noise == branch.noise:
-            found[noise] = UnderNoise(whole.log_evidence)
+            evidence[noise] = UnderNoise(whole.log_evidence)
             continue
         try:
             target = branch.case.target(noise, branch.epsilon)
             mode = branch.case.mode(target, {Seed("under the chosen noise"): start}, thrifty=True)
-            found[noise] = UnderNoise(log_evidence_near(mode.likelihood, mode.z))
+            evidence[noise] = UnderNoise(log_evidence_near(mode.likelihood, mode.z))
         except Refusal as refusal:
-            found[noise] = UnderNoise(-np.inf, str(refusal))
-    return Product(NoisesContent(branch.noise, found))
+            evidence[noise] = UnderNoise(-np.inf, str(refusal))
+    return Product(NoisesContent(branch.noise, evidence))
 
 
-_PRODUCTS = {"widths": _widths, "half": _half, "noises": _noises, "savage_dickey": _ratios}
+def _compute_ratios(branch: Branch, source: CellResult, seed: int) -> Product:
+    """Return the evidence of each model with one term less, from the posterior density at zero."""
+    del seed
+    target = branch.density.likelihood.target
+    z = Draws.of(target, source.arrays["draws"]).z
+    scores = dict(zip(target.names, np.moveaxis(z, -1, 0), strict=True))
+    law = candidate_parts(branch.model)[1]
+    coefficient = dict(zip(branch.terms, branch.target.oscillator.coefficients, strict=True))
+    ratios = {}
+    for term in branch.terms:
+        smaller = candidate_name("+".join(x for x in branch.terms if x != term), law)
+        ratios[smaller] = savage_dickey(target.priors, coefficient[term], scores, target.scales)
+    return Product(RatiosContent(ratios))
+
+
+Compute = Callable[[Branch, CellResult, int], Product]
+KINDS: dict[str, tuple[str, Compute]] = {
+    "widths": ("evidence/{}/importance", _compute_widths),
+    "half": ("evidence/{}/importance", _compute_half),
+    "noises": ("evidence/{}/importance", _compute_noises),
+    "savage_dickey": ("posterior/{}/nuts", _compute_ratios),
+}
+"""By kind, the cell of the branch that it starts from, and the function that computes it."""

@@ -1,4 +1,4 @@
-"""The evidence of a branch: each method's cell, and the referee's."""
+"""The evidence of a branch: a cell for each method, and one for the referee."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.inference.evidence.adopted import COMBINED, NESTED_CHECK, adopted, disagreement
-from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store import Store
@@ -21,91 +20,94 @@ FIRST_LOOK = "laplace"
 """A method without an error estimate, by which candidates are pruned; it does not count where another one does."""
 
 
-def evidence_parts(study: Study, path: str, found: Mapping[str, str]) -> dict[str, tuple[object, ...]]:
-    """Name of each evidence cell of a branch to what its key depends on besides the mode, the referee's last.
+def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str, tuple[object, ...]]:
+    """Return the parts of each evidence cell's key besides the mode, the referee's last.
 
-    found: the branch's other cells, name to key.
+    Parameters
+    ----------
+    study
+        Whose methods are used.
+    path
+        The branch, `SIGNAL/REPEAT/CANDIDATE`.
+    keys
+        The branch's other cells, name to key.
     """
-    asked = study.evidence.methods
-    draws = found.get(f"posterior/{path}/nuts")
+    methods = study.evidence.methods
+    draws = keys.get(f"posterior/{path}/nuts")
     parts: dict[str, tuple[object, ...]] = {
-        f"evidence/{path}/{m}": (m, draws) if EVIDENCES.get(m).needs_draws else (m,) for m in asked
+        f"evidence/{path}/{m}": (m, draws) if EVIDENCES.get(m).needs_draws else (m,) for m in methods
     }
-    if asked and study.evidence.referee != "never" and NESTED_CHECK not in asked:
-        parts[f"evidence/{path}/{NESTED_CHECK}"] = (
-            NESTED_CHECK,
-            study.evidence.referee,
-            sorted(asked),
-            draws,
-        )
+    if methods and study.evidence.referee != "never" and NESTED_CHECK not in methods:
+        referee = (NESTED_CHECK, study.evidence.referee, sorted(methods), draws)
+        parts[f"evidence/{path}/{NESTED_CHECK}"] = referee
     return parts
 
 
 def compute_evidence(branch: Branch, method: str, seed: int) -> Product:
-    """The evidence by one method; a referee that is not needed says so. Raises Refusal."""
-    if not called(branch, method):
-        return Product(EvidenceContent(), seconds=0.0)
+    """Return the evidence by one method; that of a referee that is not needed is None. Raises Refusal."""
+    study = branch.study
+    if (
+        method == NESTED_CHECK
+        and NESTED_CHECK not in study.evidence.methods
+        and study.evidence.referee == "auto"
+    ):
+        others = [m for m in study.evidence.methods if m != FIRST_LOOK]
+        weighed = list_evidence(branch.store, f"{branch.spec.name}/{branch.repeat}", branch.model, others)
+        if weighed and not disagreement(weighed):
+            return Product(EvidenceContent(), seconds=0.0)
     plugin, mode = EVIDENCES.get(method), branch.density
-    draws = _draws(branch, mode) if plugin.needs_draws else None
-    one = plugin.timed(branch.model, mode.likelihood.target, mode, seed, draws)
+    draws = None
+    if plugin.needs_draws and "nuts" in study.posterior.samplers:
+        cell = branch.store.read(f"posterior/{branch.path}/nuts")
+        if "draws" in cell.arrays:
+            draws = Draws.of(mode.likelihood.target, cell.arrays["draws"], cell.outcome)
+    evidence = plugin.timed(branch.model, mode.likelihood.target, mode, seed, draws)
     arrays: Mapping[str, np.ndarray] = {}
-    if branch.repeat == 0:  # for what is asked of the first repeat alone
-        arrays = {n: a.astype(np.float32) if n == "y" else a for n, a in one.arrays.items()}
-    return Product(EvidenceContent(replace(one, arrays={})), arrays, one.outcome, one.seconds)
+    if branch.repeat == 0:  # only sensitivity cells read them, which are of the first repeat
+        arrays = {n: a.astype(np.float32) if n == "y" else a for n, a in evidence.arrays.items()}
+    content = EvidenceContent(replace(evidence, arrays={}))
+    return Product(content, arrays, evidence.outcome, evidence.seconds)
 
 
-def called(branch: Branch, method: str) -> bool:
-    """Whether a method is to compute: a referee that nobody asked for is not, where the others agree."""
-    study = branch.study.evidence
-    if method != NESTED_CHECK or NESTED_CHECK in study.methods or study.referee != "auto":
-        return True
-    asked = [m for m in study.methods if m != FIRST_LOOK]
-    found = evidences(branch.store, f"{branch.spec.name}/{branch.repeat}", branch.model, asked)
-    return not found or bool(disagreement(found))
+def list_evidence(store: Store, record: str, model: str, methods: Sequence[str]) -> list[Evidence]:
+    """Return the evidence for a model on a record (`bench/0`) by each method, and by the referee where it ran.
 
-
-def _draws(branch: Branch, mode: Mode) -> Draws | None:
-    """The NUTS draws of this branch, where the study has them."""
-    if "nuts" not in branch.study.posterior.samplers:
-        return None
-    cell = branch.store.read(f"posterior/{branch.path}/nuts")
-    if "draws" not in cell.arrays:
-        return None
-    return Draws.of(mode.likelihood.target, cell.arrays["draws"], cell.outcome)
-
-
-def evidences(store: Store, record: str, model: str, methods: Sequence[str]) -> list[Evidence]:
-    """What the methods found for a model on a record (`bench/0`), the referee among them where it was called; sentences
-    have no number."""
-    found = []
+    Of a method that refused it has the outcome and no number.
+    """
+    weighed = []
     for method in dict.fromkeys((*methods, NESTED_CHECK)):
         cell = store.find(f"evidence/{record}/{model}/{method}")
         if cell is None:
             continue
-        one = EvidenceContent.of(cell).evidence
-        if one is not None:
-            found.append(one)
+        evidence = EvidenceContent.of(cell).evidence
+        if evidence is not None:
+            weighed.append(evidence)
         elif cell.outcome != OK:
-            found.append(Evidence(model, method, outcome=cell.outcome))
-    return found
+            weighed.append(Evidence(model, method, outcome=cell.outcome))
+    return weighed
 
 
 def evidence_by_method(
     study: Study, store: Store, record: str, models: Sequence[str]
 ) -> dict[str, dict[str, Evidence]]:
-    """Method to model to evidence, as far as there is one, of a record (`bench/0`); last, under `combined`, the one
-    that counts for each model, where there is more than one method."""
-    asked = study.evidence.methods
-    by_method: dict[str, dict[str, Evidence]] = {m: {} for m in asked}
-    every = {model: evidences(store, record, model, asked) for model in models}
-    for model, found in every.items():
-        for e in found:
+    """Return the evidence on a record (`bench/0`), method to model to evidence, as far as there is one.
+
+    Where there is more than one method, the last entry, `combined`, has the evidence that counts for each model.
+    """
+    methods = study.evidence.methods
+    by_method: dict[str, dict[str, Evidence]] = {m: {} for m in methods}
+    by_model = {model: list_evidence(store, record, model, methods) for model in models}
+    for model, weighed in by_model.items():
+        for e in weighed:
             by_method.setdefault(e.method, {})[model] = e
-    if NESTED_CHECK not in asked and not any(
-        np.isfinite(e.log_evidence) for e in by_method.get(NESTED_CHECK, {}).values()
-    ):
-        by_method.pop(NESTED_CHECK, None)  # where there is no posterior, the methods asked for say so
+    refereed = by_method.get(NESTED_CHECK, {}).values()
+    if NESTED_CHECK not in methods and not any(np.isfinite(e.log_evidence) for e in refereed):
+        # Where there is no posterior, the outcomes of the other methods say so.
+        by_method.pop(NESTED_CHECK, None)
     if len([m for m in by_method if m != FIRST_LOOK]) > 1:
-        drawn = {model: [e for e in found if e.method != FIRST_LOOK] for model, found in every.items()}
-        by_method[COMBINED] = {model: adopted(found) for model, found in drawn.items() if found}
+        by_method[COMBINED] = {}
+        for model, weighed in by_model.items():
+            counting = [e for e in weighed if e.method != FIRST_LOOK]
+            if counting:
+                by_method[COMBINED][model] = adopted(counting)
     return by_method

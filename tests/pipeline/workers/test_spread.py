@@ -15,8 +15,7 @@ import pytest
 from bayesdamp.config import load_study
 from bayesdamp.machine.processes import processes
 from bayesdamp.pipeline import run_study
-from bayesdamp.pipeline.spread import spread
-from bayesdamp.pipeline.workers import pool_of
+from bayesdamp.pipeline.workers import pool_of, spread
 from bayesdamp.plugins import use
 from bayesdamp.store import Store, read_table
 from bayesdamp.types import InputError

@@ -76,7 +76,7 @@ def test_each_noise_is_weighed(run):
         for noise, found in cell.meta["evidence"].items():
             target = branch.case.target(noise)
             start = store.read(f"mode/noisy/0/{model}").meta["values"]
-            mode = find_mode(target, {Seed("start"): start}, noise_level=branch.record.seen.roughness)
+            mode = find_mode(target, {Seed("start"): start}, noise_level=branch.record.features.roughness)
             other = EVIDENCES.get("importance").evidence(model, target, mode, 7)
             assert found["log_evidence"] == pytest.approx(other.log_evidence, abs=0.15)
         by_noise = cell.meta["evidence"]

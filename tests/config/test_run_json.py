@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.config import load_study
-from bayesdamp.config.again import asked
-from bayesdamp.config.shipped import names, study_file
+from bayesdamp.config.load import record_question, shipped_folder, study_file
 from bayesdamp.pipeline import run_study
 from bayesdamp.store import read_table
 from bayesdamp.types import InputError
@@ -67,7 +66,12 @@ def remembered(study: Path, out: Path) -> Path:
     inputs = provenance({"rig.csv": study.with_name("rig.csv")})["inputs"]
     out.mkdir()
     path = out / "run.json"
-    known = {"name": loaded.name, "study": loaded.resolved(), "asked": asked(loaded, out), "inputs": inputs}
+    known = {
+        "name": loaded.name,
+        "study": loaded.resolved(),
+        "asked": record_question(loaded, out),
+        "inputs": inputs,
+    }
     path.write_text(json.dumps(known), encoding="utf-8")
     return path
 
@@ -126,7 +130,7 @@ def test_the_same_tables(study: Path, tmp_path: Path) -> None:
 
 def test_shipped_studies_go_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert {"quickstart", "paper"} <= set(names())
+    assert {"quickstart", "paper"} <= {path.stem for path in shipped_folder().glob("*.toml")}
     for given in ("quickstart", "quickstart.toml"):
         assert load_study(study_file(Path(given))).name == "quickstart"
     Path("quickstart.toml").write_text(STUDY, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A record as its cell holds it, and what candidates on it are fitted with."""
+"""A stored record, and the candidates on it as they are fitted."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.interface.fitting.case import Case
-from bayesdamp.pipeline.records.records import signal_of
+from bayesdamp.pipeline.records import signal_of
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import RecordContent
@@ -25,25 +25,25 @@ class Record:
 
     @cached_property
     def signal(self) -> Signal:
-        """Kept for the last few records: what is derived of a signal is kept with it."""
+        """The signal, cached for the last few records together with the quantities that are derived of it."""
         name = self.cell.name, self.cell.key
-        kept = _SIGNALS.setdefault(name, signal_of(self.cell))
+        signal = _SIGNALS.setdefault(name, signal_of(self.cell))
         while len(_SIGNALS) > KEPT:
             del _SIGNALS[next(iter(_SIGNALS))]
-        return kept
+        return signal
 
     @cached_property
     def content(self) -> RecordContent:
-        """What its cell holds beside the samples."""
+        """The values of its cell, without the samples."""
         return RecordContent.of(self.cell)
 
     @property
     def reference(self) -> Reference:
-        """What default priors scale with. Raises ValueError where it shows no oscillation."""
+        """The scale of default priors. Raises ValueError where the record shows no oscillation."""
         return self.content.scales
 
     @cached_property
-    def seen(self) -> Features:
+    def features(self) -> Features:
         """Features of the signal."""
         return features(self.signal)
 
@@ -55,4 +55,4 @@ class Record:
     def case(self, terms: tuple[str, ...], law: str) -> Case:
         """Return damping terms and a restoring law on the record."""
         priors = {t: p for t, p in self.study.models.prior.items() if t in terms}
-        return Case(self.signal, terms, self.system(law), priors, self.seen, self.reference)
+        return Case(self.signal, terms, self.system(law), priors, self.features, self.reference)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.pipeline.records.targets import KEPT, Record
+from bayesdamp.pipeline.targets import KEPT, Record
 from bayesdamp.store import CellResult
 
 NONE: Any = None

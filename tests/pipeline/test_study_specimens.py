@@ -9,13 +9,13 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
-from bayesdamp.pipeline.many.populating import WIDE
+from bayesdamp.pipeline.specimens import WIDE
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections.specimens import joint_sentence, population_sentence
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import JointContent
 from bayesdamp.verdict.thresholds import CAP
-from tests.pipeline.many.test_specimens import write
+from tests.pipeline.test_specimens import write
 
 pytestmark = pytest.mark.slow
 

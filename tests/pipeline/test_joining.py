@@ -10,9 +10,14 @@ import pytest
 
 from bayesdamp.inference.deviation.several.specimen import OtherForm, weigh_specimen
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.pipeline.many.joining import coefficients_of, joined, likeliest
-from bayesdamp.pipeline.many.populating import WIDE, location_scale
-from bayesdamp.pipeline.many.specimens import Specimen
+from bayesdamp.pipeline.specimens import (
+    WIDE,
+    Specimen,
+    coefficients_of,
+    compute_joint,
+    find_likeliest,
+    location_scale,
+)
 from bayesdamp.priors import HalfNormal, SharedHalfNormal
 from bayesdamp.report.sections.specimens import joint_sentence
 from bayesdamp.store import CellResult
@@ -41,7 +46,7 @@ def specimen(monkeypatch: pytest.MonkeyPatch, *runs: Any, candidates=("viscous",
 
 def test_probabilities_and_spread_are_those_of_the_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
     runs = [weighed_run(0.05, 0.001), weighed_run(0.052, 0.001)]
-    product = joined(specimen(monkeypatch, *runs))
+    product = compute_joint(specimen(monkeypatch, *runs))
     content, arrays = product.content, product.arrays
     whole = weigh_specimen(runs, seed=3)
     assert {c: r.probability for c, r in content.candidates.items()} == {
@@ -58,7 +63,9 @@ def test_probabilities_and_spread_are_those_of_the_verdict(monkeypatch: pytest.M
 def test_each_record_alone_is_what_it_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """Within four Monte Carlo errors of 4,000 draws; log(x) prior: shifts by sd²/x, a fiftieth of an sd. Control:
     the specimen's own interval is wider, as it has the spread."""
-    content = joined(specimen(monkeypatch, weighed_run(0.05, 0.001), weighed_run(0.053, 0.001))).content
+    content = compute_joint(
+        specimen(monkeypatch, weighed_run(0.05, 0.001), weighed_run(0.053, 0.001))
+    ).content
     for label, place in (("r0", 0.05), ("r1", 0.053)):
         one = content.alone[label].summary["zeta"]
         assert one["mean"] == pytest.approx(place, abs=(4 / np.sqrt(4000) + 0.02) * 0.001)
@@ -83,7 +90,7 @@ def test_whether_records_agree(
     said: str,
 ) -> None:
     """Each row is the control of the others."""
-    content = joined(specimen(monkeypatch, *(weighed_run(p, sd) for p in places))).content
+    content = compute_joint(specimen(monkeypatch, *(weighed_run(p, sd) for p in places))).content
     assert (content.differ, content.agree) == (differ, agree)
     sentence = joint_sentence(SimpleNamespace(fits=[]), CellResult("joint/rig", "", content.meta()))  # type: ignore[arg-type]
     assert said in sentence
@@ -94,7 +101,7 @@ def test_a_candidate_that_a_record_lacks_has_evidence_and_no_coefficients(
 ) -> None:
     runs = [weighed_run(0.05, 0.001), weighed_run(0.05, 0.001, others=())]
     del runs[1].runs[C]  # type: ignore[attr-defined]
-    product = joined(specimen(monkeypatch, *runs, candidates=("viscous", "coulomb", "quadratic")))
+    product = compute_joint(specimen(monkeypatch, *runs, candidates=("viscous", "coulomb", "quadratic")))
     content, arrays = product.content, product.arrays
     assert content.candidates["coulomb"].log_evidence is not None
     assert not content.candidates["coulomb"].summary
@@ -105,7 +112,7 @@ def test_a_candidate_that_a_record_lacks_has_evidence_and_no_coefficients(
 
 def test_other_forms_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     form = OtherForm("displacement", "linear", -2.0)
-    content = joined(
+    content = compute_joint(
         specimen(monkeypatch, *(weighed_run(0.05, 0.001, others=(form,)) for _ in range(2)))
     ).content
     assert content.others["displacement"] == pytest.approx(
@@ -116,11 +123,11 @@ def test_other_forms_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_one_answer_is_not_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(Refusal, match="fewer than two"):
-        joined(specimen(monkeypatch, weighed_run(0.05, 0.001)))
+        compute_joint(specimen(monkeypatch, weighed_run(0.05, 0.001)))
 
 
 def test_the_likeliest_candidate_is_of_the_likeliest_damping() -> None:
-    assert likeliest({"viscous@a": 0.3, "viscous@b": 0.25, "coulomb@a": 0.4}) == "viscous@a"
+    assert find_likeliest({"viscous@a": 0.3, "viscous@b": 0.25, "coulomb@a": 0.4}) == "viscous@a"
 
 
 def test_the_prior_of_a_population_is_not_narrow_about_its_values() -> None:

@@ -1,0 +1,203 @@
+"""The task of one record: read or simulated, cleaned, with its features and what is known of its system."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import fields, replace
+from functools import lru_cache
+
+import numpy as np
+
+from bayesdamp.config import Recording, SignalSpec, Simulation, Study
+from bayesdamp.estimators.bound import cramer_rao
+from bayesdamp.estimators.shared import has_noise
+from bayesdamp.interface.no_free_decay import no_free_decay
+from bayesdamp.interface.records.simulate import simulated
+from bayesdamp.outcomes import Status
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline.tasks import Product, cell_seed, task_key
+from bayesdamp.plugins import sources_below
+from bayesdamp.provenance import Provenance
+from bayesdamp.records.cleaning.clean import clean
+from bayesdamp.records.cleaning.decimate import decimated
+from bayesdamp.records.findings import question
+from bayesdamp.records.oscillation.anomalies import anomalies
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.law_free import law_free
+from bayesdamp.records.read import read_record
+from bayesdamp.records.record import RawRecord
+from bayesdamp.records.reference import reference_of
+from bayesdamp.records.wrapped import unwrapped
+from bayesdamp.store import CellResult, Store, sha256
+from bayesdamp.store.contents import FeaturesSeen, RecordContent
+from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Refusal, Signal
+from bayesdamp.units import UNITS
+from bayesdamp.verdict.units import in_unit
+from bayesdamp.verdict.words import seen_instead
+
+NOT_APPLICABLE = Status.NOT_APPLICABLE.because("the record has no noise, so there is no posterior")
+RAW_POINTS = 20_000
+_NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
+
+
+def recorded(source: Recording) -> RawRecord:
+    """Read the record of a study, thinned where it has far more samples than it needs. Raises InputError."""
+    raw = read_record(
+        source.path,
+        time=source.time,
+        value=source.angle,
+        rate=source.rate,
+        run=source.run,
+        channel=source.channel,
+        time_unit=source.time_unit,
+    )
+    doubt = question(raw, source.unit, source.quantity, given=False)  # "rad" may be the default
+    if doubt is not None:
+        raise InputError(doubt.sentence, arguments=doubt.arguments)
+    return decimated(unwrapped(raw, source.unit, source.quantity))
+
+
+def read_free_decay(source: Recording, name: str) -> tuple[RawRecord, Signal]:
+    """Return the record and its free decay, under a name. Raises InputError with the file as the study names it.
+
+    The last record is kept until its file changes: a run reads its inputs once before it begins.
+    """
+    stamp: tuple[int, ...] = ()
+    with suppress(OSError):
+        status = source.path.stat()
+        stamp = status.st_mtime_ns, status.st_size, status.st_ino
+    try:
+        return _read_free_decay(source, name, stamp)
+    except InputError as error:
+        raise InputError(error.what, source.file, error.at, error.arguments) from None
+
+
+@lru_cache(maxsize=1)
+def _read_free_decay(source: Recording, name: str, stamp: tuple[int, ...]) -> tuple[RawRecord, Signal]:
+    del stamp
+    raw = recorded(source)
+    options = {k: getattr(source, k) for k in ("unit", "quantity", "clock", "start", "stop")}
+    return raw, clean(raw, name=name, **options)
+
+
+def signal_key(study: Study, spec: SignalSpec, repeat: int, store: Store) -> str:
+    """Return the key of a record's task, `signal/NAME/REPEAT`.
+
+    It depends on the signal's table, the repeat, the file's content, and the source of what simulates or reads it.
+    """
+    source = spec.source
+
+    def compute() -> str:
+        plugins, content = [LAWS.source(spec.system.restoring)], ""
+        if isinstance(source, Recording):
+            plugins += sources_below("bayesdamp.records")
+            content = sha256(source.path)
+        else:
+            plugins += [TERMS.source(term) for term in source.damping]
+        settings = {k: v for k, v in spec.resolved().items() if k not in _NOT_OF_THE_RECORD}
+        return task_key("signal", study.seed, settings, repeat, content, plugins)
+
+    return store.key(f"signal/{spec.name}/{repeat}", (study, spec), compute)
+
+
+def compute_signal(study: Study, spec: SignalSpec, repeat: int) -> Product:
+    """Return the record, cleaned, with its features. Raises InputError where a measured one shows no oscillation."""
+    source, name, arrays = spec.source, f"signal/{spec.name}/{repeat}", {}
+    if isinstance(source, Simulation):
+        rng = np.random.default_rng(cell_seed(study, name))
+        signal = simulated(source, spec.system.restoring, source.truth, spec.name, rng)
+    else:
+        raw, signal = read_free_decay(source, spec.name)
+        if source.least_noise > 0:
+            signal = _add_noise(signal, source.least_noise, cell_seed(study, f"noise/{name}"))
+        times = np.arange(raw.y.size) / raw.rate if raw.t is None and raw.rate else raw.t
+        every = max(1, raw.y.size // RAW_POINTS)
+        if times is not None:
+            scale = UNITS[source.unit].factor
+            arrays = {"raw_t": np.asarray(times)[::every], "raw_y": raw.y[::every] * scale}
+    content = RecordContent(
+        name=signal.name,
+        unit=signal.unit,
+        quantity=signal.quantity,
+        step=signal.step,
+        provenance=signal.provenance.to_dict(),
+        bound=_bound(spec, signal) if repeat == 0 else {},  # repeats share that of the first
+    )
+    arrays |= {"t": signal.t, "y": signal.y}
+    try:
+        content, outcome = _describe(spec, signal, content), OK
+        law_free(signal, features(signal))  # refuses a record of too few cycles
+    except Refusal as refusal:
+        if isinstance(source, Recording):
+            raise InputError(f"signal {spec.name}: {refusal}") from None
+        outcome = str(refusal)  # of one simulated record in a series; the others go on
+    return Product(content, arrays, outcome)
+
+
+def _add_noise(signal: Signal, share: float, seed: int) -> Signal:
+    """Add noise of this share of the amplitude to a record that has none, with a note; return others unchanged."""
+    try:
+        measured = features(signal)
+    except Refusal:
+        return signal
+    if has_noise(signal, measured):
+        return signal
+    size = float(np.abs(measured.turning_amplitudes).max())
+    y = signal.y + share * size * np.random.default_rng(seed).standard_normal(signal.y.size)
+    warning = (
+        f"the record has no noise from sample to sample (it was filtered, smoothed or simulated), and without noise "
+        f"nothing can be weighed. Noise of {100 * share:g} % of its amplitude was added, and the results are for the "
+        "record with this noise. Give a record with its noise, or fit this one with a study's estimators, which need "
+        "none."
+    )
+    before = signal.provenance
+    return replace(signal, y=y, provenance=replace(before, warnings=(*before.warnings, warning)))
+
+
+def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> RecordContent:
+    """Add features, the reference of the priors, ε where it was not given, and whether there is noise.
+
+    Raises Refusal where the record shows no oscillation.
+    """
+    measured = features(signal)
+    reference = reference_of(spec.system, measured)
+    known, note = dict(spec.system.known), ""
+    if "epsilon" not in known and "epsilon" not in spec.system.free:
+        known["epsilon"] = reference.friction_width
+        share = f"{100 * FRICTION_WIDTH:g} % of the peak velocity"
+        note = f"ε was not given: {share}, {known['epsilon']:.3g} {signal.unit}/s."
+    remarks = list(anomalies(signal, measured))
+    other = no_free_decay(signal) if isinstance(spec.source, Recording) else None
+    if other is not None and other.motion is not None:
+        remarks.append(seen_instead(in_unit(other, UNITS[spec.source.unit]), other.motion))
+    return replace(
+        content,
+        features=FeaturesSeen(**{f.name: getattr(measured, f.name) for f in fields(FeaturesSeen)}),
+        anomalies=tuple(remarks),
+        reference=reference,
+        known=known,
+        epsilon_note=note,
+        noisy=has_noise(signal, measured),
+    )
+
+
+def _bound(spec: SignalSpec, signal: Signal) -> dict[str, float]:
+    """Return the Cramér–Rao bound of a simulated record with white noise, sd by parameter; else nothing."""
+    source = spec.source
+    if not isinstance(source, Simulation) or source.noise != "gaussian":
+        return {}
+    terms = [TERMS.get(term) for term in source.damping]
+    truth = {**spec.system.known, **source.truth}
+    is_exact = truth.get("epsilon") == 0.0 and any(term.switches for term in terms)
+    if any(term.further for term in terms) or is_exact or not truth.get("noise_sd"):
+        return {}
+    problem = Problem(source.damping, spec.system)
+    return cramer_rao(problem, truth, signal.t, truth["noise_sd"], signal.quantity)
+
+
+def signal_of(record: CellResult) -> Signal:
+    """Return the signal that a record's task stored."""
+    m = RecordContent.of(record)
+    t, y = record.arrays["t"], record.arrays["y"]
+    return Signal(t, y, m.quantity, m.unit, m.name, m.step, Provenance.of(m.provenance))

@@ -1,1 +1,0 @@
-"""What is computed of a record once for all candidates on it."""
