@@ -97,4 +97,4 @@ def test_a_long_record_is_thinned_and_a_short_one_is_not(viscous):
 def test_another_damping_is_no_good_fit():
     signal, problem = pendulum({"mu_c": 0.06}, samples=1000, model=("viscous",))
     refined = run("genetic", signal, problem, stages=["refined"], seed=1)[0]
-    assert "the model is not all of it" in refined.outcome
+    assert "the model is incomplete" in refined.outcome

@@ -94,7 +94,7 @@ def test_another_damping_is_no_good_fit(name):
     signal, problem = pendulum({"mu_c": 0.06}, samples=2000, model=("viscous",))
     first, refined = run(name, signal, problem, options=SHORT[name], seed=1)
     assert first.values["zeta"] > 0
-    assert "the model is not all of it" in refined.outcome
+    assert "the model is incomplete" in refined.outcome
 
 
 @pytest.mark.parametrize("name", ["pinn", "neural_ode"])
