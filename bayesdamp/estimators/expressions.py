@@ -182,7 +182,7 @@ DEPTH = 8
 
 
 @dataclass(frozen=True)
-class Candidate:
+class ScoredExpression:
     """An expression, and its length in nodes and mean square error as Operon computed them."""
 
     expression: Expression
@@ -192,7 +192,7 @@ class Candidate:
 
 def front(
     x: np.ndarray, y: np.ndarray, *, seed: int, population: int, generations: int, length: int, polish: int
-) -> tuple[list[Candidate], int]:
+) -> tuple[list[ScoredExpression], int]:
     """Search the Pareto front of error and length for y (n,) as a function of x (n,).
 
     It uses NSGA-II (Deb and others, 2002) with subtree crossover; the constants of each offspring take `polish` steps
@@ -201,7 +201,7 @@ def front(
 
     Returns
     -------
-    list of Candidate, int
+    list of ScoredExpression, int
         The front, and the number of models that were evaluated.
     """
     data = op.Dataset(np.asfortranarray(np.column_stack([x, y])))
@@ -262,13 +262,13 @@ def front(
     search = op.NSGA2Algorithm(config, problem, trees, initial, generator, reinserter, sorter)
     search.Run(op.RandomGenerator(np.uint64(seed)), None, 1, False)
 
-    candidates: list[Candidate] = []
+    candidates: list[ScoredExpression] = []
     largest = float(np.abs(x).max())
     for person in search.BestFront:
         tree = person.Genotype
         misfit = np.asarray(op.Evaluate(table, tree, data, rows), float) - y
         expression = _from_postfix(tree.Nodes, largest)
-        candidates.append(Candidate(expression, int(tree.Length), float(np.mean(misfit**2))))
+        candidates.append(ScoredExpression(expression, int(tree.Length), float(np.mean(misfit**2))))
     return candidates, int(population * (search.Generation + 1))
 
 

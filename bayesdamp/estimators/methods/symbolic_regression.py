@@ -27,7 +27,7 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 if TYPE_CHECKING:
-    from bayesdamp.estimators.expressions import Candidate, Expression
+    from bayesdamp.estimators.expressions import Expression, ScoredExpression
 
 KNOTS = (5.0, 6.0, 8.0, 11.0, 16.0, 23.0, 32.0)
 """Knots in a period to choose from: more resolve the shape of the force, and more of the noise."""
@@ -93,7 +93,7 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
         fastest, scale = float(np.abs(x).max()), float(np.std(y))
         if not (fastest > 0 and scale > 0 and np.all(np.isfinite(y))):
             raise Refusal("the record shows no damping force to search an expression for")
-        candidates: list[Candidate] = []
+        candidates: list[ScoredExpression] = []
         models = 0
         for _ in range(options.searches):
             more, count = front(
@@ -142,9 +142,9 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
         )
 
 
-def _pareto(candidates: list[Candidate]) -> list[Candidate]:
+def _pareto(candidates: list[ScoredExpression]) -> list[ScoredExpression]:
     """Return those that no other candidate beats in both error and length, shortest first."""
-    best: list[Candidate] = []
+    best: list[ScoredExpression] = []
     for candidate in sorted(candidates, key=lambda c: (c.length, c.error)):
         if np.isfinite(candidate.error) and (not best or candidate.error < best[-1].error):
             best.append(candidate)
