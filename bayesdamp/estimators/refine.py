@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from bayesdamp.estimators.search import SearchResult, brent
+from bayesdamp.estimators.search import brent
 from bayesdamp.estimators.shared import (
     checked_features,
     decay_start,
@@ -41,6 +42,14 @@ SCHEDULE = Schedule(less=0.1, more=10.0)
 STILL, SAME, LEVEL = 1e-9, 1e-13, 1e-12
 """A search has converged with a step of this share of what changes the residuals as much as all of them are now, of
 this share of the parameters, or that lowers their sum of squares by this share."""
+
+
+class Minimum(NamedTuple):
+    """The best x (k,), the sum of squares after each evaluation, and whether the search converged."""
+
+    x: np.ndarray
+    costs: np.ndarray
+    converged: bool
 
 
 @dataclass(frozen=True)
@@ -116,14 +125,14 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     floor = np.r_[np.zeros(units.size), lowest, np.full(free, -np.inf)]
     x = _start(fit, units, first, features)
 
-    evaluations, traces = 0, []
+    traces = []
     if len(names) == 1:
         escaped = 100.0 * size**2  # ten times the record's size
-        one_dimensional = brent(
+        coefficient, costs = brent(
             lambda c: fit.mean_square(np.array([c]), escaped), float(x[0]), float(units[0])
         )
-        x, evaluations = one_dimensional.x, one_dimensional.evaluations
-        traces.append(np.sqrt(one_dimensional.costs))
+        x = np.array([coefficient])
+        traces.append(np.sqrt(costs))
     best = least_squares(fit.linearise, x, floor)
     lost = 0.3 * float(np.std(signal.y))
     for start in (x, np.array([{**base, **decay_start(problem, features)}[name] for name in names])):
@@ -134,7 +143,6 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
                 window *= 2
             other = least_squares(fit.linearise, start, floor)
             best = other if other.costs[-1] < best.costs[-1] else best
-    evaluations += best.evaluations
     traces.append(np.sqrt(best.costs / signal.t.size))
     residual, jacobian = fit.linearise(best.x)
     if not np.all(np.isfinite(residual)):
@@ -153,14 +161,14 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         dict(zip(names, map(float, best.x))),
         _stderr(names, best.x, floor, residual, jacobian),
         {"rms": np.concatenate([*traces, [rms]])},
-        evaluations=evaluations,
+        evaluations=sum(map(len, traces)),
         outcome="; ".join(problems) or OK,
     )
 
 
 def least_squares(
     linearise: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], start: np.ndarray, floor: np.ndarray
-) -> SearchResult:
+) -> Minimum:
     """Minimise a sum of squares over x ≥ floor, elementwise, from `start` (k,), by Levenberg–Marquardt.
 
     linearise: maps x to residuals (n,) and their Jacobian (n, k); a step to residuals that are not finite is refused.
@@ -182,7 +190,7 @@ def least_squares(
         return small or bool(np.all(np.abs(step.move) <= SAME * np.abs(step.x))) or cost == 0.0
 
     result = levenberg_marquardt(expand, start, floor, ended, limit=STEPS, schedule=SCHEDULE)
-    return SearchResult(result.x, len(costs), np.array(costs), result.converged)
+    return Minimum(result.x, np.array(costs), result.converged)
 
 
 def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Features) -> np.ndarray:

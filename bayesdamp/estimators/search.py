@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -14,17 +13,7 @@ SCORE = 3.5
 """Farthest distance from the middle of its prior at which a term's further parameter is searched, in normal scores."""
 
 
-@dataclass(frozen=True)
-class SearchResult:
-    """The best x, the number of evaluations, the cost after each, and whether the search converged."""
-
-    x: np.ndarray
-    evaluations: int
-    costs: np.ndarray
-    converged: bool
-
-
-def brent(cost: Callable[[float], float], guess: float, unit: float) -> SearchResult:
+def brent(cost: Callable[[float], float], guess: float, unit: float) -> tuple[float, np.ndarray]:
     """Find the minimum of `cost` over x ≥ 0 (paper, section 3.3: Brent's method with bounded search).
 
     The bracket is [guess/3, 3·guess] and moves on if the minimum is at its end.
@@ -37,6 +26,11 @@ def brent(cost: Callable[[float], float], guess: float, unit: float) -> SearchRe
         Where the search starts, but no lower than `unit`.
     unit
         A value of x that is small but matters.
+
+    Returns
+    -------
+    float, ndarray
+        The best x, and the cost of each evaluation.
     """
     from scipy.optimize import minimize_scalar
 
@@ -49,7 +43,7 @@ def brent(cost: Callable[[float], float], guess: float, unit: float) -> SearchRe
     factor = 3.0
     centre = max(guess, unit)
     low, high = centre / factor, centre * factor
-    x, converged = centre, False
+    x = centre
     for _ in range(12):
         result = minimize_scalar(
             counted, bounds=(low, high), method="bounded", options={"xatol": 1e-9 * max(centre, unit)}
@@ -61,12 +55,11 @@ def brent(cost: Callable[[float], float], guess: float, unit: float) -> SearchRe
         elif x < low + margin and low > 0.0:
             low, high = (low / factor**3 if low > unit / factor else 0.0), x * factor
         else:
-            converged = bool(result.success)  # pyright: ignore[reportAttributeAccessIssue]
             break
         centre = max(x, unit)
     if low == 0.0 and counted(0.0) <= counted(x):
         x = 0.0
-    return SearchResult(np.array([x]), len(costs), np.array(costs), converged)
+    return x, np.array(costs)
 
 
 def search_further(

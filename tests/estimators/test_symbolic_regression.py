@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
-from bayesdamp.estimators.evolution.expressions import Expression
-from bayesdamp.estimators.evolution.operon import front
+from bayesdamp.estimators.expressions import Expression, front
 from tests.estimators.truths import EVERYTHING, PAPER, error, pendulum
 
 V = np.linspace(-1.5, 1.5, 301)

@@ -73,11 +73,10 @@ class Envelope(Estimator[EnvelopeOptions]):
 
         scaled = "theta0" in free or "omega0" in free
         if len(match.names) == 1 and not scaled:
-            result = brent(
+            coefficient, trace = brent(
                 lambda c: float(np.mean(match.difference(np.array([c])) ** 2)), coefficients[0], units[0]
             )
-            x, scale = result.x, 1.0
-            trace = result.costs
+            x, scale = np.array([coefficient]), 1.0
         else:
             x, scale = match.fit(coefficients, scaled)
             trace = [float(np.mean(match.difference(x, scale) ** 2))]

@@ -140,7 +140,7 @@ class Genes:
         """Return the lowest and highest value that are searched at first, as the record suggests."""
         a, f = features.amplitude, features.frequency
         if name in self.osc.coefficients:
-            return 0.0, ALONE * alone(self.osc.terms[self.osc.coefficients.index(name)], features)
+            return 0.0, ALONE * coefficient_alone(self.osc.terms[self.osc.coefficients.index(name)], features)
         if name in self.further:
             prior = self.further[name]
             ends = (0.0, 2.5) if prior.reflected else (-2.5, 2.5)
@@ -209,7 +209,7 @@ def _balance(
     return dict(zip(names, x.T))
 
 
-def alone(term: DampingTerm, features: Features) -> float:
+def coefficient_alone(term: DampingTerm, features: Features) -> float:
     """Return the coefficient with which a term alone would cause the decay from the first to the last turning point.
 
     dA/dt = −c r(A) ω A with r the equivalent damping ratio per unit, so c = ∫dA / (ω A r(A)) over the time.

@@ -59,15 +59,8 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
 
         features = checked_features(signal)
         with single_thread(), torch.no_grad():
-            shooting = Shooting(
-                signal,
-                problem,
-                features,
-                width=options.width,
-                steps=options.steps,
-                continuity=options.continuity_weight,
-                random=generator(rng),
-            )
+            settings = options.model_dump(exclude={"rounds"})
+            shooting = Shooting(signal, problem, features, random=generator(rng), **settings)
             training = gauss_newton(
                 shooting.residuals,
                 shooting.linearise,
@@ -85,7 +78,7 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
             details = {
                 "velocity": velocity.tolist(),
                 "force": shooting.force(training.x, velocity).tolist(),
-                "law": (shooting.forces.shapes(velocity)[0] @ coefficients[-1]).tolist(),
+                "law": (shooting.damping_shapes(velocity)[0] @ coefficients[-1]).tolist(),
             }
         values |= {name: free[name] for name in free_names(problem)}
         return Estimate(

@@ -56,18 +56,7 @@ class Pinn(Estimator[PinnOptions]):
 
         features = checked_features(signal)
         with single_thread():
-            loss = Collocation(
-                signal,
-                problem,
-                features,
-                rng,
-                informed=options.start == "direct",
-                width=options.width,
-                harmonics=options.harmonics,
-                instants=options.collocation,
-                physics_weight=options.physics_weight,
-                start_weight=options.start_weight,
-            )
+            loss = Collocation(signal, problem, features, rng, **options.model_dump(exclude={"rounds"}))
             training = gauss_newton(
                 loss.residuals, loss.linearise, loss.start, options.rounds, loss.scaled_damping
             )

@@ -66,9 +66,7 @@ class Rnn(Estimator[RnnOptions]):
         features = checked_features(signal)
         simulator = Simulator(signal, problem, features, rng)
         with single_thread():
-            network = RecurrentNetwork(
-                simulator, generator(rng), options.cell, options.units, options.records, options.epochs
-            )
+            network = RecurrentNetwork(simulator, generator(rng), **options.model_dump())
             centre, half, inside = simulator.centre, WIDEST, False
             answers, errors, losses = [], [], []
             for _ in range(MOST_ROUNDS):

@@ -96,15 +96,8 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
         candidates: list[ScoredExpression] = []
         models = 0
         for _ in range(options.searches):
-            more, count = front(
-                x / fastest,
-                y / scale,
-                seed=int(rng.integers(2**31)),
-                population=options.population,
-                generations=options.generations,
-                length=options.length,
-                polish=options.polish,
-            )
+            settings = options.model_dump(include={"population", "generations", "length", "polish"})
+            more, count = front(x / fastest, y / scale, seed=int(rng.integers(2**31)), **settings)
             candidates, models = candidates + more, models + count
         lengths, expressions = [], []
         for candidate in _pareto([c for c in candidates if c.expression.depends]):

@@ -30,21 +30,19 @@ class Collocation(ScaledRecord):
         features: Features,
         rng: np.random.Generator,
         *,
-        informed: bool,
+        start: str,
         width: int,
         harmonics: int,
-        instants: int,
+        collocation: int,
         physics_weight: float,
         start_weight: float,
     ) -> None:
         super().__init__(signal, problem, features)
         per_ratio = [1.0 / ratio for ratio in self.ratios]
-        guess = decay_start(problem, features)
-        damping = (
-            [guess[name] for name in self.coefficients]
-            if informed
-            else [UNINFORMED * unit for unit in per_ratio]
-        )
+        damping = [UNINFORMED * unit for unit in per_ratio]
+        if start == "direct":
+            guess = decay_start(problem, features)
+            damping = [guess[name] for name in self.coefficients]
         free = [self.base[name] for name in self.restoring]
         self.units = torch.tensor(
             [0.1 * unit for unit in per_ratio] + [max(abs(v), features.amplitude) for v in free], dtype=REAL
@@ -63,14 +61,11 @@ class Collocation(ScaledRecord):
 
         self.data = inputs(self.t)[:, : self.order + 1]
         # Evenly spread but at no fixed phase, so that friction's effect within a cycle is sampled everywhere.
-        spread = (np.arange(instants) + rng.uniform(0.0, 1.0, instants)) / instants
+        spread = (np.arange(collocation) + rng.uniform(0.0, 1.0, collocation)) / collocation
         self.inside = inputs(end * spread)
         self.first = inputs(np.zeros(1))[:, :2]
-        self.weight = (
-            1.0 / self.y.numel() ** 0.5,
-            start_weight**0.5,
-            (physics_weight / instants) ** 0.5,
-        )
+        of_data, of_physics = 1.0 / self.y.numel() ** 0.5, (physics_weight / collocation) ** 0.5
+        self.weight = (of_data, start_weight**0.5, of_physics)
 
     def physical(self, x: Tensor) -> np.ndarray:
         """Return the damping coefficients and free restoring parameters, in SI units."""
@@ -90,8 +85,8 @@ class Collocation(ScaledRecord):
         a, w = self.a, self.w
         values, c = self.physical(x), len(self.coefficients)
         theta, omega = (self.rest + a * jet[:, 0]).numpy(), (a * w * jet[:, 1]).numpy()
-        force, slope, by = self.forces.restoring(theta, values[c:])
-        shape, steep = self.forces.shapes(omega)
+        force, slope, by = self.restoring_force(theta, values[c:])
+        shape, steep = self.damping_shapes(omega)
         scale = 1.0 / (a * w * w)
         return (
             jet[:, 2] + scale * torch.from_numpy(force + shape @ values[:c]),

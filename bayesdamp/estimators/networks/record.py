@@ -8,7 +8,6 @@ import torch
 from bayesdamp.estimators.networks.training import REAL
 from bayesdamp.estimators.shared import ORDER, epsilon_of, noise_level, oscillator, start_parameters
 from bayesdamp.physics.arrays import slope_of
-from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Problem, Signal
 
@@ -17,38 +16,6 @@ WITHIN = 1e-2
 MOST_SAMPLES = 1500
 PER_CYCLE = 40.0
 """Means are taken over no more than this part of a cycle: the mean of a sinusoid is then 0.1 % small."""
-
-
-class Forces:
-    """Forces per inertia, rad/s², at n angles or velocities.
-
-    known: values of the restoring parameters; free: names of those that are sought.
-    """
-
-    def __init__(
-        self, osc: Oscillator, known: dict[str, float], free: tuple[str, ...], epsilon: float
-    ) -> None:
-        self._osc, self._free, self._epsilon = osc, free, epsilon
-        self._known = {name: known[name] for name in osc.law.parameters if name not in free}
-
-    def restoring(self, theta: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return F_rest (n,), its slope by θ (n,), and its derivatives by the free parameters (n, k)."""
-        law, p = self._osc.law, {**self._known, **dict(zip(self._free, values.tolist(), strict=True))}
-        by = [
-            slope_of(lambda v, name=name: law.force(theta, {**p, name: v}), np.full(theta.size, p[name]))
-            for name in self._free
-        ]
-        return law.force(theta, p), law.slope(theta, p), np.array(by).reshape(-1, theta.size).T
-
-    def shapes(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the damping force per unit of each coefficient and its slope by θ̇, both (n, terms)."""
-        still = np.zeros_like(omega)
-        step = WITHIN * self._epsilon if self._osc.switches and self._epsilon > 0 else None
-        values, slopes = [], []
-        for term in self._osc.terms:
-            values.append(term.force(still, omega, self._epsilon))
-            slopes.append(slope_of(lambda v, t=term: t.force(still, v, self._epsilon), omega, step))
-        return np.column_stack(values), np.column_stack(slopes)
 
 
 def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarray, np.ndarray]:
@@ -82,7 +49,7 @@ class ScaledRecord:
         self.ratios = [term.ratio_per_unit(self.a, self.w) for term in osc.terms]
         self.coefficients = osc.coefficients
         self.restoring = tuple(name for name in osc.law.parameters if name not in known)
-        self.forces = Forces(osc, self.base, self.restoring, epsilon_of(problem, features))
+        self._osc, self._epsilon = osc, epsilon_of(problem, features)
         self.t, self.recorded = thin_record(signal, features, MOST_SAMPLES)
         middle = self.rest if self.order == 0 else 0.0
         self.y = torch.from_numpy((self.recorded - middle) / (self.a * self.w**self.order))
@@ -90,6 +57,31 @@ class ScaledRecord:
         self.given = [i for i, (value, _, _) in enumerate(wanted) if value is not None]
         scaled = [(v - zero) / unit for v, zero, unit in wanted if v is not None]
         self.begin = torch.tensor(scaled, dtype=REAL)
+
+    def restoring_force(
+        self, theta: np.ndarray, values: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return F_rest, rad/s², at angles (n,), its slope by θ (n,), and its derivatives by `restoring` (n, k).
+
+        values (k,): of the unknown restoring parameters.
+        """
+        law = self._osc.law
+        p = {name: self.base[name] for name in law.parameters} | dict(zip(self.restoring, values.tolist()))
+        by = [
+            slope_of(lambda v, name=name: law.force(theta, {**p, name: v}), np.full(theta.size, p[name]))
+            for name in self.restoring
+        ]
+        return law.force(theta, p), law.slope(theta, p), np.array(by).reshape(-1, theta.size).T
+
+    def damping_shapes(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the damping force per unit of each coefficient and its slope by θ̇, both (n, terms)."""
+        still = np.zeros_like(omega)
+        step = WITHIN * self._epsilon if self._osc.switches and self._epsilon > 0 else None
+        values, slopes = [], []
+        for term in self._osc.terms:
+            values.append(term.force(still, omega, self._epsilon))
+            slopes.append(slope_of(lambda v, t=term: t.force(still, v, self._epsilon), omega, step))
+        return np.column_stack(values), np.column_stack(slopes)
 
 
 class Phase:

@@ -43,7 +43,7 @@ class Shooting(ScaledRecord):
         *,
         width: int,
         steps: int,
-        continuity: float,
+        continuity_weight: float,
         random: torch.Generator,
     ) -> None:
         super().__init__(signal, problem, features)
@@ -70,7 +70,7 @@ class Shooting(ScaledRecord):
         self.step = torch.from_numpy(interval % intervals)
         self.dense = torch.from_numpy(_hermite(s / step - interval, step, self.order)).reshape(-1, 2, 3)
 
-        self.weight = (1.0 / self.t.size**0.5, continuity)
+        self.weight = (1.0 / self.t.size**0.5, continuity_weight)
         states = self._first_states(s, self.recorded / (self.a * self.w**self.order), length)
         self.start = torch.cat(
             [weights, torch.tensor(free / self.free_units, dtype=REAL), states.reshape(-1)]
@@ -112,7 +112,7 @@ class Shooting(ScaledRecord):
         Tangents are derivatives by the segment's start (2), the weights and the free restoring parameters.
         """
         values = x[self.count : self.physical].numpy() * self.free_units
-        force, slope, by = self.forces.restoring((self.rest + self.a * angle).numpy(), values)
+        force, slope, by = self.restoring_force((self.rest + self.a * angle).numpy(), values)
         learnt, steep = self._force(x, v)
         unit = self.a * self.w**2
         acceleration = -torch.from_numpy(force / unit) - learnt
@@ -198,7 +198,7 @@ class Shooting(ScaledRecord):
         """
         velocity = (self._solve(x, with_tangents=False)[0][..., 1] * self.a * self.w).numpy()
         flat = velocity.reshape(-1)
-        shapes = self.forces.shapes(flat)[0] * self.units
+        shapes = self.damping_shapes(flat)[0] * self.units
         if not np.all(np.isfinite(flat)):
             return np.full(self.units.size, np.nan)
         power = (flat * self.force(x, flat)).reshape(velocity.shape).mean(axis=1)
