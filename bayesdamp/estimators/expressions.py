@@ -80,10 +80,8 @@ class Expression:
         for atoms, c in self.terms:
             product = np.full_like(v, c)
             for atom in atoms:
-                if atom.inner is None:
-                    product = product * v
-                else:
-                    product = product * (np.abs if atom.kind == "abs" else np.tanh)(atom.inner(v))
+                function = np.abs if atom.kind == "abs" else np.tanh
+                product = product * (v if atom.inner is None else function(atom.inner(v)))
             total = total + product
         return total
 
@@ -102,14 +100,12 @@ class Expression:
         values = iter(values)
         terms = []
         for atoms, _ in self.terms:
-            c = float(next(values))
-            filled = tuple(
-                atom
-                if atom.inner is None or _is_unit(atom)
-                else Atom(atom.kind, atom.inner.with_constants(values))
-                for atom in atoms
-            )
-            terms.append((filled, c))
+            c, filled = float(next(values)), []
+            for atom in atoms:
+                if atom.inner is not None and not _is_unit(atom):
+                    atom = Atom(atom.kind, atom.inner.with_constants(values))
+                filled.append(atom)
+            terms.append((tuple(filled), c))
         return Expression(tuple(terms))
 
     def stretched(self, scale: float) -> Expression:

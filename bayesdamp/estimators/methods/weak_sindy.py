@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from pydantic import Field
@@ -18,7 +19,6 @@ from bayesdamp.estimators.regression.library import (
 )
 from bayesdamp.estimators.regression.weak import (
     Rows,
-    SparseSolution,
     Stretch,
     kernel_half_width,
     solve_support,
@@ -95,6 +95,10 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         first, every = np.zeros(len(few)), np.ones(len(few), bool)
         if not all_known:  # how noise passes depends on the stiffness
             first[[candidate.name for candidate in few].index("θ")] = features.frequency**2
+        ratio = {
+            name: term.ratio_per_unit(features.amplitude, features.frequency)
+            for name, term in zip(problem.damping, osc.terms)
+        }
         tried = []
         for width in (options.width,) if options.width else WIDTHS:
             rows = _assemble(stretches, few, problem, features, width * features.period)
@@ -102,15 +106,8 @@ class WeakSindy(Estimator[WeakSindyOptions]):
                 continue
             guess = solve_support(whiten(rows, first, sigma, every), every, sigma)
             guess = solve_support(whiten(rows, guess.x, sigma, every), every, sigma)
-            ratios = [
-                osc.terms[problem.damping.index(candidate.damping)].ratio_per_unit(
-                    features.amplitude, features.frequency
-                )
-                * spread
-                for candidate, spread in zip(few, guess.stderr)
-                if candidate.damping
-            ]
-            tried.append((float(np.linalg.norm(ratios)), width, guess.x))
+            errors = [ratio[c.damping] * spread for c, spread in zip(few, guess.stderr) if c.damping]
+            tried.append((float(np.linalg.norm(errors)), width, guess.x))
         if not tried:
             raise Refusal("the record is too short for test functions")
         _, width, near = min(tried, key=lambda trial: trial[0])
@@ -121,14 +118,14 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         white = whiten(rows, x, sigma, np.ones(len(library), bool))
 
         path, names = sparse_path(white, dissipates, sigma), [candidate.name for candidate in library]
-        nothing = SparseSolution(np.zeros(own.size, bool), solve_support(white, own, sigma), np.inf, np.inf)
+        nothing = replace(solve_support(white, own, sigma), support=np.zeros(own.size, bool))
         best = min(path, key=lambda solution: solution.score, default=nothing)
         # The model is given: its terms stay, and no other term may replace or join them, except a force of θ that
         # makes up for a displacement whose constants of integration were guessed.
         guessed = ORDER[signal.quantity] > 0 and not {"theta0", "omega0"} <= set(problem.system.known)
         allowed = base | (of_theta & guessed)
         support = (best.support & allowed) | own
-        trace, fit = [], best.solution
+        trace, fit = [], best
         for _ in range(ROUNDS):
             fit = solve_support(white, support, sigma)
             white = whiten(rows, fit.x, sigma, support)
@@ -141,8 +138,8 @@ class WeakSindy(Estimator[WeakSindyOptions]):
             parts = [c * term.function(theta, omega) for term, c in zip(library, fit.x) if term.restoring]
             values |= restoring_values(problem, theta, np.sum(parts, axis=0))
         if free_names(problem):
-            moving = motion(signal, problem, features)
-            values |= free_start(problem, moving.theta0, moving.omega0)
+            smoothed = motion(signal, problem, features)
+            values |= free_start(problem, smoothed.theta0, smoothed.omega0)
         return Estimate(
             self.name,
             "initial",
@@ -151,7 +148,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
             {"coefficient": np.array(trace)},
             {
                 "selected": [names[i] for i in np.flatnonzero(best.support)],
-                "coefficients": [float(c) for c in best.solution.x[best.support]],
+                "coefficients": [float(c) for c in best.x[best.support]],
                 "library": names,
                 "threshold": best.threshold,
                 "width_in_periods": width,
@@ -167,16 +164,14 @@ class WeakSindy(Estimator[WeakSindyOptions]):
 
 def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float) -> list[Stretch]:
     """Put the record's pieces between gaps on uniform clocks, and compute the velocity."""
-    order, stretches = ORDER[signal.quantity], []
-    for piece in pieces(signal, features.period):
-        if order:
-            moving = motion(signal, problem, features)
-            t, y, theta, omega = uniform(piece.t, piece.y, *moving.everywhere[:2])
-            stretches.append(
-                Stretch(t[1] - t[0], y, theta, omega, sparse.csr_matrix((t.size, t.size)), order)
-            )
-            continue
-        t, y = uniform(piece.t, piece.y)
+    parts, order = pieces(signal, features.period), ORDER[signal.quantity]
+    if order:
+        smoothed = motion(signal, problem, features)
+        t, y, theta, omega = uniform(parts[0].t, parts[0].y, *smoothed.everywhere[:2])
+        return [Stretch(t[1] - t[0], y, theta, omega, sparse.csr_matrix((t.size, t.size)), order)]
+    stretches = []
+    for part in parts:
+        t, y = uniform(part.t, part.y)
         h = float(t[1] - t[0])
         most, speed = int(0.5 * features.period / h), features.amplitude * features.frequency
         velocity = velocity_map(t.size, h, kernel_half_width(h, features.frequency, speed, sigma, most))

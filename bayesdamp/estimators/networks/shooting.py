@@ -99,55 +99,43 @@ class Shooting(ScaledRecord):
         n = v.numel()
         return self.force_unit * (value[:n] - value[n:]) / 2, self.force_unit * (slope[:n] + slope[n:]) / 2
 
-    def _by_weights(self, x: Tensor, v: Tensor) -> Tensor:
-        """Return the derivatives of f(v) by the weights, (n, k)."""
-        by = slopes(x[: self.count], torch.cat([v, -v])[:, None, None], self.sizes)[:, 0]
-        return self.force_unit * (by[: v.numel()] - by[v.numel() :]) / 2
+    def _acceleration(self, x: Tensor, state: Tensor) -> Tensor:
+        """Return the acceleration and its tangents, (n, 1 + c), from angle and velocity and theirs, (n, 2, 1 + c).
 
-    def _acceleration(
-        self, x: Tensor, angle: Tensor, v: Tensor, tangents: Tensor | None
-    ) -> tuple[Tensor, Tensor]:
-        """Return the acceleration (n,), and its tangents (n, c) if those of the state (n, 2, c) are given.
-
-        Tangents are derivatives by the segment's start (2), the weights and the free restoring parameters.
+        Tangents are derivatives by the segment's start (2), the weights and the free restoring parameters; c may be 0.
         """
+        angle, v, tangents = state[:, 0, 0], state[:, 1, 0], state[:, :, 1:]
         values = x[self.count : self.physical].numpy() * self.free_units
         force, slope, by = self.restoring_force((self.rest + self.a * angle).numpy(), values)
         learnt, steep = self._force(x, v)
         unit = self.a * self.w**2
-        acceleration = -torch.from_numpy(force / unit) - learnt
-        if tangents is None:
-            return acceleration, acceleration
-        moved = (
-            -torch.from_numpy(slope / self.w**2)[:, None] * tangents[:, 0] - steep[:, None] * tangents[:, 1]
-        )
-        moved[:, 2 : 2 + self.count] -= self._by_weights(x, v)
+        acceleration = (-torch.from_numpy(force / unit) - learnt)[:, None]
+        if tangents.shape[2] == 0:
+            return acceleration
+        stiff = torch.from_numpy(slope / self.w**2)
+        moved = -stiff[:, None] * tangents[:, 0] - steep[:, None] * tangents[:, 1]
+        by_weights = slopes(x[: self.count], torch.cat([v, -v])[:, None, None], self.sizes)[:, 0]
+        n = v.numel()
+        moved[:, 2 : 2 + self.count] -= self.force_unit * (by_weights[:n] - by_weights[n:]) / 2
         moved[:, 2 + self.count :] -= torch.from_numpy(by * self.free_units / unit)
-        return acceleration, moved
+        return torch.cat([acceleration, moved], dim=1)
 
-    def _solve(self, x: Tensor, with_tangents: bool) -> tuple[Tensor, Tensor | None]:
+    def _solve(self, x: Tensor, with_tangents: bool = False) -> tuple[Tensor, Tensor]:
         """Return angle, velocity, acceleration at the nodes (segments, nodes, 3), and their tangents (…, 3, c)."""
-        states = x[self.physical :].reshape(self.segments, 2)
         columns = 2 + self.physical if with_tangents else 0
         first = torch.zeros(self.segments, 2, 1 + columns, dtype=REAL)
-        first[:, :, 0] = states
+        first[:, :, 0] = x[self.physical :].reshape(self.segments, 2)
         if with_tangents:
             first[:, 0, 1] = first[:, 1, 2] = 1.0
 
         def rate(_: Tensor, state: Tensor) -> Tensor:
-            acceleration, moved = self._acceleration(
-                x, state[:, 0, 0], state[:, 1, 0], state[:, :, 1:] if with_tangents else None
-            )
-            below = acceleration[:, None]
-            return torch.stack(
-                [state[:, 1], torch.cat([below, moved], dim=1) if with_tangents else below], dim=1
-            )
+            return torch.stack([state[:, 1], self._acceleration(x, state)], dim=1)
 
         path = odeint(rate, first, self.nodes, method="rk4").transpose(0, 1)  # type: ignore[union-attr]
         flat = path.reshape(-1, 2, 1 + columns)
         bent = rate(self.nodes[0], flat)[:, 1].reshape(*path.shape[:2], 1, 1 + columns)
         every = torch.cat([path, bent], dim=2)
-        return every[..., 0], every[..., 1:] if with_tangents else None
+        return every[..., 0], every[..., 1:]
 
     def _sampled(self, nodes: Tensor) -> Tensor:
         """Interpolate the nodes' (angle, velocity, acceleration), or their tangents, at the samples."""
@@ -163,12 +151,11 @@ class Shooting(ScaledRecord):
 
     def residuals(self, x: Tensor) -> Tensor:
         """Return the weighted misfit of the samples, gaps between segments, misfit of a known start, (n,)."""
-        return self._join(x, self._solve(x, with_tangents=False)[0])
+        return self._join(x, self._solve(x)[0])
 
     def linearise(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Return `residuals` (n,), and their Jacobian by the unknowns."""
         nodes, tangents = self._solve(x, with_tangents=True)
-        assert tangents is not None
         r = self._join(x, nodes)
         jacobian = torch.zeros(r.numel(), x.numel(), dtype=REAL)
         n, gaps = self.y.numel(), 2 * (self.segments - 1)
@@ -196,7 +183,7 @@ class Shooting(ScaledRecord):
 
         The law takes the same power as the learnt force in each segment, by least squares.
         """
-        velocity = (self._solve(x, with_tangents=False)[0][..., 1] * self.a * self.w).numpy()
+        velocity = (self._solve(x)[0][..., 1] * self.a * self.w).numpy()
         flat = velocity.reshape(-1)
         shapes = self.damping_shapes(flat)[0] * self.units
         if not np.all(np.isfinite(flat)):

@@ -5,7 +5,7 @@ The rows have correlated errors, and there is noise in their columns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 
@@ -185,15 +185,19 @@ def whiten(rows: Rows, x: np.ndarray, sigma: float, wanted: np.ndarray) -> White
 class Solution:
     """Coefficients (p,) and their standard errors (p,).
 
-    left: the residual's sum of squares; expected: its expectation from the noise of inertia and columns.
-    sound: whether the noise lets the terms be distinguished; otherwise its bias is still in the coefficients.
+    support (p,): the terms, of bool. left: the residual's sum of squares; expected: its expectation from the noise of
+    inertia and columns. sound: whether the noise lets the terms be distinguished; otherwise its bias is still in the
+    coefficients. score: see `sparse_path`. threshold: the least t-value.
     """
 
+    support: np.ndarray
     x: np.ndarray
     stderr: np.ndarray
     left: float
     expected: float
     sound: bool
+    score: float = np.inf
+    threshold: float = np.inf
 
 
 def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Solution:
@@ -220,20 +224,10 @@ def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Soluti
     full[terms], stderr[terms] = x / scale, sd * np.sqrt(np.sum(inverse**2, axis=1)) / scale
     weights_of_noise = np.r_[full, 1.0]
     expected = sigma**2 * float(weights_of_noise @ white.moments @ weights_of_noise)
-    return Solution(full, stderr, left, expected, sound)
+    return Solution(support, full, stderr, left, expected, sound)
 
 
-@dataclass(frozen=True)
-class SparseSolution:
-    """A sparse solution: its terms (p,) of bool, their `Solution`, its score, and its least t-value."""
-
-    support: np.ndarray
-    solution: Solution
-    score: float
-    threshold: float
-
-
-def sparse_path(white: WhiteRows, dissipates: np.ndarray, sigma: float) -> list[SparseSolution]:
+def sparse_path(white: WhiteRows, dissipates: np.ndarray, sigma: float) -> list[Solution]:
     """Return sparse solutions: for every set of damping terms the others fall in the order of their t-values.
 
     The score is the Bayesian information criterion for errors of known size. Solutions with negative damping are
@@ -247,13 +241,13 @@ def sparse_path(white: WhiteRows, dissipates: np.ndarray, sigma: float) -> list[
         mask = ~dissipates
         mask[damping] = chosen
         while mask.any():
-            solution = solve_support(white, mask, sigma)
+            solution = solve_support(white, mask.copy(), sigma)
             t = np.where(mask, np.abs(solution.x) / np.maximum(solution.stderr, 1e-300), np.inf)
             if solution.sound and np.all(solution.x[dissipates] >= 0):
                 variance = solution.expected / white.count + floor**2
                 score = solution.left / variance + white.count * np.log(variance)
                 score += mask.sum() * np.log(white.count)
-                path.append(SparseSolution(mask.copy(), solution, float(score), float(t.min())))
+                path.append(replace(solution, score=float(score), threshold=float(t.min())))
             others = np.flatnonzero(mask & ~dissipates)
             if others.size == 0:
                 break
