@@ -130,11 +130,10 @@ def generator(
         )
     empty = Signal(np.arange(3.0), np.zeros(3), spec.source.quantity, spec.source.unit)
     none = np.empty(0)
+    any_record = (Features(x, x, x, x, x, x, x, x, none, none, none, none) for x in (1.0, 2.0))
     blank, other = (
-        build_target(
-            empty, terms, system, Features(*[x] * 8, *[none] * 4), reference, noise=noise, term_priors=given
-        )
-        for x in (1.0, 2.0)  # features of no record, all of this value
+        build_target(empty, terms, system, features, reference, noise=noise, term_priors=given)
+        for features in any_record
     )
     moved = [name for name in blank.names if blank.priors[name] != other.priors[name]]
     if moved:

@@ -23,6 +23,8 @@ from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 TOLERANCE = 1e-5
 """Largest error of a trajectory, as a share of the amplitude."""
+GAIN = 1e-4
+"""A search has converged when the misfit falls by less than this share in `patience` generations."""
 ALONE = 4.0
 """A damping coefficient is searched up to so many times the value that would cause the record's decay alone."""
 LEAST_DECAY = 0.05
@@ -82,7 +84,9 @@ class Genetic(Estimator[GeneticOptions]):
             best.append(float(misfit[0]))
             mean.append(float(np.mean(misfit[np.isfinite(misfit)])) if np.isfinite(misfit[0]) else np.inf)
             leaders.append(people[0])
-            if len(best) > options.generations or _settled(best, people, options.patience):
+            are_equal = np.all(np.ptp(people, axis=0) <= 1e-9 * np.abs(people[0]))
+            earlier = best[-1 - options.patience] if len(best) > options.patience else np.inf
+            if len(best) > options.generations or are_equal or best[-1] > (1 - GAIN) * earlier:
                 break
             people = _next_generation(people, genes, options, rng)
             misfit = fitness(people)
@@ -222,13 +226,6 @@ def coefficient_alone(term: DampingTerm, features: Features) -> float:
     rate = 1.0 / np.array([term.ratio_per_unit(float(a), features.frequency) for a in grid])
     duration = features.turning_times[-1] - features.turning_times[0]
     return float(np.trapezoid(rate, np.log(grid)) / (features.frequency * duration))
-
-
-def _settled(best: list[float], people: np.ndarray, patience: int) -> bool:
-    """Return whether the best has not gained for `patience` generations, or all are equal to nine digits."""
-    if np.all(np.ptp(people, axis=0) <= 1e-9 * np.abs(people[0])):
-        return True
-    return len(best) > patience and best[-1] > (1 - 1e-4) * best[-1 - patience]
 
 
 def _next_generation(

@@ -99,8 +99,11 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
             settings = options.model_dump(include={"population", "generations", "length", "polish"})
             more, count = front(x / fastest, y / scale, seed=int(rng.integers(2**31)), **settings)
             candidates, models = candidates + more, models + count
-        lengths, expressions = [], []
-        for candidate in _pareto([c for c in candidates if c.expression.depends]):
+        lengths, expressions, least = [], [], np.inf
+        for candidate in sorted(candidates, key=lambda c: (c.length, c.error)):
+            if not (candidate.expression.depends and candidate.error < least):
+                continue  # another candidate beats it in both length and error
+            least = candidate.error
             expression = candidate.expression.stretched(fastest).scaled(scale)
             expression = expression.without_the_negligible(force.omega, NEGLIGIBLE)
             if expression.depends:
@@ -133,15 +136,6 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
             },
             evaluations=models,
         )
-
-
-def _pareto(candidates: list[ScoredExpression]) -> list[ScoredExpression]:
-    """Return those that no other candidate beats in both error and length, shortest first."""
-    best: list[ScoredExpression] = []
-    for candidate in sorted(candidates, key=lambda c: (c.length, c.error)):
-        if np.isfinite(candidate.error) and (not best or candidate.error < best[-1].error):
-            best.append(candidate)
-    return best
 
 
 class Force:

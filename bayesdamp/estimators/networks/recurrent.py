@@ -30,9 +30,9 @@ BATCH = 64
 
 
 class Stretches:
-    """Stretches of half a cycle of the record's phase φ: of several if there were more than `MOST_STRETCHES`, of a
-    quarter if there are few.
+    """Stretches of half a cycle of the record's phase φ.
 
+    They have several half-cycles if there were more than `MOST_STRETCHES`, and a quarter cycle if there are few.
     In each, y = a cos φ + b sin φ about the record's midline, and about the stretch's own if it is half a cycle
     or more, by least squares. The same matrices serve for any record at these times.
     count: stretches that have enough samples. half_cycles: in a stretch.
