@@ -14,9 +14,7 @@ from bayesdamp.estimators.regression.weak import derivatives, uniform
 from bayesdamp.estimators.shared import (
     SmoothedMotion,
     checked_features,
-    epsilon_of,
     free_start,
-    further_values,
     known_restoring,
     motion,
     oscillator,
@@ -90,13 +88,7 @@ class Koopman(Estimator[KoopmanOptions]):
     ) -> Estimate:
         """Read the coefficients off the generator on a library of the state."""
         features = checked_features(signal)
-        library = candidates(
-            problem,
-            epsilon_of(problem, features),
-            signal.unit,
-            further_values(problem, features),
-            mixed=True,
-        )
+        library = candidates(problem, features, signal.unit, mixed=True)
         osc = oscillator(problem)
         smoothed = motion(signal, problem, features)
         observed = observe(signal, smoothed, problem, library, features, options.lag)

@@ -25,9 +25,7 @@ from bayesdamp.estimators.regression.oscillation_spline import OscillationSpline
 from bayesdamp.estimators.shared import (
     ORDER,
     checked_features,
-    epsilon_of,
     free_start,
-    further_values,
     integrate,
     known_restoring,
     motion,
@@ -121,8 +119,7 @@ class Sindy(Estimator[SindyOptions]):
         optional_package("pysindy")
         features = checked_features(signal)
         state = _differentiate(signal, problem, features)
-        epsilon = 0.0 if options.switch == "sign" else epsilon_of(problem, features)
-        library = candidates(problem, epsilon, signal.unit, further_values(problem, features))
+        library = candidates(problem, features, signal.unit, sharp=options.switch == "sign")
         law, known = oscillator(problem).law, known_restoring(problem)
 
         def force(theta: np.ndarray) -> np.ndarray:

@@ -31,10 +31,8 @@ from bayesdamp.estimators.regression.weak import (
 from bayesdamp.estimators.shared import (
     ORDER,
     checked_features,
-    epsilon_of,
     free_names,
     free_start,
-    further_values,
     known_restoring,
     motion,
     noise_level,
@@ -81,9 +79,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         """Regress the equation's weak form on a library (Messenger and Bortz 2021)."""
         features = checked_features(signal)
         sigma, osc, known = noise_level(signal), oscillator(problem), known_restoring(problem)
-        library = candidates(
-            problem, epsilon_of(problem, features), signal.unit, further_values(problem, features)
-        )
+        library = candidates(problem, features, signal.unit)
         stretches = _prepare(signal, problem, features, sigma)
         own = np.array([candidate.damping in problem.damping for candidate in library])
         dissipates = np.array([candidate.damping is not None for candidate in library])

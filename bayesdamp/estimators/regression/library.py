@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from bayesdamp.estimators.shared import known_restoring, oscillator, solve
+from bayesdamp.estimators.shared import epsilon_of, further_values, known_restoring, oscillator, solve
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Problem
 
 WRITTEN = {"viscous": "2θ̇", "coulomb": "tanh(θ̇/ε)", "quadratic": "θ̇|θ̇|"}
@@ -38,7 +39,7 @@ class Candidate:
 
 
 def candidates(
-    problem: Problem, epsilon: float, unit: str, scales: Mapping[str, float], mixed: bool = False
+    problem: Problem, features: Features, unit: str, *, sharp: bool = False, mixed: bool = False
 ) -> list[Candidate]:
     """Return the library: damping shapes (the paper's and the problem's own), then functions of θ.
 
@@ -46,20 +47,22 @@ def candidates(
     ----------
     problem
         The damping terms, and what is known of the system.
-    epsilon
-        Width of friction's switch in rad/s, 0 for the sign.
+    features
+        Features of the record.
     unit
         Unit of the displacement; a record in metres has no cos θ and sin θ.
-    scales
-        What terms take besides their coefficients, by name.
+    sharp
+        Whether friction is written as sign(θ̇), without the width of its switch.
     mixed
         Whether θ̇² and θθ̇, which multiply noise with noise, are included.
     """
+    epsilon = 0.0 if sharp else epsilon_of(problem, features)
+    arguments = further_values(problem, features)
     library = []
     for name in dict.fromkeys((*PAPER_TERMS, *problem.damping)):
         term = TERMS.get(name)
         written = "sign(θ̇)" if name == "coulomb" and epsilon == 0.0 else WRITTEN.get(name, name)
-        further = [scales[n] for n in term.further]
+        further = [arguments[n] for n in term.further]
         shape = lambda x, v, term=term, q=further: np.asarray(term.force(x, v, epsilon, *q))  # noqa: E731
         library.append(Candidate(written, shape, damping=name, jumps=term.switches and epsilon == 0.0))
     of_angle: dict[str, Callable[[np.ndarray], np.ndarray]] = {

@@ -11,6 +11,7 @@ from bayesdamp.estimators.regression.library import (
     predict,
     residual_squares,
 )
+from bayesdamp.estimators.shared import checked_features
 from tests.estimators.truths import pendulum
 
 TRUTH = {"zeta": 0.04, "mu_c": 0.05}
@@ -25,7 +26,7 @@ def record():
     (angle, problem), (velocity, _), (acceleration, _) = (
         pendulum(TRUTH, samples=1500, quantity=q) for q in ("angle", "velocity", "acceleration")
     )
-    library = candidates(problem, 0.1, "rad", {})
+    library = candidates(problem, checked_features(angle), "rad")
     period = 2 * np.pi / np.sqrt(20.0)
     curves = angle.y, velocity.y, acceleration.y
     return [
