@@ -20,18 +20,9 @@ ESTIMATORS: Registry[Estimator[Any]] = Registry(
 )
 STAGES = ("initial", "refined")
 ELEVEN = (
-    "topological",
-    "least_squares",
-    "koopman",
-    "sindy",
-    "weak_sindy",
-    "pinn",
-    "neural_ode",
-    "rnn",
-    "symbolic_regression",
-    "envelope",
-    "genetic",
-)
+    "topological", "least_squares", "koopman", "sindy", "weak_sindy", "pinn", "neural_ode", "rnn",
+    "symbolic_regression", "envelope", "genetic",
+)  # fmt: skip
 
 __all__ = ["ELEVEN", "ESTIMATORS", "STAGES", "Estimator", "Options", "names_for_all", "parse_options", "run"]
 

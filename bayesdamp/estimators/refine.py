@@ -155,15 +155,11 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         problems.append(f"the best {' and '.join(zero)} is at its bound 0")
     if sentence := misfit(residual, signal, features):
         problems.append(sentence)
-    return Estimate(
-        first.estimator,
-        "refined",
-        dict(zip(names, map(float, best.x))),
-        _stderr(names, best.x, floor, residual, jacobian),
-        {"rms": np.concatenate([*traces, [rms]])},
-        evaluations=sum(map(len, traces)),
-        outcome="; ".join(problems) or OK,
-    )
+    values = dict(zip(names, map(float, best.x)))
+    stderr = _stderr(names, best.x, floor, residual, jacobian)
+    trace = {"rms": np.concatenate([*traces, [rms]])}
+    count, outcome = sum(map(len, traces)), "; ".join(problems) or OK
+    return Estimate(first.estimator, "refined", values, stderr, trace, evaluations=count, outcome=outcome)
 
 
 def least_squares(

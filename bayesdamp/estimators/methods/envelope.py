@@ -73,23 +73,19 @@ class Envelope(Estimator[EnvelopeOptions]):
 
         scaled = "theta0" in free or "omega0" in free
         if len(match.names) == 1 and not scaled:
-            coefficient, trace = brent(
+            coefficient, squares = brent(
                 lambda c: float(np.mean(match.difference(np.array([c])) ** 2)), coefficients[0], units[0]
             )
             x, scale = np.array([coefficient]), 1.0
         else:
             x, scale = match.fit(coefficients, scaled)
-            trace = [float(np.mean(match.difference(x, scale) ** 2))]
+            squares = [float(np.mean(match.difference(x, scale) ** 2))]
         if not np.all(np.isfinite(match.difference(x, scale))):
             raise Refusal("the trajectory escapes from every start that was tried")
         parameters = match.parameters(x, scale)
-        return Estimate(
-            self.name,
-            "initial",
-            {name: float(parameters[name]) for name in (*match.names, *free)},
-            trace={"log_mismatch": np.sqrt(trace)},
-            evaluations=match.evaluations,
-        )
+        values = {name: float(parameters[name]) for name in (*match.names, *free)}
+        trace = {"log_mismatch": np.sqrt(squares)}
+        return Estimate(self.name, "initial", values, trace=trace, evaluations=match.evaluations)
 
 
 class _EnvelopeMatch:

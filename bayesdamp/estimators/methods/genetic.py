@@ -93,24 +93,16 @@ class Genetic(Estimator[GeneticOptions]):
         if not np.isfinite(best[-1]):
             raise Refusal("every trajectory within the search range escapes")
         values = genes.decode(np.array(leaders))
-        return Estimate(
-            self.name,
-            "initial",
-            {name: float(values[name][-1]) for name in genes.names},
-            trace={
-                "best_misfit": np.array(best),
-                "mean_misfit": np.array(mean),
-                **{name: values[name] for name in genes.names},
-            },
-            details={
-                "generations": len(best) - 1,
-                "searched": [
-                    f"{name}: {low:.4g} to {high:.4g}"
-                    for name, low, high in zip(genes.labels, genes.low, genes.high)
-                ],
-            },
-            evaluations=fitness.evaluations,
-        )
+        course = {name: values[name] for name in genes.names}
+        trace = {"best_misfit": np.array(best), "mean_misfit": np.array(mean), **course}
+        ranges = zip(genes.labels, genes.low, genes.high)
+        details = {
+            "generations": len(best) - 1,
+            "searched": [f"{name}: {low:.4g} to {high:.4g}" for name, low, high in ranges],
+        }
+        final = {name: float(each[-1]) for name, each in course.items()}
+        evaluations = len(people) * len(best)
+        return Estimate(self.name, "initial", final, trace=trace, details=details, evaluations=evaluations)
 
 
 class Genes:
@@ -251,13 +243,12 @@ class _Fitness:
     """Root mean square misfit of trajectories to a record, in the unit of the record; inf where one escapes."""
 
     def __init__(self, signal: Signal, genes: Genes, size: float, samples: int) -> None:
-        self.genes, self.evaluations = genes, 0
+        self.genes = genes
         rows = np.unique(np.linspace(0, signal.t.size - 1, min(samples, signal.t.size)).round().astype(int))
         self.y, t = signal.y[rows], signal.t[rows]
         self.trajectories = Trajectories(genes.osc, t, signal.quantity, genes.base, TOLERANCE * size)
 
     def __call__(self, u: np.ndarray) -> np.ndarray:
-        self.evaluations += u.shape[0]
         misfit = np.sqrt(np.mean((self.trajectories.many(self.genes.decode(u)) - self.y) ** 2, axis=1))
         return np.where(np.isfinite(misfit), misfit, np.inf)
 

@@ -108,22 +108,17 @@ class Koopman(Estimator[KoopmanOptions]):
         of_step, of_generator = np.linalg.eigvals(operator.one_step), np.linalg.eigvals(operator.generator)
         of_step = of_step[np.argsort(-np.abs(of_step))]
         of_generator = of_generator[np.argsort(-of_generator.real)]
-        return Estimate(
-            self.name,
-            "initial",
-            values,
-            details={
-                "dictionary": [candidate.name for candidate in library],
-                "lag": observed.lag,
-                "rank": int(operator.one_step.shape[0]),
-                "acceleration": [float(c) for c in row],
-                "step_eigenvalues_re": of_step.real.tolist(),
-                "step_eigenvalues_im": of_step.imag.tolist(),
-                "generator_eigenvalues_re": of_generator.real.tolist(),
-                "generator_eigenvalues_im": of_generator.imag.tolist(),
-            },
-            evaluations=2,
-        )
+        details = {
+            "dictionary": [candidate.name for candidate in library],
+            "lag": observed.lag,
+            "rank": int(operator.one_step.shape[0]),
+            "acceleration": row.tolist(),
+            "step_eigenvalues_re": of_step.real.tolist(),
+            "step_eigenvalues_im": of_step.imag.tolist(),
+            "generator_eigenvalues_re": of_generator.real.tolist(),
+            "generator_eigenvalues_im": of_generator.imag.tolist(),
+        }
+        return Estimate(self.name, "initial", values, details=details, evaluations=2)
 
 
 def observe(

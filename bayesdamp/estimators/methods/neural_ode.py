@@ -81,15 +81,9 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
                 "law": (shooting.damping_shapes(velocity)[0] @ coefficients[-1]).tolist(),
             }
         values |= {name: free[name] for name in free_names(problem)}
-        return Estimate(
-            self.name,
-            "initial",
-            values,
-            trace={"loss": training.losses, **dict(zip(shooting.coefficients, coefficients.T))},
-            details=details,
-            evaluations=training.evaluations,
-            outcome=training.outcome,
-        )
+        trace = {"loss": training.losses, **dict(zip(shooting.coefficients, coefficients.T))}
+        count, outcome = training.evaluations, training.outcome
+        return Estimate(self.name, "initial", values, {}, trace, details, evaluations=count, outcome=outcome)
 
 
 PLUGIN = NeuralOde()

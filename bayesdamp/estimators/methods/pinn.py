@@ -66,19 +66,10 @@ class Pinn(Estimator[PinnOptions]):
         names = (*loss.coefficients, *loss.restoring)
         values = dict(zip(names, map(float, loss.physical(training.x))))
         values |= free_start(problem, *loss.start_of(training.x))
-        return Estimate(
-            self.name,
-            "initial",
-            values,
-            trace={"loss": training.losses, **dict(zip(loss.coefficients, watched.T))},
-            details={
-                "start": options.start,
-                "started_from": [float(value) for value in watched[0]],
-                **loss.misfits(training.x),
-            },
-            evaluations=training.evaluations,
-            outcome=training.outcome,
-        )
+        trace = {"loss": training.losses, **dict(zip(loss.coefficients, watched.T))}
+        details = {"start": options.start, "started_from": watched[0].tolist(), **loss.misfits(training.x)}
+        count, outcome = training.evaluations, training.outcome
+        return Estimate(self.name, "initial", values, {}, trace, details, evaluations=count, outcome=outcome)
 
 
 PLUGIN = Pinn()

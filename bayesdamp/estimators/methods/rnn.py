@@ -84,20 +84,16 @@ class Rnn(Estimator[RnnOptions]):
         parameter = simulator.parameter
         value = float(np.exp(answers[-1]))
         values = {parameter: value, **{name: simulator.base[name] for name in free_names(problem)}}
-        return Estimate(
-            self.name,
-            "initial",
-            values,
-            {parameter: value * errors[-1]},
-            {"loss": np.concatenate(losses), parameter: np.exp(answers)},
-            {
-                "cell": options.cell,
-                "range": [float(np.exp(centre - half)), float(np.exp(centre + half))],
-                "relative_error": float(errors[-1]),
-                "stretches": simulator.stretches.count,
-            },
-            evaluations=simulator.simulated,
-        )
+        stderr = {parameter: value * errors[-1]}
+        trace = {"loss": np.concatenate(losses), parameter: np.exp(answers)}
+        details = {
+            "cell": options.cell,
+            "range": [float(np.exp(centre - half)), float(np.exp(centre + half))],
+            "relative_error": float(errors[-1]),
+            "stretches": simulator.stretches.count,
+        }
+        count = simulator.simulated
+        return Estimate(self.name, "initial", values, stderr, trace, details, evaluations=count)
 
 
 PLUGIN = Rnn()

@@ -155,26 +155,22 @@ class Sindy(Estimator[SindyOptions]):
         values |= free_start(problem, state.theta[0], state.omega[0])
         names = [candidate.name for candidate in library]
         weighed = [model for model in path if np.isfinite(model.score)]
+        details = {
+            "selected": [names[i] for i in np.flatnonzero(best.support)],
+            "coefficients": [float(c) for c in best.x[best.support]],
+            "read_from": [names[i] for i in np.flatnonzero(read.support)],
+            "library": names,
+            "threshold": best.threshold,
+            "ridge": best.ridge,
+            "log_penalty": state.smoothing,
+            "path_threshold": [model.threshold for model in weighed],
+            "path_terms": [int(model.support.sum()) for model in weighed],
+            "path_score": [model.score for model in weighed],
+        }
+        trace = {"score": np.array(details["path_score"])}
+        outcome = judge(library, best.support, own | (of_theta & unknown))
         return Estimate(
-            self.name,
-            "initial",
-            values,
-            stderr,
-            {"score": np.array([model.score for model in weighed])},
-            {
-                "selected": [names[i] for i in np.flatnonzero(best.support)],
-                "coefficients": [float(c) for c in best.x[best.support]],
-                "read_from": [names[i] for i in np.flatnonzero(read.support)],
-                "library": names,
-                "threshold": best.threshold,
-                "ridge": best.ridge,
-                "log_penalty": state.smoothing,
-                "path_threshold": [model.threshold for model in weighed],
-                "path_terms": [int(model.support.sum()) for model in weighed],
-                "path_score": [model.score for model in weighed],
-            },
-            evaluations=len(path),
-            outcome=judge(library, best.support, own | (of_theta & unknown)),
+            self.name, "initial", values, stderr, trace, details, evaluations=len(path), outcome=outcome
         )
 
 

@@ -120,22 +120,18 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
         start = {"theta0": force.motion.theta0, "omega0": force.motion.omega0}
         free = {**force.restoring(expression), **start}
         values |= {name: free[name] for name in free_names(problem)}
-        return Estimate(
-            self.name,
-            "initial",
-            values,
-            trace={"length": np.array(lengths, float), "relative_error": np.sqrt(errors)},
-            details={
-                "chosen": f"f(v) = {expression}",
-                "read": how,
-                "epsilon_found": width if width is not None else "none",
-                "pareto_chosen": chosen,
-                "pareto_length": lengths,
-                "pareto_error": [float(np.sqrt(error)) for error in errors],
-                "pareto_expression": [str(expression) for expression in expressions],
-            },
-            evaluations=models,
-        )
+        relative = np.sqrt(errors)
+        details = {
+            "chosen": f"f(v) = {expression}",
+            "read": how,
+            "epsilon_found": width if width is not None else "none",
+            "pareto_chosen": chosen,
+            "pareto_length": lengths,
+            "pareto_error": relative.tolist(),
+            "pareto_expression": [str(expression) for expression in expressions],
+        }
+        trace = {"length": np.array(lengths, float), "relative_error": relative}
+        return Estimate(self.name, "initial", values, trace=trace, details=details, evaluations=models)
 
 
 class Force:

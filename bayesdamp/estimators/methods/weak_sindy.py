@@ -121,11 +121,11 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         guessed = ORDER[signal.quantity] > 0 and not {"theta0", "omega0"} <= set(problem.system.known)
         allowed = base | (of_theta & guessed)
         support = (best.support & allowed) | own
-        trace, fit = [], best
+        course, fit = [], best
         for _ in range(ROUNDS):
             fit = solve_support(white, support, sigma)
             white = whiten(rows, fit.x, sigma, support)
-            trace.append(float(fit.x[own][0]))
+            course.append(float(fit.x[own][0]))
 
         values, stderr = damping_values(problem, library, fit.x, fit.stderr)
         if not all_known:
@@ -136,25 +136,21 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         if free_names(problem):
             smoothed = motion(signal, problem, features)
             values |= free_start(problem, smoothed.theta0, smoothed.omega0)
+        details = {
+            "selected": [names[i] for i in np.flatnonzero(best.support)],
+            "coefficients": [float(c) for c in best.x[best.support]],
+            "library": names,
+            "threshold": best.threshold,
+            "width_in_periods": width,
+            "test_functions": int(rows.inertia.size),
+            "path_threshold": [solution.threshold for solution in path],
+            "path_terms": [int(solution.support.sum()) for solution in path],
+            "path_score": [solution.score for solution in path],
+        }
+        trace, outcome = {"coefficient": np.array(course)}, judge(library, best.support, allowed)
+        evaluations = len(path) + ROUNDS
         return Estimate(
-            self.name,
-            "initial",
-            values,
-            stderr,
-            {"coefficient": np.array(trace)},
-            {
-                "selected": [names[i] for i in np.flatnonzero(best.support)],
-                "coefficients": [float(c) for c in best.x[best.support]],
-                "library": names,
-                "threshold": best.threshold,
-                "width_in_periods": width,
-                "test_functions": int(rows.inertia.size),
-                "path_threshold": [solution.threshold for solution in path],
-                "path_terms": [int(solution.support.sum()) for solution in path],
-                "path_score": [solution.score for solution in path],
-            },
-            evaluations=len(path) + ROUNDS,
-            outcome=judge(library, best.support, allowed),
+            self.name, "initial", values, stderr, trace, details, evaluations=evaluations, outcome=outcome
         )
 
 
