@@ -193,11 +193,7 @@ def _plugin_sources(study: Study) -> list[str]:
 
 
 def gather(
-    study: Study,
-    wanted: Sequence[Series],
-    store: Store,
-    workers: int | None,
-    console: Console,
+    study: Study, wanted: Sequence[Series], store: Store, workers: int | None, console: Console
 ) -> dict[str, list[CellResult]]:
     """Return the chunks of every series, in order; compute in waves what the store lacks.
 
@@ -205,10 +201,8 @@ def gather(
     that was cut off ends with the same records. Chunks that failed are tried again by the next run.
     """
     results: dict[str, list[CellResult]] = {s.name: [] for s in wanted}
-    with (
-        progress_bar(console, TimeRemainingColumn()) as progress,
-        pool_of(workers or cores(), None) as pool,
-    ):
+    workers = workers or cores()
+    with progress_bar(console, TimeRemainingColumn()) as progress, pool_of(workers, None) as pool:
         bars = {s.name: progress.add_task(s.name, total=s.wanted) for s in wanted}
         while wave := [(s, first) for s in wanted for first in next_wave(s, results[s.name])]:
             chunks = dict[tuple[Series, int], CellResult]()

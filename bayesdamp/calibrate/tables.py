@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -41,8 +41,9 @@ def _join(chunks: Sequence[CellResult], name: str) -> np.ndarray:
     return np.concatenate([c.arrays[name] for c in chunks])
 
 
-def _adjust(rows: list[Row]) -> list[Row]:
-    """Add Holm's p values of a family of tests to their rows."""
+def _adjust(family: Iterable[Row]) -> list[Row]:
+    """Return the rows of a family of tests with Holm's p values."""
+    rows = list(family)
     for row, adjusted in zip(rows, statistics.holm([r["p"] for r in rows]), strict=True):
         row["p_holm"] = float(adjusted)
     return rows
@@ -64,12 +65,13 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
         rows.append({**head, **_rank_row(ranks, study.calibration.draws)})
         inside = np.abs(below - 0.5)
         rows += [{**head, **_coverage_row(inside <= 0.5 * level, level)} for level in LEVELS]
-    classical = [row for chunks in results.values() for row in _classical_rows(chunks)]
-    for row in [*_adjust(rows), *_adjust(classical)]:
+    classical = (row for chunks in results.values() for row in _classical_rows(chunks))
+    rows = _adjust(rows) + _adjust(classical)
+    for row in rows:
         p = row["p_holm"]
         row |= {k: float(f"{row[k]:.6g}") for k in ("value", "low", "high", "p", "p_holm") if k in row}
         row["verdict"] = "not tested" if math.isnan(p) else "wrong" if p < ALARM else "passes"
-    return rows + classical
+    return rows
 
 
 def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.ndarray, np.ndarray]]:
@@ -231,12 +233,12 @@ def _summarise(chunks: Sequence[CellResult]) -> Row:
         "doubtful": sum(outcome != OK for outcome in evidences),
         "confusion": confusion,
         "hits": _hits(hit, height),
-        "bins": _bins(hit, height),
-        "by_model": _by_model(models, truth, p),
+        "bins": _adjust(_bins(hit, height)),
+        "by_model": _adjust(_by_model(models, truth, p)),
         "log_score": float(np.mean(np.log(np.maximum(right, 1e-300)))) if right.size else math.nan,
         "log_score_expected": float(np.mean(np.sum(p * np.log(np.maximum(p, 1e-300)), axis=1))),
         "log_score_ignorant": -math.log(len(models)),
-        "by_design": _by_design(hit, height, design),
+        "by_design": list(_by_design(hit, height, design)),
         "seconds": sum(c.seconds for c in chunks),
     }
 
@@ -260,50 +262,40 @@ def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
     }
 
 
-def _bins(hit: np.ndarray, p: np.ndarray) -> list[Row]:
+def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
     """Compare hits and probabilities by the highest probability; bands of 1 − alarm for all bins (Bonferroni)."""
     place = np.clip(np.searchsorted(EDGES, p, side="left") - 1, 0, len(EDGES) - 2)
-    rows, edges, used = [], list(pairwise(EDGES)), np.unique(place)
+    edges, used = list(pairwise(EDGES)), np.unique(place)
     for k in used:
         inside = place == k
         least, most = statistics.hits_band(p[inside], 1 - ALARM / used.size)
         n = int(inside.sum())
-        rows.append(
-            {
-                "from": edges[k][0],
-                "to": edges[k][1],
-                "records": n,
-                "probability": float(p[inside].mean()),
-                "share": float(hit[inside].mean()),
-                "low": least / n,
-                "high": most / n,
-                "p": statistics.hits_p(int(hit[inside].sum()), p[inside]),
-            }
-        )
-    return _adjust(rows)
+        yield {
+            "from": edges[k][0],
+            "to": edges[k][1],
+            "records": n,
+            "probability": float(p[inside].mean()),
+            "share": float(hit[inside].mean()),
+            "low": least / n,
+            "high": most / n,
+            "p": statistics.hits_p(int(hit[inside].sum()), p[inside]),
+        }
 
 
-def _by_model(models: Sequence[str], truth: np.ndarray, p: np.ndarray) -> list[Row]:
+def _by_model(models: Sequence[str], truth: np.ndarray, p: np.ndarray) -> Iterator[Row]:
     """Compare how often each model was the true one with the sum of its probabilities."""
-    rows = []
     for m, name in enumerate(models):
         hits, expected = int(np.sum(truth == m)), float(p[:, m].sum())
-        tail = statistics.hits_p(hits, p[:, m])
-        rows.append({"model": name, "true": hits, "expected": expected, "p": tail})
-    return _adjust(rows)
+        yield {"model": name, "true": hits, "expected": expected, "p": statistics.hits_p(hits, p[:, m])}
 
 
-def _by_design(hit: np.ndarray, p: np.ndarray, design: np.ndarray) -> list[Row]:
-    rows = []
+def _by_design(hit: np.ndarray, p: np.ndarray, design: np.ndarray) -> Iterator[Row]:
     for noise, cycles in sorted(set(map(tuple, design.tolist()))):
         inside = np.all(design == (noise, cycles), axis=1)
-        rows.append(
-            {
-                "noise": noise,
-                "cycles": cycles,
-                "records": int(inside.sum()),
-                "share": float(hit[inside].mean()),
-                "probability": float(p[inside].mean()),
-            }
-        )
-    return rows
+        yield {
+            "noise": noise,
+            "cycles": cycles,
+            "records": int(inside.sum()),
+            "share": float(hit[inside].mean()),
+            "probability": float(p[inside].mean()),
+        }
