@@ -260,20 +260,18 @@ def motion(
     def response(x: np.ndarray) -> tuple[np.ndarray, ...]:
         split = zip(parts, np.split(x, ends))
         responses = [part.response(piece) for part, piece in split if part.response is not None]
-        return tuple(np.concatenate(curves) for curves in zip(*responses))
+        return tuple(map(np.concatenate, zip(*responses)))
 
-    t, theta, omega, alpha = (
-        np.concatenate(curves) for curves in zip(*((p.t, p.theta, p.omega, p.alpha) for p in parts))
-    )
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("t", "theta", "omega", "alpha")
+    }
     return replace(
         parts[0],
-        t=t,
-        theta=theta,
-        omega=omega,
-        alpha=alpha,
+        **joined,
         project=project,
-        everywhere=tuple(np.concatenate(curves) for curves in zip(*(part.everywhere for part in parts))),
-        response=response if signal.quantity == "angle" else None,
+        everywhere=tuple(map(np.concatenate, zip(*(part.everywhere for part in parts)))),
+        response=response,
     )
 
 
