@@ -55,9 +55,18 @@ class Collocation(ScaledRecord):
         self.start = torch.cat([weights, physical])
 
         phase, end = Phase(signal, features), float(signal.t[-1])
+        step = 2.0 / (end * self.w)
 
         def inputs(t: np.ndarray) -> Tensor:
-            return _inputs(t, end, phase, harmonics, features.frequency)
+            """Return time from −1 to 1, sines and cosines of the phase's multiples, as jets in ωt, (n, 3, inputs)."""
+            angle, rate, change = phase.jet(t)
+            rate, change = rate / self.w, change / self.w**2
+            columns = [np.stack([2.0 * t / end - 1.0, np.full_like(t, step), np.zeros_like(t)], axis=1)]
+            for j in range(1, harmonics + 1):
+                s, c = np.sin(j * angle), np.cos(j * angle)
+                columns.append(np.stack([s, j * rate * c, j * change * c - (j * rate) ** 2 * s], axis=1))
+                columns.append(np.stack([c, -j * rate * s, -j * change * s - (j * rate) ** 2 * c], axis=1))
+            return torch.from_numpy(np.stack(columns, axis=2))
 
         self.data = inputs(self.t)[:, : self.order + 1]
         # Evenly spread but at no fixed phase, so that friction's effect within a cycle is sampled everywhere.
@@ -133,16 +142,3 @@ class Collocation(ScaledRecord):
             [torch.cat([outer, none], dim=1), of_physics * torch.cat([moved, by_physical], dim=1)]
         )
         return torch.cat([weight * part for weight, part in zip(self.weight, parts)]), jacobian
-
-
-def _inputs(t: np.ndarray, end: float, phase: Phase, harmonics: int, frequency: float) -> Tensor:
-    """Return time from −1 to 1, sines and cosines of the phase's multiples, with derivatives by ωt, (n, 3, inputs)."""
-    angle, rate, change = phase.jet(t)
-    rate, change = rate / frequency, change / frequency**2
-    step = 2.0 / (end * frequency)
-    columns = [np.stack([2.0 * t / end - 1.0, np.full_like(t, step), np.zeros_like(t)], axis=1)]
-    for j in range(1, harmonics + 1):
-        s, c = np.sin(j * angle), np.cos(j * angle)
-        columns.append(np.stack([s, j * rate * c, j * change * c - (j * rate) ** 2 * s], axis=1))
-        columns.append(np.stack([c, -j * rate * s, -j * change * s - (j * rate) ** 2 * c], axis=1))
-    return torch.from_numpy(np.stack(columns, axis=2))

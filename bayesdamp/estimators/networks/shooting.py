@@ -68,7 +68,10 @@ class Shooting(ScaledRecord):
         interval = np.clip((s / step).astype(int), 0, self.segments * intervals - 1)
         self.segment = torch.from_numpy(interval // intervals)
         self.step = torch.from_numpy(interval % intervals)
-        self.dense = torch.from_numpy(_hermite(s / step - interval, step, self.order)).reshape(-1, 2, 3)
+        ends = [Polynomial(c).deriv(self.order) if self.order else Polynomial(c) for c in QUINTIC]
+        scale = step ** (np.array([0, 1, 2, 0, 1, 2]) - float(self.order))
+        dense = np.stack([end(s / step - interval) for end in ends], axis=1) * scale
+        self.dense = torch.from_numpy(dense).reshape(-1, 2, 3)
 
         self.weight = (1.0 / self.t.size**0.5, continuity_weight)
         states = self._first_states(s, self.recorded / (self.a * self.w**self.order), length)
@@ -198,10 +201,3 @@ class Shooting(ScaledRecord):
         angle, velocity = x[self.physical : self.physical + 2].tolist()
         start = {"theta0": self.rest + self.a * angle, "omega0": self.a * self.w * velocity}
         return {**dict(zip(self.restoring, map(float, values))), **start}
-
-
-def _hermite(share: np.ndarray, step: float, derivative: int) -> np.ndarray:
-    """Return the weights of value, slope and curvature at either end of a step, at shares of it (n,), (n, 6)."""
-    ends = [Polynomial(c).deriv(derivative) if derivative else Polynomial(c) for c in QUINTIC]
-    scale = step ** (np.array([0, 1, 2, 0, 1, 2]) - float(derivative))
-    return np.stack([end(share) for end in ends], axis=1) * scale
