@@ -50,7 +50,6 @@ MAY_IMPORT: dict[str, set[str]] = {
     "config": NEUTRAL | {"physics", "config"} | REGISTRIES,
     "estimators.networks": _BELOW | {"estimators.shared", "estimators.networks"},
     "estimators.regression": _BELOW | {"estimators.shared", "estimators.regression"},
-    "estimators.evolution": _BELOW | {"estimators.shared", "estimators.evolution"},
     "estimators": _BELOW | {"estimators"},
     **{
         f"inference.{name}": _BELOW | {f"inference.{below}" for below in INFERENCE[: i + 1]}

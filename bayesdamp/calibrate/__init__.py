@@ -1,4 +1,4 @@
-"""Calibration as a command: are the intervals and the models' probabilities what they say they are?"""
+"""Calibration as a command: are the intervals and the models' probabilities what they claim to be?"""
 
 from bayesdamp.calibrate.run import run_calibration
 

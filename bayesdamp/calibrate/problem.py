@@ -1,10 +1,11 @@
-"""Records drawn from a study's own prior: what is drawn is the prior object that the posterior will use."""
+"""Records drawn from a study's own prior, which is the same object that the posterior will use."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,22 +20,24 @@ from bayesdamp.interface.records.simulate import simulated
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline.tasks import failure
 from bayesdamp.priors import SHARED_SCALES, SHARED_SIGMAS, Prior
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.types import OK, Estimate, InputError, Problem, Reference, Seed, Signal, System
+from bayesdamp.types import OK, Estimate, InputError, Problem, Reference, Refusal, Seed, Signal, System
 
 ESTIMATOR = "least_squares"
 SECOND = "envelope"
-"""Asked where the first one's fit is not in order."""
+"""Used if the first one's fit is not ok."""
 SCALES = (0.003, 0.1)
-"""Range of the damping ratios' unknown scale in the default prior with which records are drawn, and with which they are
+"""Range of the damping ratios' unknown scale in the default prior from which records are drawn and with which they are
 weighed: below it noise hides the damping of most records, above it many do not oscillate."""
 ESCAPES = 100
-"""Draws in a row whose trajectory does not stay finite, after which the prior is to blame."""
+"""Draws in a row whose trajectory does not stay finite, after which the prior is refused."""
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnRecord:
     """A record, the parameters behind it (all that are inferred), and its target."""
 
     truth: Mapping[str, float]
@@ -46,7 +49,7 @@ class Drawn:
 class Generator:
     """One damping model with its priors, before there is a record.
 
-    blank: its target with an empty record: a real one has the same priors, for they depend on no record.
+    blank: its target with an empty record: a real record has the same priors, because they do not depend on it.
     """
 
     model: str
@@ -54,11 +57,16 @@ class Generator:
     system: System
     blank: Target
 
-    def draw(self, rng: np.random.Generator, name: str) -> Drawn:
-        """Parameters from the prior and a record with them.
+    def draw(self, rng: np.random.Generator, name: str) -> DrawnRecord:
+        """Draw parameters from the prior and a record with them.
 
-        Where a trajectory escapes the parameters are drawn again: no record has a likelihood there, so that
+        If a trajectory escapes the parameters are drawn again: no record has a likelihood there, so that
         the posterior is the same under the prior without them.
+
+        Raises
+        ------
+        InputError
+            If many trajectories in a row escape.
         """
         escaped, osc = InputError("nothing was drawn"), self.blank.oscillator
         source = self.source.model_copy(update={"damping": osc.damping, "noise": self.blank.noise_model.name})
@@ -70,22 +78,35 @@ class Generator:
             except InputError as fault:
                 escaped = fault
                 continue
-            return Drawn(truth, signal, replace(self.blank, signal=signal))
+            return DrawnRecord(truth, signal, replace(self.blank, signal=signal))
         raise InputError(f"{self.model}: {ESCAPES} draws from the prior in a row, and {escaped}")
 
 
 def record_rng(seed: int, *labels: object) -> np.random.Generator:
-    """The random numbers of one record: a function of the study's seed and the record's labels."""
+    """Return the random numbers of one record: a function of the study's seed and the record's labels."""
     return np.random.default_rng([seed, zlib.crc32("/".join(map(str, labels)).encode())])
 
 
 def generator(
     study: Study, model: str, *, source: Simulation | None = None, priors: Mapping[str, Prior] | None = None
 ) -> Generator:
-    """The generator of one model of a study, after its first signal.
+    """Return the generator of one model of a study, for records like its first signal.
 
-    source: another record than the first signal's; priors: in place of the study's, by parameter.
-    Raises InputError where the prior would depend on the record.
+    Parameters
+    ----------
+    study
+        The study.
+    model
+        The damping model.
+    source
+        The simulation, if not that of the first signal.
+    priors
+        Priors that replace the study's, by parameter.
+
+    Raises
+    ------
+    InputError
+        If the prior would depend on the record.
     """
     spec = study.signals[0]
     if not isinstance(spec.source, Simulation):
@@ -108,11 +129,13 @@ def generator(
             f"{study.source}: posterior.noise is {noise}, which depends on the record; nothing can be drawn from it"
         )
     empty = Signal(np.arange(3.0), np.zeros(3), spec.source.quantity, spec.source.unit)
-    one, other = (
-        build_target(empty, terms, system, seen, reference, noise=noise, term_priors=given)
-        for seen in (_features(1.0), _features(2.0))
+    none = np.empty(0)
+    any_record = (Features(x, x, x, x, x, x, x, x, none, none, none, none) for x in (1.0, 2.0))
+    blank, other = (
+        build_target(empty, terms, system, features, reference, noise=noise, term_priors=given)
+        for features in any_record
     )
-    moved = [name for name in one.names if one.priors[name] != other.priors[name]]
+    moved = [name for name in blank.names if blank.priors[name] != other.priors[name]]
     if moved:
         raise InputError(
             f"{study.source}: the default prior of {' and '.join(moved)} depends on the record, so nothing can be "
@@ -121,18 +144,12 @@ def generator(
     low, high = SCALES
     pairs = zip(SHARED_SCALES, SHARED_SIGMAS, strict=True)
     scales = tuple(float(sigma) for ratio, sigma in pairs if low <= ratio <= high)
-    blank = replace(one, scales=scales)
-    return Generator(model, source or spec.source, replace(system, known=dict(one.known)), blank)
-
-
-def _features(x: float) -> Features:
-    """Features of no record, all of this value."""
-    none = np.empty(0)
-    return Features(x, x, x, x, x, x, x, x, none, none, none, none)
+    system = replace(system, known=dict(blank.known))
+    return Generator(model, source or spec.source, system, replace(blank, scales=scales))
 
 
 def _reference(study: Study, system: System) -> Reference:
-    """The reference of the priors, from the study alone."""
+    """Return the reference of the priors, from the study alone."""
     amplitude, frequency = system.amplitude, system.frequency
     if all(name in system.known for name in LAWS.get(system.restoring).parameters):
         law = Oscillator((), system.restoring)
@@ -149,12 +166,15 @@ def _reference(study: Study, system: System) -> Reference:
     return Reference(amplitude, frequency)
 
 
-def mode_of(drawn: Drawn, system: System) -> tuple[Mode, Estimate]:
-    """The mode from seeds that know the record alone, and the refined estimate.
+def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
+    """Return the mode from starting points that depend on the record alone, and the refined estimate.
 
-    Raises Refusal where the record shows no oscillation, or no seed leads anywhere.
+    Raises
+    ------
+    Refusal
+        If the record shows no oscillation, or no starting point leads to a mode.
     """
-    seen = features(drawn.signal)
+    roughness = features(drawn.signal).roughness
     problem = Problem(drawn.target.oscillator.damping, system)
     first = run_estimator(ESTIMATOR, drawn.signal, problem, seed=0)
     refined = first[-1]
@@ -164,4 +184,14 @@ def mode_of(drawn: Drawn, system: System) -> tuple[Mode, Estimate]:
         more = [*first[:-1], *second]
         seeds |= {Seed(e.estimator, e.stage): e.values for e in more if e.values}
         seeds[Seed("prior centre", drawn=True)] = {}
-    return find_mode(drawn.target, seeds, noise_level=seen.roughness), refined
+    return find_mode(drawn.target, seeds, noise_level=roughness), refined
+
+
+def attempt(compute: Callable[..., Result], *arguments: object) -> tuple[Result | None, str]:
+    """Return a result and OK, or None and why there is none: a method's refusal, or a fault of the program."""
+    try:
+        return compute(*arguments), OK
+    except Refusal as refusal:
+        return None, str(refusal)
+    except Exception as fault:
+        return None, failure(fault)

@@ -1,4 +1,4 @@
-"""Simulation-based calibration: where the truth of a record lies among the draws of its posterior."""
+"""Simulation-based calibration: the rank of a record's truth among the draws of its posterior."""
 
 from __future__ import annotations
 
@@ -7,73 +7,63 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.calibrate.problem import (
-    generator,
-    mode_of,
-    record_rng,
-)
+from bayesdamp.calibrate.problem import attempt, generator, mode_of, record_rng
 from bayesdamp.calibrate.statistics import thin
 from bayesdamp.config import Study
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.pipeline.tasks import Product, failure
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store.contents import RanksContent
-from bayesdamp.types import OK, InputError, Refusal
+from bayesdamp.types import OK, InputError
 
 CHUNK = 16
 """Records of one task."""
 LIKELIHOOD = "log_likelihood"
-"""Ranked with the parameters: it sees what the ranks of single parameters may not (Modrák et al., 2023)."""
+"""Ranked with the parameters: it may show an error that no parameter's ranks show (Modrák et al., 2023)."""
 
 
-def ranked(study: Study, model: str, first: int) -> Product:
-    """A chunk of records of one model, numbered from `first`.
+def compute_chunk(study: Study, model: str, first: int) -> Product:
+    """Draw a chunk of records of one model, numbered from `first`, and rank their truths.
 
-    Its content is a `RanksContent`: names of the parameters, and the likelihood last. arrays: truth (c, k), value and
-    stderr of the refined estimate (c, k), and by sampler, shape (c, s, k): ranks among the thinned draws (−1 where
-    there are none) and below, the share of all draws below the truth.
+    Returns
+    -------
+    Product
+        Its content is a `RanksContent`: names of the parameters, and the likelihood last. arrays: truth (c, k), value
+        and stderr of the refined estimate (c, k), and by sampler, shape (c, s, k): ranks among the thinned draws (−1
+        if there are none) and below, the share of all draws below the truth.
     """
-    made, table, p = generator(study, model), study.calibration, study.posterior
-    names = [*made.blank.names, LIKELIHOOD]
+    source, table, p = generator(study, model), study.calibration, study.posterior
+    names = [*source.blank.names, LIKELIHOOD]
     outcomes, modes, began = [OK] * CHUNK, dict[int, tuple[Target, Mode]](), time.perf_counter()
     truth = np.full((CHUNK, len(names)), np.nan)
     value, stderr = np.full((2, CHUNK, len(names)), np.nan)
     for i in range(CHUNK):
-        drawn = made.draw(record_rng(study.seed, model, first + i), f"{model}-{first + i}")
+        drawn = source.draw(record_rng(study.seed, model, first + i), f"{model}-{first + i}")
         truth[i, :-1] = [drawn.truth[n] for n in names[:-1]]
-        try:
-            mode, refined = mode_of(drawn, made.system)
-        except Refusal as refusal:
-            outcomes[i] = str(refusal)
+        fit, outcomes[i] = attempt(mode_of, drawn, source.system)
+        if fit is None:
             continue
-        except Exception as fault:
-            outcomes[i] = failure(fault)
-            continue
+        mode, refined = fit
         modes[i] = drawn.target, mode
         truth[i, -1] = mode.likelihood.log_likelihood(drawn.target.scores(drawn.truth))
         value[i] = [refined.values.get(n, np.nan) for n in names]
         stderr[i] = [refined.stderr.get(n, np.nan) for n in names]
     seconds = {"record": time.perf_counter() - began}
     shape = (CHUNK, len(table.samplers), len(names))
-    ranks, below, said = np.full(shape, -1), np.full(shape, np.nan), dict[str, list[str]]()
+    ranks, below = np.full(shape, -1), np.full(shape, np.nan)
+    sampler_outcomes = {sampler: [""] * CHUNK for sampler in table.samplers}
     for s, sampler in enumerate(table.samplers):
-        began, said[sampler] = time.perf_counter(), [""] * CHUNK
+        began = time.perf_counter()
         for i, (target, mode) in modes.items():
             seed = int(record_rng(study.seed, model, first + i, sampler).integers(2**31 - 2))
-            try:
-                settings = Settings(p.chains, p.warmup, p.draws, seed)
-                posterior = SAMPLERS.get(sampler).sample(target, mode, settings)
-            except Refusal as refusal:
-                said[sampler][i] = str(refusal)
-                continue
-            except Exception as fault:
-                said[sampler][i] = failure(fault)
-                continue
-            said[sampler][i] = posterior.outcome
-            draws = [*np.moveaxis(posterior.draws, -1, 0), posterior.log_likelihood]
-            ranks[i, s] = [np.sum(thin(d, table.draws) < t) for t, d in zip(truth[i], draws)]
-            below[i, s] = [np.mean(d < t) for t, d in zip(truth[i], draws)]
+            settings = Settings(p.chains, p.warmup, p.draws, seed)
+            posterior, outcome = attempt(SAMPLERS.get(sampler).sample, target, mode, settings)
+            sampler_outcomes[sampler][i] = posterior.outcome if posterior else outcome
+            if posterior:
+                draws = [*np.moveaxis(posterior.draws, -1, 0), posterior.log_likelihood]
+                ranks[i, s] = [np.sum(thin(d, table.draws) < t) for t, d in zip(truth[i], draws)]
+                below[i, s] = [np.mean(d < t) for t, d in zip(truth[i], draws)]
         seconds[sampler] = time.perf_counter() - began
     content = RanksContent(
         tuple(outcomes),
@@ -81,15 +71,21 @@ def ranked(study: Study, model: str, first: int) -> Product:
         first,
         model=model,
         names=tuple(names),
-        sampler_outcomes={s: tuple(one) for s, one in said.items()},
+        sampler_outcomes={sampler: tuple(each) for sampler, each in sampler_outcomes.items()},
         seconds=seconds,
     )
     arrays = {"truth": truth, "value": value, "stderr": stderr, "ranks": ranks, "below": below}
     return Product(content, arrays, seconds=sum(seconds.values()))
 
 
-def checked(study: Study) -> None:
-    """Raises InputError, before anything is computed, where the study cannot be calibrated."""
+def check(study: Study) -> None:
+    """Check, before anything is computed, that the study can be calibrated.
+
+    Raises
+    ------
+    InputError
+        If it cannot.
+    """
     for model in study.compare(study.signals[0]):
         generator(study, model)
     p, table = study.posterior, study.calibration
@@ -100,8 +96,8 @@ def checked(study: Study) -> None:
         )
 
 
-def asked(study: Study) -> dict[str, Any]:
-    """What a chunk's result depends on, besides the model and its first record."""
+def key_parts(study: Study) -> dict[str, Any]:
+    """Return what a chunk's result depends on, besides the model and its first record."""
     table, resolved = study.calibration, study.resolved()
     return {
         "signal": resolved["signals"][0],

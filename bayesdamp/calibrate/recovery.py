@@ -11,63 +11,60 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.calibrate.problem import (
-    Drawn,
-    Generator,
-    generator,
-    mode_of,
-    record_rng,
-)
+from bayesdamp.calibrate.problem import DrawnRecord, Generator, attempt, generator, mode_of, record_rng
 from bayesdamp.config import Simulation, Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.trajectories import simulate
-from bayesdamp.pipeline.tasks import Product, failure
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import LogNormal
 from bayesdamp.store.contents import RecoveryContent
 from bayesdamp.types import OK, InputError, Refusal
 
 CHUNK = 4
+"""Records of one task."""
 
 
-def recovered(study: Study, kind: str, first: int) -> Product:
-    """A chunk of records, numbered from `first`; kind: "recovery" over all models, "single" over single dampings.
+def compute_chunk(study: Study, kind: str, first: int) -> Product:
+    """Draw a chunk of records, numbered from `first`, and compute the probabilities of the models.
 
-    Its content is a `RecoveryContent`. arrays: model, the true one's place (c,); probability (c, m); log_evidence
-    (c, m); design, noise and cycles (c, 2); loss (c,), the share of its amplitude that the motion without noise loses.
+    kind: "recovery" over all models, "single" over single dampings.
+
+    Returns
+    -------
+    Product
+        Its content is a `RecoveryContent`. arrays: model, the true one's place (c,); probability (c, m); log_evidence
+        (c, m); design, noise and cycles (c, 2); loss (c,), the share of its amplitude that the motion without noise
+        loses.
     """
     models, began = models_of(study, kind), time.perf_counter()
-    outcomes, said = [OK] * CHUNK, [[""] * len(models) for _ in range(CHUNK)]
+    outcomes, evidence_outcomes = [OK] * CHUNK, [[""] * len(models) for _ in range(CHUNK)]
     truth = np.zeros(CHUNK, int)
     design, loss = np.full((CHUNK, 2), np.nan), np.full(CHUNK, np.nan)
     evidence = np.full((CHUNK, len(models)), np.nan)
     for i in range(CHUNK):
         number = first + i
         design[i] = level(study, kind, number)
-        made = _generators(study, kind, models, *design[i])
+        generators = _generators(study, kind, models, *design[i])
         rng = record_rng(study.seed, kind, number)
         truth[i] = rng.integers(len(models))
-        drawn = made[truth[i]].draw(rng, f"{kind}-{number}")
+        drawn = generators[truth[i]].draw(rng, f"{kind}-{number}")
         loss[i] = _loss(drawn)
         if kind == "single" and loss[i] < study.recovery.least_loss:
             outcomes[i] = "not counted: it loses too little of its amplitude"
             continue
-        for m, one in enumerate(made):
-            try:
-                found = _evidence(study, one, drawn, (kind, number, one.model))
-            except Refusal as refusal:
-                outcomes[i] = str(refusal)
+        for m, source in enumerate(generators):
+            labels = (kind, number, source.model)
+            result, outcomes[i] = attempt(_evidence, study, source, drawn, labels)
+            if result is None:
                 break
-            except Exception as fault:
-                outcomes[i] = failure(fault)
-                break
-            evidence[i, m], said[i][m] = found
+            evidence[i, m], evidence_outcomes[i][m] = result
     content = RecoveryContent(
         tuple(outcomes),
         tuple(outcome == OK for outcome in outcomes),
         first,
         models=tuple(models),
-        evidence_outcomes=tuple(map(tuple, said)),
+        evidence_outcomes=tuple(map(tuple, evidence_outcomes)),
     )
     arrays = {
         "model": truth,
@@ -80,13 +77,13 @@ def recovered(study: Study, kind: str, first: int) -> Product:
 
 
 def models_of(study: Study, kind: str) -> list[str]:
-    """The models that are drawn and compared."""
+    """Return the models that are drawn and compared."""
     models = list(study.models.compare)
     return [m for m in models if len(parse_model(m)) == 1] if kind == "single" else models
 
 
 def level(study: Study, kind: str, number: int) -> tuple[float, float]:
-    """Noise, as a share of the reference amplitude, and cycles of a record: the design in turn."""
+    """Return the noise, as a share of the reference amplitude, and cycles of a record: the design in turn."""
     table = study.recovery
     if kind == "single":
         return table.single_noise, table.single_cycles
@@ -95,7 +92,7 @@ def level(study: Study, kind: str, number: int) -> tuple[float, float]:
 
 
 def _generators(study: Study, kind: str, models: list[str], noise: float, cycles: float) -> list[Generator]:
-    """A generator for each model; the inference knows the design, so the noise's prior may depend on it."""
+    """Return a generator for each model; the inference knows the design, so the noise's prior may depend on it."""
     table, system, source = study.recovery, study.signals[0].system, study.signals[0].source
     if not isinstance(source, Simulation) or system.amplitude is None or system.frequency is None:
         raise InputError(
@@ -110,19 +107,21 @@ def _generators(study: Study, kind: str, models: list[str], noise: float, cycles
     return [generator(study, m, source=source, priors=prior) for m in models]
 
 
-def _evidence(study: Study, one: Generator, drawn: Drawn, labels: tuple[object, ...]) -> tuple[float, str]:
-    """Log evidence of one model for the record, and what its method says of it. Raises Refusal."""
-    own = replace(drawn, target=replace(one.blank, signal=drawn.signal))
-    mode, _ = mode_of(own, one.system)
+def _evidence(
+    study: Study, source: Generator, drawn: DrawnRecord, labels: tuple[object, ...]
+) -> tuple[float, str]:
+    """Return the log evidence of one model for the record, and its outcome. Raises Refusal."""
+    own = replace(drawn, target=replace(source.blank, signal=drawn.signal))
+    mode, _ = mode_of(own, source.system)
     seed = int(record_rng(study.seed, *labels).integers(2**31 - 1))
-    found = EVIDENCES.get("importance").evidence(one.model, own.target, mode, seed)
-    if not math.isfinite(found.log_evidence):
-        raise Refusal(f"{one.model}: the evidence is not finite")
-    return found.log_evidence, found.outcome
+    evidence = EVIDENCES.get("importance").evidence(source.model, own.target, mode, seed)
+    if not math.isfinite(evidence.log_evidence):
+        raise Refusal(f"{source.model}: the evidence is not finite")
+    return evidence.log_evidence, evidence.outcome
 
 
-def _loss(drawn: Drawn) -> float:
-    """Share of its amplitude that the motion loses, from the largest swings of its first and last cycle."""
+def _loss(drawn: DrawnRecord) -> float:
+    """Return the share of its amplitude that the motion loses, from the largest swings of first and last cycle."""
     target, t = drawn.target, drawn.signal.t
     p = {**target.known, **drawn.truth}
     theta = simulate(target.oscillator, p, t, tolerance=1e-4 * abs(p["theta0"]) + 1e-9)
@@ -133,21 +132,25 @@ def _loss(drawn: Drawn) -> float:
     return float(1.0 - last / first)
 
 
-def checked(study: Study) -> None:
-    """Raises InputError, before anything is computed, where the study's models cannot be drawn."""
-    for kind in ("recovery", "single"):
+def check(study: Study) -> None:
+    """Check, before anything is computed, that the study's models can be drawn.
+
+    Raises
+    ------
+    InputError
+        If they cannot.
+    """
+    for kind in ("recovery", "single") if study.recovery.single else ("recovery",):
         models = models_of(study, kind)
         if len(models) < 2:
             raise InputError(
                 f"{study.source}: models.compare has {len(models)} models to tell apart; give two or more"
             )
         _generators(study, kind, models, *level(study, kind, 0))
-        if not study.recovery.single:
-            return
 
 
-def asked(study: Study) -> dict[str, Any]:
-    """What a chunk's result depends on, besides its kind and first record."""
+def key_parts(study: Study) -> dict[str, Any]:
+    """Return what a chunk's result depends on, besides its kind and first record."""
     resolved = study.resolved()
     return {
         "signal": resolved["signals"][0],

@@ -1,23 +1,66 @@
-"""`bayesdamp calibrate`: from a study file to its folder."""
+"""`bayesdamp calibrate`: from a study file to its folder.
+
+Records are computed in series, chunk by chunk, until enough of them are accepted; a run that was cut off resumes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor, as_completed
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 from rich.console import Console
+from rich.progress import TimeRemainingColumn
 
-from bayesdamp.calibrate import probabilities, ranks, recovery, tables
-from bayesdamp.calibrate.series import MOST, Series, accepted, gather, is_failed
+from bayesdamp.calibrate import ranks, recovery, tables
 from bayesdamp.config import Study
+from bayesdamp.inference.evidence import EVIDENCES
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.samplers import SAMPLERS
+from bayesdamp.machine.threads import cores
 from bayesdamp.outcomes import Status, status_of
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline.progress import progress_bar
+from bayesdamp.pipeline.tasks import perform
+from bayesdamp.pipeline.workers import pool_of
+from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store, provenance, write_json, write_table
-from bayesdamp.store.contents import RanksContent
+from bayesdamp.store.contents import ChunkContent, RanksContent
 from bayesdamp.types import OK
 
 DONE, WRONG_CELLS = 0, 3
+"""Exit statuses: all is computed, or the program failed on a record."""
+MOST = 20
+"""Records tried for each that is wanted; with fewer accepted the series ends short, and this is reported."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """Records of one kind: "ranks" of a model, "recovery" or "single"; wanted: how many accepted ones are needed."""
+
+    kind: str
+    wanted: int
+    model: str = ""
+
+    @property
+    def name(self) -> str:
+        """The kind, and the model if it has one."""
+        return f"{self.kind}/{self.model}" if self.model else self.kind
+
+    @property
+    def module(self) -> ModuleType:
+        """The module that computes the chunks."""
+        return ranks if self.kind == "ranks" else recovery
+
+    def cell(self, study: Study, first: int) -> tuple[str, str]:
+        """Return name and key of the chunk that starts at a record."""
+        parts = self.module.key_parts(study)
+        key = task_key("calibration", self.kind, self.model, first, parts, _plugin_sources(study))
+        return f"{self.name}/{first:06d}", key
 
 
 def run_calibration(
@@ -31,11 +74,36 @@ def run_calibration(
     report: bool = True,
     console: Console | None = None,
 ) -> int:
-    """Compute what `out` does not hold yet, write tables and report; the exit status (0, or 3 with failed chunks).
+    """Compute what `out` does not contain yet, and write tables and report.
 
-    records: in place of the study's number; models: whether the models' probabilities are put to the test, else the
-    posteriors are. A result of wrong is a result, no failure.
-    Raises InputError where the study cannot be calibrated; nothing is written then.
+    Parameters
+    ----------
+    study
+        The study.
+    out
+        The folder of the results.
+    records
+        Number of records, instead of the study's.
+    models
+        Whether the models' probabilities are tested; by default the posteriors are.
+    workers
+        Number of processes; by default that of the cores.
+    fresh
+        Whether results in `out` are deleted first.
+    report
+        Whether the report is written.
+    console
+        Where progress is shown; by default stderr.
+
+    Returns
+    -------
+    int
+        The exit status: 0, or 3 if chunks or records failed. A verdict of wrong is a result, not a failure.
+
+    Raises
+    ------
+    InputError
+        If the study cannot be calibrated; then nothing is written.
     """
     console = console or Console(stderr=True)
     if records is not None:
@@ -45,17 +113,25 @@ def run_calibration(
             calibration=study.calibration.model_copy(update={"records": records}),
             recovery=study.recovery.model_copy(update=recover),
         )
-    (recovery if models else ranks).checked(study)
+    table = study.recovery
+    if models:
+        recovery.check(study)
+        wanted = {"recovery": table.records, "single": table.single}
+        every = [Series(kind, count) for kind, count in wanted.items() if count]
+    else:
+        ranks.check(study)
+        compared = study.compare(study.signals[0])
+        every = [Series("ranks", study.calibration.records, model) for model in compared]
     store = Store(out)
     with store.lock():
         if fresh:
             store.clear()
-        found = gather(study, _series(study, models), store, workers, console)
-        failed = [c for chunks in found.values() for c in chunks if is_failed(c)]
-        whole = {name: [c for c in chunks if c.outcome == OK] for name, chunks in found.items()}
+        results = gather(study, every, store, workers, console)
+        failed = [c for chunks in results.values() for c in chunks if is_failed(c)]
+        whole = {name: [c for c in chunks if c.outcome == OK] for name, chunks in results.items()}
         whole = {name: chunks for name, chunks in whole.items() if chunks}
         if whole:
-            (_write_models if models else _write_ranks)(study, store, whole)
+            _write(study, store, whole, models)
             if report:
                 from bayesdamp.report import render
 
@@ -63,7 +139,7 @@ def run_calibration(
         lines = [f"{chunk.name}: {chunk.outcome}" for chunk in failed] + _failures(whole)
         for line in lines:
             console.print(line, style="red", highlight=False)
-        for series in _series(study, models):
+        for series in every:
             good = accepted(whole.get(series.name, ()))
             if good < series.wanted and not failed:
                 console.print(
@@ -72,43 +148,115 @@ def run_calibration(
         return WRONG_CELLS if lines else DONE
 
 
-def _failures(found: Mapping[str, Sequence[CellResult]]) -> list[str]:
-    """Records in which the program failed, a line for each."""
+def _write(study: Study, store: Store, results: Mapping[str, Sequence[CellResult]], models: bool) -> None:
+    """Write the tables and run.json."""
+    if models:
+        columns, rows = tables.recovery_table(results)
+        write_table(store.folder / "recovery.csv", columns, rows)
+        summary = tables.recovery_summary(results)
+    else:
+        rows = tables.calibration_rows(study, results)
+        write_table(store.folder / "calibration.csv", tables.COLUMNS, rows)
+        write_table(store.folder / "ranks.csv", tables.RANK_COLUMNS, tables.rank_rows(study, results))
+        summary = tables.calibration_summary(study, results, rows)
+    info = {
+        "name": study.name,
+        "description": study.description,
+        "seed": study.seed,
+        "kind": "model recovery" if models else "calibration",
+        "study": study.resolved(),
+        **provenance(),
+        "result": summary,
+    }
+    write_json(store.folder / "run.json", info)
+
+
+def _failures(results: Mapping[str, Sequence[CellResult]]) -> list[str]:
+    """Return a line for each record on which the program failed."""
     lines = []
-    for chunk in (c for chunks in found.values() for c in chunks):
+    for chunk in (c for chunks in results.values() for c in chunks):
         content = RanksContent.of(chunk)
-        said = [content.outcomes, *content.sampler_outcomes.values()]
-        for i in range(len(said[0])):
-            lines += [
-                f"{chunk.name}, record {i + 1}: {s[i]}" for s in said if status_of(s[i]) is Status.FAILED
-            ]
+        for i, outcomes in enumerate(zip(content.outcomes, *content.sampler_outcomes.values())):
+            failed = [o for o in outcomes if status_of(o) is Status.FAILED]
+            lines += [f"{chunk.name}, record {i + 1}: {outcome}" for outcome in failed]
     return lines
 
 
-def _series(study: Study, models: bool) -> list[Series]:
-    if not models:
-        compared = study.compare(study.signals[0])
-        return [Series("ranks", study.calibration.records, model) for model in compared]
-    table = study.recovery
-    wanted = {"recovery": table.records, "single": table.single}
-    return [Series(kind, count) for kind, count in wanted.items() if count]
+def _plugin_sources(study: Study) -> list[str]:
+    """Return the source of everything that a chunk may look up by name."""
+    terms = {t: None for s in study.signals for m in study.dampings(s) for t in m.split("+")}
+    laws = dict.fromkeys(law for s in study.signals for law in s.restoring)
+    sources = [*map(TERMS.source, terms), *map(LAWS.source, laws), *map(NOISES.source, study.noises)]
+    sources += [SAMPLERS.source(name) for name in study.calibration.samplers]
+    return [*sources, EVIDENCES.source("importance")]
 
 
-def _write_ranks(study: Study, store: Store, found: Mapping[str, Sequence[CellResult]]) -> None:
-    rows = tables.calibration_rows(study, found)
-    write_table(store.folder / "calibration.csv", tables.COLUMNS, rows)
-    write_table(store.folder / "ranks.csv", tables.RANK_COLUMNS, tables.rank_rows(study, found))
-    _write_info(study, store, "calibration", tables.about(study, found, rows))
+def gather(
+    study: Study, wanted: Sequence[Series], store: Store, workers: int | None, console: Console
+) -> dict[str, list[CellResult]]:
+    """Return the chunks of every series, in order; compute in waves what the store lacks.
+
+    A wave's size follows from how many records the waves before it accepted, not from what was stored already: a run
+    that was cut off ends with the same records. Chunks that failed are tried again by the next run.
+    """
+    results: dict[str, list[CellResult]] = {s.name: [] for s in wanted}
+    workers = workers or cores()
+    with progress_bar(console, TimeRemainingColumn()) as progress, pool_of(workers, None) as pool:
+        bars = {s.name: progress.add_task(s.name, total=s.wanted) for s in wanted}
+        while wave := [(s, first) for s in wanted for first in next_wave(s, results[s.name])]:
+            chunks = dict[tuple[Series, int], CellResult]()
+            for (series, first), chunk in _compute(study, wave, store.folder.resolve(), pool):
+                chunks[series, first] = chunk
+                progress.update(bars[series.name], advance=accepted([chunk]))
+            for series, first in wave:
+                results[series.name].append(chunks[series, first])
+    return results
 
 
-def _write_models(study: Study, store: Store, found: Mapping[str, Sequence[CellResult]]) -> None:
-    columns, rows = probabilities.record_table(found)
-    write_table(store.folder / "recovery.csv", columns, rows)
-    _write_info(study, store, "model recovery", probabilities.about(found))
+def accepted(results: Sequence[CellResult]) -> int:
+    """Return how many records of these chunks count."""
+    return sum(sum(ChunkContent.of(r).accepted) for r in results)
 
 
-def _write_info(study: Study, store: Store, kind: str, result: Mapping[str, Any]) -> None:
-    about = {"name": study.name, "description": study.description, "seed": study.seed, "kind": kind}
-    write_json(
-        store.folder / "run.json", {**about, "study": study.resolved(), **provenance(), "result": result}
-    )
+def next_wave(series: Series, results: Sequence[CellResult]) -> list[int]:
+    """Return the first records of the chunks of the next wave; none if the series is done, short or has failed."""
+    chunk = series.module.CHUNK
+    tried, good = len(results) * chunk, accepted(results)
+    if good >= series.wanted or tried >= MOST * series.wanted or any(is_failed(r) for r in results):
+        return []
+    rate = max(good / tried, 1 / MOST) if tried else 1.0
+    count = math.ceil((series.wanted - good) / rate / chunk)
+    return [tried + i * chunk for i in range(count)]
+
+
+def is_failed(result: CellResult) -> bool:
+    """Return whether the program failed on a chunk."""
+    return status_of(result.outcome) is Status.FAILED
+
+
+def _compute(
+    study: Study, wave: Sequence[tuple[Series, int]], folder: Path, pool: Executor | None
+) -> Iterator[tuple[tuple[Series, int], CellResult]]:
+    """Compute the chunks of a wave, in this process or in others, and return each when it is done."""
+    if pool is None:
+        for task in wave:
+            yield task, _chunk(study, folder, *task)
+        return
+    futures = {pool.submit(_chunk, study, folder, *task): task for task in wave}
+    try:
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult:
+    """Return one chunk; compute and store it if the folder lacks it."""
+    use(study.plugins)
+    store, (name, key) = Store(folder), series.cell(study, first)
+    stored = store.find(name)
+    if stored is None or stored.key != key or is_failed(stored):
+        label = series.model or series.kind
+        perform(store, name, key, lambda: series.module.compute_chunk(study, label, first))
+    return store.read(name)

@@ -1,8 +1,8 @@
-"""Whether posteriors are calibrated: ranks, coverage, reliability of probabilities, each with an exact p value.
+"""Test whether posteriors are calibrated: ranks, coverage, reliability of probabilities, with exact p values.
 
 Simulation-based calibration (Talts, Betancourt, Simpson, Vehtari and Gelman, arXiv 1804.06788): parameters drawn from
-the prior, and a record from these, make the rank of the truth among independent posterior draws uniform. So it is
-among those records that any rule keeps which looks at the record alone: the posterior is conditional on it.
+the prior, and a record from these, make the rank of the truth among independent posterior draws uniform. The rank is
+also uniform over any selection of records that depends on the record alone, because the posterior is conditional on it.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from scipy.stats import binom
 
 
 def thin(draws: np.ndarray, count: int) -> np.ndarray:
-    """`count` of the draws, shape (chain, draw), spread evenly over each chain: shape (count,)."""
+    """Return `count` of the draws, shape (chain, draw), spread evenly over each chain: shape (count,)."""
     flat = draws.reshape(-1)
     if flat.size < count:
-        raise ValueError(f"{count} thinned draws were asked for, and there are {flat.size}")
+        raise ValueError(f"{count} thinned draws are needed, and there are {flat.size}")
     return flat[np.round(np.linspace(0, flat.size - 1, count)).astype(int)]
 
 
 def histogram(ranks: np.ndarray, draws: int, bins: int) -> np.ndarray:
-    """Ranks (n,) among `draws` draws, counted in bins of equal size, (bins,). bins must divide draws + 1."""
+    """Count ranks (n,) among `draws` draws in bins of equal size, (bins,). bins must divide draws + 1."""
     return np.bincount(np.asarray(ranks, int) * bins // (draws + 1), minlength=bins)
 
 
 def uniformity_p(counts: np.ndarray) -> float:
-    """p value of the counts (k,) of n ranks in k bins of equal size, against uniform ranks.
+    """Return the p value of the counts (k,) of n ranks in k bins of equal size, against uniform ranks.
 
     The statistic is that of Säilynoja, Bürkner and Vehtari (Statistics and Computing 32, 2022): the smallest two-sided
     binomial tail of the distribution function over the ends of the bins. Its distribution is not simulated: the p value
@@ -37,54 +37,57 @@ def uniformity_p(counts: np.ndarray) -> float:
     cumulative, n = np.cumsum(counts)[:-1], int(np.sum(counts))
     if n == 0:
         return float("nan")
-    at = np.arange(1, counts.size) / counts.size
-    return _p_of_tail(float(_tails(cumulative, n, at).min()), n, counts.size)
+    ends = np.arange(1, counts.size) / counts.size
+    return _p_of_tail(float(_tails(cumulative, n, ends).min()), n, counts.size)
 
 
 @lru_cache(maxsize=256)
 def uniformity_band(n: int, bins: int, probability: float) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest cumulative counts at the inner ends of the bins, (bins − 1,) each, between which all of them
-    are together with at least this probability where n ranks are uniform."""
+    """Return the least and greatest cumulative counts of n uniform ranks at the inner ends of the bins.
+
+    The cumulative counts (bins − 1,) of n uniform ranks are all inside with at least this probability.
+    """
     low, high = 0.0, 1.0 - probability
-    for _ in range(20):  # the band is a step function of the tail: its lower side is kept
+    for _ in range(20):  # the band is a step function of the tail: its lower side is used
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _p_of_tail(middle, n, bins) <= 1.0 - probability else (low, middle)
     return _inside(low, n, bins)
 
 
 def _tails(counts: np.ndarray, n: int, p: np.ndarray) -> np.ndarray:
-    """Two-sided tails of counts of n events of probability p: twice the smaller of P(X ≤ count) and P(X ≥ count)."""
+    """Return two-sided tails of counts of n events of probability p.
+
+    A tail is twice the smaller of P(X ≤ count) and P(X ≥ count).
+    """
     return 2 * np.minimum(binom.cdf(counts, n, p), binom.sf(np.asarray(counts) - 1, n, p))
 
 
 def _inside(tail: float, n: int, bins: int) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest cumulative counts whose two-sided tails are above `tail`; where none is, least > greatest."""
-    counts = np.arange(n + 1)[:, None]
-    at = np.arange(1, bins) / bins
-    good = _tails(counts, n, at) > tail
+    """Return least and greatest cumulative counts with two-sided tails above `tail`; least > greatest if none is."""
+    good = _tails(np.arange(n + 1)[:, None], n, np.arange(1, bins) / bins) > tail
     least, greatest = np.argmax(good, axis=0), n - np.argmax(good[::-1], axis=0)
     return np.where(good.any(axis=0), least, n + 1), greatest
 
 
 @lru_cache(maxsize=4096)
 def _p_of_tail(tail: float, n: int, bins: int) -> float:
-    """Probability that uniform ranks have a two-sided binomial tail as small as this at the end of some bin."""
+    """Return the probability that uniform ranks have a two-sided tail as small as this at the end of some bin."""
     # Rounding in a tail that is met exactly must not count as being beyond it.
     low, high = _inside(tail * (1 + 1e-9), n, bins)
     if np.any(low > high):
         return 1.0
-    at, mass = np.array([0]), np.ones(1)
+    counts, mass = np.array([0]), np.ones(1)
     for k in range(bins - 1):
         # Of those not counted yet, a share of 1/(bins − k) falls into the next bin.
-        to = np.arange(low[k], high[k] + 1)
-        at, mass = to, binom.pmf(to[:, None] - at, n - at, 1.0 / (bins - k)) @ mass
+        new = np.arange(low[k], high[k] + 1)
+        counts, mass = new, binom.pmf(new[:, None] - counts, n - counts, 1.0 / (bins - k)) @ mass
     return float(np.clip(1.0 - mass.sum(), 0.0, 1.0))
 
 
 def holm(tests: Sequence[float]) -> np.ndarray:
-    """Holm's adjusted p values, (k,), of the tests' p values.
+    """Return Holm's adjusted p values, (k,), of the tests' p values.
 
-    Rejecting those below α errs once or more with probability α at most. A test without a p value (nan) takes no part.
+    Rejecting those below α errs once or more with probability α at most. A test without a p value (nan) is ignored.
     """
     p = np.asarray(tests, float)
     adjusted = np.full(p.size, np.nan)
@@ -96,15 +99,15 @@ def holm(tests: Sequence[float]) -> np.ndarray:
 
 
 def hits_distribution(p: np.ndarray) -> np.ndarray:
-    """Probabilities of 0 to n hits, (n + 1,), of independent events with probabilities p (n,)."""
-    found = np.ones(1)
-    for one in np.clip(p, 0.0, 1.0):
-        found = np.convolve(found, [1.0 - one, one])
-    return found
+    """Return the probabilities of 0 to n hits, (n + 1,), of independent events with probabilities p (n,)."""
+    distribution = np.ones(1)
+    for probability in np.clip(p, 0.0, 1.0):
+        distribution = np.convolve(distribution, [1.0 - probability, probability])
+    return distribution
 
 
 def hits_p(hits: int, p: np.ndarray) -> float:
-    """Two-sided p value of so many hits of independent events with probabilities p (n,)."""
+    """Return the two-sided p value of so many hits of independent events with probabilities p (n,)."""
     if not p.size:
         return float("nan")
     mass = hits_distribution(p)
@@ -112,7 +115,7 @@ def hits_p(hits: int, p: np.ndarray) -> float:
 
 
 def hits_band(p: np.ndarray, probability: float) -> tuple[int, int]:
-    """Least and greatest numbers of hits that are inside with at least this probability, in equal tails."""
+    """Return the least and greatest numbers of hits that are inside with at least this probability, in equal tails."""
     cumulative = np.cumsum(hits_distribution(p))
     tail = 0.5 * (1.0 - probability)
     return int(np.searchsorted(cumulative, tail, side="right")), int(np.searchsorted(cumulative, 1.0 - tail))

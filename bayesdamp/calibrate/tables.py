@@ -1,10 +1,11 @@
-"""What the ranks say: one table with a p value for every claim, and what run.json and the report need beside it."""
+"""The tables of a calibration and of a model recovery: a p value for every claim, and what run.json contains."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,13 @@ from bayesdamp.calibrate import statistics
 from bayesdamp.calibrate.ranks import LIKELIHOOD
 from bayesdamp.config import Study
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents import RanksContent
+from bayesdamp.store.contents import RanksContent, RecoveryContent
 from bayesdamp.types import OK
 
 LEVELS = (0.5, 0.8, 0.95)
+"""Probabilities of the intervals that are tested."""
+EDGES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0)
+"""Bins of the highest probability."""
 ALARM = 0.01
 """Probability that anything at all in a table is called wrong although everything is right (Holm)."""
 CLASSICAL = "refined estimate"
@@ -25,46 +29,64 @@ COLUMNS = (
     "model", "method", "parameter", "check", "level", "records", "without", "value", "low", "high", "p", "p_holm",
     "verdict",
 )  # fmt: skip
+RANK_COLUMNS = ("model", "sampler", "parameter", "ranks")
+RECORD_COLUMNS = ("series", "record", "noise", "cycles", "loss", "model", "outcome", "doubts")
+"""Columns of recovery.csv; a column for each damping sum follows."""
 
 Row = dict[str, Any]
+Results = Mapping[str, Sequence[CellResult]]
 
 
-def calibration_rows(study: Study, found: Mapping[str, Sequence[CellResult]]) -> list[Row]:
-    """Rows of calibration.csv: for each model, sampler and parameter the ranks' and three intervals' checks, then the
-    intervals of the refined estimates. Samplers and refined estimates are two families of tests.
+def _join(chunks: Sequence[CellResult], name: str) -> np.ndarray:
+    return np.concatenate([c.arrays[name] for c in chunks])
 
-    records: how many count; without: how many had no interval; value: for "ranks" the largest departure of their
-    distribution function from the uniform one, for "coverage" the share that holds the truth, with what 99 % of such
-    shares are between. p_holm below `ALARM` is a verdict of wrong.
+
+def _adjust(family: Iterable[Row]) -> list[Row]:
+    """Return the rows of a family of tests with Holm's p values."""
+    rows = list(family)
+    for row, adjusted in zip(rows, statistics.holm([r["p"] for r in rows]), strict=True):
+        row["p_holm"] = float(adjusted)
+    return rows
+
+
+def calibration_rows(study: Study, results: Results) -> list[Row]:
+    """Return the rows of calibration.csv.
+
+    They are, for each model, sampler and parameter, the checks of the ranks and of three intervals, then the intervals
+    of the refined estimates. Samplers and refined estimates are two families of tests.
+
+    records: how many count; without: how many had no interval; value: for "ranks" the largest difference of their
+    distribution function from the uniform one, for "coverage" the share that contains the truth, with the limits of
+    99 % of such shares. p_holm below `ALARM` is a verdict of wrong.
     """
-    rows = [row for chunks in found.values() for row in _sampler_rows(study, chunks)]
-    classical = [row for chunks in found.values() for row in _classical_rows(chunks)]
-    for family in (rows, classical):
-        for row, p in zip(family, statistics.holm([r["p"] for r in family]), strict=True):
-            row["p_holm"] = float(p)
-            row |= {k: float(f"{row[k]:.6g}") for k in ("value", "low", "high", "p", "p_holm") if k in row}
-            row["verdict"] = "not tested" if math.isnan(p) else "wrong" if p < ALARM else "passes"
-    return rows + classical
+    rows = []
+    for model, sampler, name, ranks, below in _ranks(study, results):
+        head = {"model": model, "method": sampler, "parameter": name}
+        rows.append({**head, **_rank_row(ranks, study.calibration.draws)})
+        inside = np.abs(below - 0.5)
+        rows += [{**head, **_coverage_row(inside <= 0.5 * level, level)} for level in LEVELS]
+    classical = (row for chunks in results.values() for row in _classical_rows(chunks))
+    rows = _adjust(rows) + _adjust(classical)
+    for row in rows:
+        p = row["p_holm"]
+        row |= {k: float(f"{row[k]:.6g}") for k in ("value", "low", "high", "p", "p_holm") if k in row}
+        row["verdict"] = "not tested" if math.isnan(p) else "wrong" if p < ALARM else "passes"
+    return rows
 
 
-def _sampler_rows(study: Study, chunks: Sequence[CellResult]) -> Iterator[Row]:
-    table, names = study.calibration, RanksContent.of(chunks[0]).names
-    for s, sampler in enumerate(table.samplers):
-        for k, name in enumerate(names):
-            ranks = np.concatenate([c.arrays["ranks"][:, s, k] for c in chunks])
-            below = np.concatenate([c.arrays["below"][:, s, k] for c in chunks])[ranks >= 0]
-            head = {"model": _model(chunks), "method": sampler, "parameter": name}
-            yield {**head, **_rank_row(ranks[ranks >= 0], table.draws)}
-            for level in LEVELS:
-                yield {**head, **_coverage_row(np.abs(below - 0.5) <= 0.5 * level, level)}
-
-
-def _model(chunks: Sequence[CellResult]) -> str:
-    return RanksContent.of(chunks[0]).model
+def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.ndarray, np.ndarray]]:
+    """Return model, sampler, parameter, and of the records that count the ranks and shares below, (n,) each."""
+    for chunks in results.values():
+        content = RanksContent.of(chunks[0])
+        ranks, below = _join(chunks, "ranks"), _join(chunks, "below")
+        for s, sampler in enumerate(study.calibration.samplers):
+            for k, name in enumerate(content.names):
+                counts = ranks[:, s, k] >= 0
+                yield content.model, sampler, name, ranks[counts, s, k], below[counts, s, k]
 
 
 def points(draws: int) -> int:
-    """Into how many equal parts the ranks' distribution function is divided where it is tested: at most 64."""
+    """Return into how many equal parts the ranks' distribution function is divided for its test: at most 64."""
     return max(k for k in range(1, 65) if (draws + 1) % k == 0)
 
 
@@ -96,43 +118,34 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
 
 
 def _classical_rows(chunks: Sequence[CellResult]) -> Iterator[Row]:
-    """Value ± so many standard errors, as the refined estimate's Hessian gives them; none for the noise."""
+    """Return the rows of value ± so many standard errors, as the refined estimate's Hessian gives them."""
     good = np.concatenate([RanksContent.of(c).accepted for c in chunks])
-    for k, name in enumerate(RanksContent.of(chunks[0]).names):
-        truth, value, stderr = (
-            np.concatenate([c.arrays[part][:, k] for c in chunks])[good]
-            for part in ("truth", "value", "stderr")
-        )
-        if name == LIKELIHOOD or not np.any(np.isfinite(value)):
+    content = RanksContent.of(chunks[0])
+    truth, value, stderr = (_join(chunks, part)[good] for part in ("truth", "value", "stderr"))
+    for k, name in enumerate(content.names):
+        if name == LIKELIHOOD or not np.any(np.isfinite(value[:, k])):
             continue
-        there = np.isfinite(stderr) & (stderr > 0)
-        away = np.abs(value - truth)[there] / stderr[there]
+        has_error = np.isfinite(stderr[:, k]) & (stderr[:, k] > 0)
+        away = np.abs(value[:, k] - truth[:, k])[has_error] / stderr[has_error, k]
         for level in LEVELS:
-            row = _coverage_row(away <= norm.ppf(0.5 + 0.5 * level), level, int(np.sum(~there)))
-            yield {"model": _model(chunks), "method": CLASSICAL, "parameter": name, **row}
+            row = _coverage_row(away <= norm.ppf(0.5 + 0.5 * level), level, int(np.sum(~has_error)))
+            yield {"model": content.model, "method": CLASSICAL, "parameter": name, **row}
 
 
-RANK_COLUMNS = ("model", "sampler", "parameter", "ranks")
+def rank_rows(study: Study, results: Results) -> Iterator[Row]:
+    """Return the rows of ranks.csv: ranks of each truth in the thinned draws, in the order of their records."""
+    for model, sampler, name, ranks, _ in _ranks(study, results):
+        text = " ".join(map(str, ranks.tolist()))
+        yield {"model": model, "sampler": sampler, "parameter": name, "ranks": text}
 
 
-def rank_rows(study: Study, found: Mapping[str, Sequence[CellResult]]) -> Iterator[Row]:
-    """Rows of ranks.csv: the ranks of each truth among the thinned draws, in the order of the records that count."""
-    for chunks in found.values():
-        for s, sampler in enumerate(study.calibration.samplers):
-            for k, name in enumerate(RanksContent.of(chunks[0]).names):
-                ranks = np.concatenate([c.arrays["ranks"][:, s, k] for c in chunks])
-                text = " ".join(map(str, ranks[ranks >= 0].tolist()))
-                yield {"model": _model(chunks), "sampler": sampler, "parameter": name, "ranks": text}
-
-
-def about(study: Study, found: Mapping[str, Sequence[CellResult]], rows: Sequence[Row]) -> Row:
-    """What run.json holds of a calibration: counts by model, the verdicts, and the bands of the ranks' figures."""
-    table = study.calibration
-    counts = {}
-    for chunks in found.values():
+def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> Row:
+    """Return what run.json contains of a calibration: counts by model, verdicts, and bands of the ranks' figures."""
+    table, counts = study.calibration, {}
+    for chunks in results.values():
         contents = [RanksContent.of(c) for c in chunks]
         outcomes = Counter(o for c in contents for o in c.outcomes)
-        counts[_model(chunks)] = {
+        counts[contents[0].model] = {
             "tried": sum(outcomes.values()),
             "counted": outcomes.pop(OK, 0),
             "refused": dict(outcomes),
@@ -142,17 +155,20 @@ def about(study: Study, found: Mapping[str, Sequence[CellResult]], rows: Sequenc
             },
             "seconds": {k: sum(c.seconds[k] for c in contents) for k in ("record", *table.samplers)},
         }
-    sizes = {r["records"] for r in rows if r["check"] == "ranks" and r["records"]}
     bands = {}
-    for n in sorted(sizes):
+    for n in sorted({r["records"] for r in rows if r["check"] == "ranks" and r["records"]}):
         low, high = statistics.uniformity_band(n, points(table.draws), 1 - ALARM)
-        one_low, one_high = binom.interval(1 - ALARM, n, 1 / table.bins)
-        bands[str(n)] = {"low": low, "high": high, "bin_low": one_low, "bin_high": one_high}
-    kinds = {"posterior": False, "classical": True}
-    families = {
-        name: _family([r for r in rows if (r["method"] == CLASSICAL) is classical])
-        for name, classical in kinds.items()
-    }
+        bin_low, bin_high = binom.interval(1 - ALARM, n, 1 / table.bins)
+        bands[str(n)] = {"low": low, "high": high, "bin_low": bin_low, "bin_high": bin_high}
+    families = {}
+    for family, classical in {"posterior": False, "classical": True}.items():
+        own = [r for r in rows if (r["method"] == CLASSICAL) is classical]
+        tested = [r["p_holm"] for r in own if math.isfinite(r["p_holm"])]
+        families[family] = {
+            "tests": len(tested),
+            "wrong": sum(r["verdict"] == "wrong" for r in own),
+            "least_p_holm": min(tested, default=math.nan),
+        }
     return {
         "counts": counts,
         "families": families,
@@ -164,7 +180,122 @@ def about(study: Study, found: Mapping[str, Sequence[CellResult]], rows: Sequenc
     }
 
 
-def _family(rows: Sequence[Row]) -> Row:
-    tested = [r["p_holm"] for r in rows if math.isfinite(r["p_holm"])]
-    wrong = sum(r["verdict"] == "wrong" for r in rows)
-    return {"tests": len(tested), "wrong": wrong, "least_p_holm": min(tested, default=math.nan)}
+def recovery_table(results: Results) -> tuple[tuple[str, ...], Iterator[Row]]:
+    """Return columns and rows of recovery.csv: every record that was tried, and the probability of each model."""
+    models = dict.fromkeys(m for chunks in results.values() for m in RecoveryContent.of(chunks[0]).models)
+
+    def rows() -> Iterator[Row]:
+        for name, chunks in results.items():
+            for chunk in chunks:
+                content = RecoveryContent.of(chunk)
+                for i, outcome in enumerate(content.outcomes):
+                    noise, cycles = chunk.arrays["design"][i]
+                    doubts = sum(evidence != OK for evidence in content.evidence_outcomes[i])
+                    shares = zip(content.models, chunk.arrays["probability"][i])
+                    yield {
+                        "series": name,
+                        "record": content.first + i,
+                        "noise": float(noise),
+                        "cycles": float(cycles),
+                        "loss": round(float(chunk.arrays["loss"][i]), 4),
+                        "model": content.models[chunk.arrays["model"][i]],
+                        "outcome": outcome,
+                        "doubts": doubts if outcome == OK else None,
+                        **{model: float(f"{p:.6g}") for model, p in shares},
+                    }
+
+    return (*RECORD_COLUMNS, *models), rows()
+
+
+def recovery_summary(results: Results) -> Row:
+    """Return what run.json contains of a model recovery, by series."""
+    return {"alarm": ALARM, **{name: _summarise(chunks) for name, chunks in results.items()}}
+
+
+def _summarise(chunks: Sequence[CellResult]) -> Row:
+    contents = [RecoveryContent.of(c) for c in chunks]
+    models = contents[0].models
+    good = np.concatenate([c.accepted for c in contents]).astype(bool)
+    truth, p, design = (_join(chunks, name)[good] for name in ("model", "probability", "design"))
+    outcomes = Counter(o for c in contents for o in c.outcomes)
+    evidences = [o for c in contents for row, ok in zip(c.evidence_outcomes, c.accepted) if ok for o in row]
+    top = p.argmax(axis=1)
+    hit, height = top == truth, p.max(axis=1)
+    right = p[np.arange(truth.size), truth]
+    confusion = np.zeros((len(models), len(models)), int)
+    np.add.at(confusion, (truth, top), 1)
+    return {
+        "models": models,
+        "tried": sum(outcomes.values()),
+        "counted": outcomes.pop(OK, 0),
+        "refused": dict(outcomes),
+        "evidences": len(evidences),
+        "doubtful": sum(outcome != OK for outcome in evidences),
+        "confusion": confusion,
+        "hits": _hits(hit, height),
+        "bins": _adjust(_bins(hit, height)),
+        "by_model": _adjust(_by_model(models, truth, p)),
+        "log_score": float(np.mean(np.log(np.maximum(right, 1e-300)))) if right.size else math.nan,
+        "log_score_expected": float(np.mean(np.sum(p * np.log(np.maximum(p, 1e-300)), axis=1))),
+        "log_score_ignorant": -math.log(len(models)),
+        "by_design": list(_by_design(hit, height, design)),
+        "seconds": sum(c.seconds for c in chunks),
+    }
+
+
+def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
+    """Compare how often the most probable model was the true one with the sum of its probabilities."""
+    n, hits = hit.size, int(hit.sum())
+    low, high = statistics.hits_band(p, 1 - ALARM)
+    share = binomtest(hits, n).proportion_ci(0.95, "exact") if n else None
+    return {
+        "records": n,
+        "hits": hits,
+        "expected": float(p.sum()),
+        "excess": float(hits - p.sum()),
+        "low": low - float(p.sum()),
+        "high": high - float(p.sum()),
+        "sd": float(np.sqrt(np.sum(p * (1 - p)))),
+        "p": statistics.hits_p(hits, p),
+        "share_low": share.low if share else math.nan,
+        "share_high": share.high if share else math.nan,
+    }
+
+
+def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
+    """Compare hits and probabilities by the highest probability; bands of 1 − alarm for all bins (Bonferroni)."""
+    place = np.clip(np.searchsorted(EDGES, p, side="left") - 1, 0, len(EDGES) - 2)
+    edges, used = list(pairwise(EDGES)), np.unique(place)
+    for k in used:
+        inside = place == k
+        least, most = statistics.hits_band(p[inside], 1 - ALARM / used.size)
+        n = int(inside.sum())
+        yield {
+            "from": edges[k][0],
+            "to": edges[k][1],
+            "records": n,
+            "probability": float(p[inside].mean()),
+            "share": float(hit[inside].mean()),
+            "low": least / n,
+            "high": most / n,
+            "p": statistics.hits_p(int(hit[inside].sum()), p[inside]),
+        }
+
+
+def _by_model(models: Sequence[str], truth: np.ndarray, p: np.ndarray) -> Iterator[Row]:
+    """Compare how often each model was the true one with the sum of its probabilities."""
+    for m, name in enumerate(models):
+        hits, expected = int(np.sum(truth == m)), float(p[:, m].sum())
+        yield {"model": name, "true": hits, "expected": expected, "p": statistics.hits_p(hits, p[:, m])}
+
+
+def _by_design(hit: np.ndarray, p: np.ndarray, design: np.ndarray) -> Iterator[Row]:
+    for noise, cycles in sorted(set(map(tuple, design.tolist()))):
+        inside = np.all(design == (noise, cycles), axis=1)
+        yield {
+            "noise": noise,
+            "cycles": cycles,
+            "records": int(inside.sum()),
+            "share": float(hit[inside].mean()),
+            "probability": float(p[inside].mean()),
+        }

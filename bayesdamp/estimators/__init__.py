@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from bayesdamp.estimators._protocol import Estimator, Options
+from bayesdamp.estimators._protocol import Estimator, Options, refusal
 from bayesdamp.estimators.refine import refine
-from bayesdamp.estimators.terms import refusal
 from bayesdamp.plugins import Registry, nearest
 from bayesdamp.types import OK, Estimate, InputError, Problem, Refusal, Signal
 
@@ -21,32 +20,34 @@ ESTIMATORS: Registry[Estimator[Any]] = Registry(
 )
 STAGES = ("initial", "refined")
 ELEVEN = (
-    "topological",
-    "least_squares",
-    "koopman",
-    "sindy",
-    "weak_sindy",
-    "pinn",
-    "neural_ode",
-    "rnn",
-    "symbolic_regression",
-    "envelope",
-    "genetic",
-)
+    "topological", "least_squares", "koopman", "sindy", "weak_sindy", "pinn", "neural_ode", "rnn",
+    "symbolic_regression", "envelope", "genetic",
+)  # fmt: skip
 
 __all__ = ["ELEVEN", "ESTIMATORS", "STAGES", "Estimator", "Options", "names_for_all", "parse_options", "run"]
 
 
 def names_for_all() -> list[str]:
-    """What `use = "all"` means: those of the eleven that are there, in their order. Nothing is imported."""
-    there = set(ESTIMATORS.names())
-    return [name for name in ELEVEN if name in there]
+    """Return the names that `use = "all"` means, in order; nothing is imported."""
+    return list(ELEVEN)
 
 
 def parse_options(name: str, options: Mapping[str, object] | None, shown: str | None = None) -> Options:
-    """The options of one estimator, checked. shown: the name that a study gave it, if another.
+    """Check the options of one estimator.
 
-    Raises InputError with the nearest valid name for an unknown key, or with what a value should be.
+    Parameters
+    ----------
+    name
+        The estimator.
+    options
+        Option to value.
+    shown
+        The name that a study gave the estimator, if it is another one.
+
+    Raises
+    ------
+    InputError
+        If an option is unknown, with the nearest valid name, or if its value is wrong, with what it should be.
     """
     shown = shown or name
     model = ESTIMATORS.get(name).options
@@ -72,11 +73,33 @@ def run(
     stages: Sequence[str] = STAGES,
     seed: int | Sequence[int] | np.random.SeedSequence,
 ) -> list[Estimate]:
-    """One estimator on one record: an Estimate for each stage asked for, in the order of `STAGES`.
+    """Apply one estimator to one record.
 
-    A method that cannot work on the record gives an Estimate without values whose outcome is its sentence;
-    every other exception propagates. seconds are those of the stage itself.
-    Raises InputError for an unknown estimator, option or stage.
+    Parameters
+    ----------
+    name
+        The estimator.
+    signal
+        The record.
+    problem
+        The damping terms to estimate, and what is known of the system.
+    options
+        Options of the estimator, by name.
+    stages
+        Which of `STAGES` to compute.
+    seed
+        Seed of the estimator's random numbers.
+
+    Returns
+    -------
+    list of Estimate
+        One for each stage, in the order of `STAGES`; `seconds` are those of the stage itself. If a method cannot
+        work on the record, its Estimate has no values and the outcome says why. Other exceptions propagate.
+
+    Raises
+    ------
+    InputError
+        If the estimator, an option or a stage is unknown.
     """
     for stage in stages:
         if stage not in STAGES:
@@ -87,13 +110,14 @@ def run(
         return [Estimate(name, stage, outcome=sentence) for stage in STAGES if stage in stages]
 
     first = _timed(name, "initial", lambda: estimator.initial(signal, problem, parsed, rng))
-    found = [first] if "initial" in stages else []
+    estimates = [first] if "initial" in stages else []
     if "refined" in stages:
         if first.values:
-            found.append(_timed(name, "refined", lambda: refine(signal, problem, first)))
+            estimates.append(_timed(name, "refined", lambda: refine(signal, problem, first)))
         else:
-            found.append(Estimate(name, "refined", outcome=f"no initial estimate to refine: {first.outcome}"))
-    return found
+            outcome = f"no initial estimate to refine: {first.outcome}"
+            estimates.append(Estimate(name, "refined", outcome=outcome))
+    return estimates
 
 
 def _timed(name: str, stage: str, compute: Callable[[], Estimate]) -> Estimate:
@@ -103,6 +127,6 @@ def _timed(name: str, stage: str, compute: Callable[[], Estimate]) -> Estimate:
         bad = [key for key, value in estimate.values.items() if not np.isfinite(value)]
         if bad and estimate.outcome == OK:
             estimate = replace(estimate, values={}, outcome=f"the estimate of {', '.join(bad)} is not finite")
-    except Refusal as refusal:
-        estimate = Estimate(name, stage, outcome=str(refusal))
+    except Refusal as error:
+        estimate = Estimate(name, stage, outcome=str(error))
     return replace(estimate, estimator=name, stage=stage, seconds=time.perf_counter() - start)

@@ -1,4 +1,4 @@
-"""What no unbiased estimator can beat: the Cramér–Rao bound."""
+"""The Cramér–Rao bound: the smallest standard deviation that an unbiased estimator can have."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.types import Problem
 
 SINGULAR = 1e-8
-"""Directions of the scaled parameters whose information is below this share squared are not determined (measured:
-rounding leaves 1e-9 of such a direction, and a pendulum of which nothing is known has 1e-5)."""
+"""Directions of the scaled parameters with singular values below this share of the largest are not determined
+(measured: rounding leaves 1e-9 of such a direction, and a pendulum of which nothing is known has 1e-5)."""
 
 
 def cramer_rao(
@@ -23,17 +23,34 @@ def cramer_rao(
     noise_sd: float,
     quantity: str = "angle",
 ) -> dict[str, float]:
-    """Least standard deviation of each unknown parameter, by name, in the parameter's unit.
+    """Compute the smallest standard deviation of each unknown parameter.
 
     The Fisher information of samples with independent normal noise is JᵀJ/σ², J (n, k) the derivatives of the
-    samples by the unknowns: the damping coefficients and what of the restoring parameters, theta0 and omega0
-    is not in `problem.system.known`. What is known, and ε, is taken as exact. inf where the record says
-    nothing of a parameter.
+    samples by the unknowns: the damping coefficients and those of the restoring parameters, theta0 and omega0
+    that are not in `problem.system.known`. What is known, and ε, is taken as exact.
 
-    parameters: the true value of every parameter of the oscillator. times: of the samples, s, shape (n,),
-    not decreasing; the motion starts at times[0]. noise_sd: unit of the quantity.
-    Raises ValueError where a parameter is missing, the noise is not positive, the quantity is unknown or the
-    trajectory escapes.
+    Parameters
+    ----------
+    problem
+        The damping terms, and what is known of the system.
+    parameters
+        The true value of every parameter of the oscillator.
+    times
+        Times of the samples, s, shape (n,), not decreasing; the motion starts at times[0].
+    noise_sd
+        Standard deviation of the noise, in the unit of the quantity.
+    quantity
+        "angle", "velocity" or "acceleration".
+
+    Returns
+    -------
+    dict
+        Parameter to its bound, in the parameter's unit; inf if the record does not determine the parameter.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is missing, the noise is not positive, the quantity is unknown or the trajectory escapes.
     """
     osc = oscillator(problem)
     missing = [name for name in osc.parameters if name not in parameters]
@@ -51,12 +68,12 @@ def cramer_rao(
 
     j = slopes.T / noise_sd
     scale = np.linalg.norm(j, axis=0)
-    seen = scale > 0
-    _, singular, v = np.linalg.svd(j[:, seen] / scale[seen], full_matrices=False)
+    informed = scale > 0
+    _, singular, v = np.linalg.svd(j[:, informed] / scale[informed], full_matrices=False)
     lost = singular <= SINGULAR * singular.max(initial=0.0)
     inverse = np.where(lost, 0.0, 1 / np.where(lost, 1.0, singular))
     variance = np.full(len(names), np.inf)
-    variance[seen] = np.sum((v.T * inverse) ** 2, axis=1) / scale[seen] ** 2
+    variance[informed] = np.sum((v.T * inverse) ** 2, axis=1) / scale[informed] ** 2
     undetermined = np.any(np.abs(v.T[:, lost]) > 1e-6, axis=1)
-    variance[np.flatnonzero(seen)[undetermined]] = np.inf
+    variance[np.flatnonzero(informed)[undetermined]] = np.inf
     return dict(zip(names, np.sqrt(variance).tolist()))

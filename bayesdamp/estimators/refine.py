@@ -1,13 +1,15 @@
-"""The second stage of every estimator: the trajectory that fits the record best, from where the first is."""
+"""The second stage of every estimator: the trajectory that fits the record best, started at the first stage."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from bayesdamp.estimators.search import brent, least_squares
+from bayesdamp.estimators.search import brent
 from bayesdamp.estimators.shared import (
     checked_features,
     decay_start,
@@ -17,6 +19,7 @@ from bayesdamp.estimators.shared import (
     oscillator,
     start_parameters,
 )
+from bayesdamp.numerics.levenberg_marquardt import Expansion, Schedule, Step, levenberg_marquardt
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.priors import Normal
@@ -25,25 +28,192 @@ from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 from bayesdamp.units import quantity_unit
 
 ROUGHER = 1.1
-"""A residual of more than this many times the record's roughness, and five standard errors more, is told."""
+"""A residual is reported if it exceeds this many times the record's roughness, and five standard errors more."""
 CORRELATED = 0.1
-"""So is one whose correlation over a twelfth of a period is above this and five standard errors from zero."""
+"""It is also reported if its correlation over a twelfth of a period exceeds this and five standard errors."""
 SMALLEST = 1e-5
-"""... if it is also more than this share of the amplitude: a trajectory's error is far below."""
+"""... if it also exceeds this share of the amplitude: a trajectory's error is far below."""
+TOLERANCE = 1e-11
+"""Largest error of a trajectory, as a share of the amplitude: a record without noise is fitted to its last digits, and
+a sum of squares is smooth enough for its minimum along what the record hardly determines."""
+STEPS = 400
+SCHEDULE = Schedule(less=0.1, more=10.0)
+"""Near its end the residuals of a refined fit are nearly linear: large factors save steps."""
+STILL, SAME, LEVEL = 1e-9, 1e-13, 1e-12
+"""A search has converged with a step of this share of what changes the residuals as much as all of them are now, of
+this share of the parameters, or that lowers their sum of squares by this share."""
 
 
-def misfit(residual: np.ndarray, signal: Signal, seen: Features) -> str | None:
-    """A sentence where the residual (n,) of a trajectory is more than noise, or None.
+class Minimum(NamedTuple):
+    """The best x (k,), the sum of squares after each evaluation, and whether the search converged."""
+
+    x: np.ndarray
+    costs: np.ndarray
+    converged: bool
+
+
+@dataclass(frozen=True)
+class _TrajectoryFit:
+    """The residuals of one record as a function of the unknown parameters."""
+
+    signal: Signal
+    osc: Oscillator
+    names: tuple[str, ...]
+    base: dict[str, float]
+    size: float
+
+    @cached_property
+    def trajectories(self) -> Trajectories:
+        """Trajectories at the record's times, solved to `TOLERANCE`."""
+        tolerance = TOLERANCE * self.size
+        return Trajectories(self.osc, self.signal.t, self.signal.quantity, self.base, tolerance)
+
+    def until(self, time: float) -> _TrajectoryFit:
+        """Return the fit of the samples up to a time, s."""
+        early = self.signal.t <= time
+        return replace(self, signal=replace(self.signal, t=self.signal.t[early], y=self.signal.y[early]))
+
+    def _parameters(self, x: np.ndarray) -> dict[str, float]:
+        return {**self.base, **dict(zip(self.names, map(float, x)))}
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        """Return the residuals (n,), in the unit of the record."""
+        return self.trajectories.record(self._parameters(x)) - self.signal.y
+
+    def linearise(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the residuals (n,) and their Jacobian by the unknown parameters (n, k)."""
+        values, slopes = self.trajectories.with_slopes(self._parameters(x), self.names)
+        return values - self.signal.y, slopes.T
+
+    def mean_square(self, x: np.ndarray, escaped: float) -> float:
+        """Return the mean square of the residuals, or `escaped` if the trajectory escapes."""
+        r = self.residuals(x)
+        value = float(np.mean(r**2)) if np.all(np.isfinite(r)) else np.inf
+        return value if np.isfinite(value) else escaped
+
+
+def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
+    """Fit the trajectory to the record by least squares, starting at `first`.
+
+    Unknown are the damping coefficients (never below zero) and those of the restoring parameters, theta0 and omega0
+    that are not known; what `first` does not give starts from the record's features. One unknown: bounded Brent in a
+    bracket around the estimate that widens by itself; several: Levenberg–Marquardt.
+    If the fit misses the record, it starts again over two cycles and doubles the window until it holds the whole
+    record, because a frequency that is a little off loses step over many cycles. stderr assumes white residuals.
+    If the fit is poor, the outcome says so and the result still has its values.
+
+    Raises
+    ------
+    Refusal
+        If the trajectory escapes.
+    """
+    features = checked_features(signal)
+    osc = oscillator(problem)
+    base = start_parameters(signal, problem, features)
+    priors = further_priors(problem, features)
+    names = (*osc.coefficients, *priors, *free_names(problem))
+    size = float(np.abs(features.turning_amplitudes).max())
+    units = np.array(
+        [1e-5 / term.ratio_per_unit(features.amplitude, features.frequency) for term in osc.terms]
+    )
+    fit = _TrajectoryFit(signal, osc, names, base, size)
+    lowest = [
+        -np.inf if isinstance(p, Normal) else float(p.value(np.asarray(0.0 if p.reflected else -8.0)))
+        for p in priors.values()
+    ]
+    free = len(names) - units.size - len(lowest)
+    floor = np.r_[np.zeros(units.size), lowest, np.full(free, -np.inf)]
+    x = _start(fit, units, first, features)
+
+    traces = []
+    if len(names) == 1:
+        escaped = 100.0 * size**2  # ten times the record's size
+        coefficient, costs = brent(
+            lambda c: fit.mean_square(np.array([c]), escaped), float(x[0]), float(units[0])
+        )
+        x = np.array([coefficient])
+        traces.append(np.sqrt(costs))
+    best = least_squares(fit.linearise, x, floor)
+    lost = 0.3 * float(np.std(signal.y))
+    for start in (x, np.array([{**base, **decay_start(problem, features)}[name] for name in names])):
+        if not np.sqrt(best.costs[-1] / signal.t.size) < lost:
+            window = 2.0 * features.period
+            while window < signal.t[-1]:
+                start = least_squares(fit.until(window).linearise, start, floor).x
+                window *= 2
+            other = least_squares(fit.linearise, start, floor)
+            best = other if other.costs[-1] < best.costs[-1] else best
+    traces.append(np.sqrt(best.costs / signal.t.size))
+    residual, jacobian = fit.linearise(best.x)
+    if not np.all(np.isfinite(residual)):
+        raise Refusal("the trajectory escapes from every start that was tried")
+
+    rms = float(np.sqrt(np.mean(residual**2)))
+    problems = [] if best.converged else ["the trajectory fit did not converge"]
+    zero = [name for name, value, unit in zip(osc.coefficients, best.x, units) if value < 1e-3 * unit]
+    if zero:
+        problems.append(f"the best {' and '.join(zero)} is at its bound 0")
+    if sentence := misfit(residual, signal, features):
+        problems.append(sentence)
+    values = dict(zip(names, map(float, best.x)))
+    stderr = _stderr(names, best.x, floor, residual, jacobian)
+    trace = {"rms": np.concatenate([*traces, [rms]])}
+    count, outcome = sum(map(len, traces)), "; ".join(problems) or OK
+    return Estimate(first.estimator, "refined", values, stderr, trace, evaluations=count, outcome=outcome)
+
+
+def least_squares(
+    linearise: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], start: np.ndarray, floor: np.ndarray
+) -> Minimum:
+    """Minimise a sum of squares over x ≥ floor, elementwise, from `start` (k,), by Levenberg–Marquardt.
+
+    linearise: maps x to residuals (n,) and their Jacobian (n, k); a step to residuals that are not finite is refused.
+    """
+    costs: list[float] = []
+
+    def expand(x: np.ndarray) -> Expansion:
+        r, jacobian = linearise(x)
+        cost = float(r @ r) if np.all(np.isfinite(r)) else np.inf
+        costs.append(min(cost, costs[-1]) if costs else cost)
+        return Expansion(-cost, -2 * jacobian.T @ r, 2 * jacobian.T @ jacobian)
+
+    def ended(step: Step) -> bool:
+        cost = -step.at.value
+        scale = np.sqrt(np.diag(step.at.information) / 2)
+        small = bool(np.all(np.abs(step.move) * scale <= STILL * np.sqrt(cost)))
+        if step.gain > 0:
+            return small or step.gain < LEVEL * cost or step.gain == cost
+        return small or bool(np.all(np.abs(step.move) <= SAME * np.abs(step.x))) or cost == 0.0
+
+    result = levenberg_marquardt(expand, start, floor, ended, limit=STEPS, schedule=SCHEDULE)
+    return Minimum(result.x, np.array(costs), result.converged)
+
+
+def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Features) -> np.ndarray:
+    """Return the first stage's values, or the record's own restoring parameters where these fit better."""
+    own = {**fit.base, **first.values}
+    damping = {name: max(own[name], unit) for name, unit in zip(fit.osc.coefficients, units)}
+    candidates = [
+        np.array([{**start, **damping}[name] for name in fit.names]) for start in (own, {**own, **fit.base})
+    ]
+    if not any(name in first.values for name in fit.names if name not in damping):
+        return candidates[0]
+    early = fit.until(3 * features.period)
+    return min(candidates, key=lambda x: early.mean_square(x, np.inf))
+
+
+def misfit(residual: np.ndarray, signal: Signal, features: Features) -> str | None:
+    """Return a sentence if the residual (n,) of a trajectory is more than noise, or None.
 
     White noise is mistaken for a misfit in less than one of 10⁶ records.
     """
     n = residual.size
     rms = float(np.sqrt(np.mean(residual**2)))
-    size = float(np.abs(seen.turning_amplitudes).max())
-    noise = max(noise_level(signal), seen.roughness)
+    size = float(np.abs(features.turning_amplitudes).max())
+    noise = max(noise_level(signal), features.roughness)
     if rms <= SMALLEST * size:
         return None
-    lag = min(max(1, round(seen.samples_per_cycle / 12)), n - 1)
+    lag = min(max(1, round(features.samples_per_cycle / 12)), n - 1)
     correlation = float(residual[lag:] @ residual[:-lag] / (residual @ residual))
     rougher = rms > (ROUGHER + 5 / np.sqrt(2 * n)) * noise
     if not rougher and correlation <= max(CORRELATED, 5 / np.sqrt(n)):
@@ -51,138 +221,14 @@ def misfit(residual: np.ndarray, signal: Signal, seen: Features) -> str | None:
     times = f", {rms / noise:.3g} times the record's roughness" if noise > 1e-6 * size else ""
     return (
         f"the best fit leaves {rms:.2g} {quantity_unit(signal.unit, signal.quantity)}{times}: "
-        "the model is not all of it, or the noise is correlated"
+        "the model is incomplete, or the noise is correlated"
     )
-
-
-TOLERANCE = 1e-11
-"""Largest error of a trajectory, as a share of the amplitude: a record without noise is fitted to its last digits, and
-a sum of squares is smooth enough for its minimum along what the record hardly determines."""
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """The residuals of one record as a function of what is not known."""
-
-    signal: Signal
-    osc: Oscillator
-    names: tuple[str, ...]
-    base: dict[str, float]
-    size: float
-    units: np.ndarray
-
-    @cached_property
-    def trajectories(self) -> Trajectories:
-        """Solved to `TOLERANCE` at the record's times."""
-        tolerance = TOLERANCE * self.size
-        return Trajectories(self.osc, self.signal.t, self.signal.quantity, self.base, tolerance)
-
-    def until(self, time: float) -> _Fit:
-        """The fit of the samples up to a time, s."""
-        kept = self.signal.t <= time
-        return replace(self, signal=replace(self.signal, t=self.signal.t[kept], y=self.signal.y[kept]))
-
-    def parameters(self, x: np.ndarray) -> dict[str, float]:
-        return {**self.base, **dict(zip(self.names, map(float, x)))}
-
-    def residuals(self, x: np.ndarray) -> np.ndarray:
-        """(n,), in the unit of the record."""
-        return self.trajectories.record(self.parameters(x)) - self.signal.y
-
-    def evaluate(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (n,) and their Jacobian by the unknown parameters (n, k)."""
-        values, slopes = self.trajectories.with_slopes(self.parameters(x), self.names)
-        return values - self.signal.y, slopes.T
-
-
-def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
-    """Least squares of the trajectory, started at `first`.
-
-    Unknown are the damping coefficients (never below zero) and whatever of the restoring parameters, theta0
-    and omega0 is not known; what `first` does not give starts from the record's features. One unknown:
-    bounded Brent in a bracket from the estimate that widens by itself; several: Levenberg–Marquardt.
-    Where the fit misses the record, it starts anew over two cycles and doubles the window until it holds all
-    of it, since a frequency that is a little off loses step over many cycles. stderr is that of white
-    residuals. Values stay in the result where the outcome says that the fit is poor.
-    Raises Refusal where the trajectory escapes.
-    """
-    seen = checked_features(signal)
-    osc = oscillator(problem)
-    base = start_parameters(signal, problem, seen)
-    priors = further_priors(problem, seen)
-    names = (*osc.coefficients, *priors, *free_names(problem))
-    size = float(np.abs(seen.turning_amplitudes).max())
-    units = np.array([1e-5 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms])
-    fit = _Fit(signal, osc, names, base, size, units)
-    signed = [isinstance(p, Normal) for p in priors.values()]
-    ends = [float(p.value(np.asarray(0.0 if p.reflected else -8.0))) for p in priors.values()]
-    lowest = np.where(signed, -np.inf, ends).tolist()
-    free = len(names) - units.size - len(lowest)
-    floor = np.r_[np.zeros(units.size), lowest, np.full(free, -np.inf)]
-    x = _start(fit, first, seen)
-
-    evaluations, traces = 0, []
-    if len(names) == 1:
-        one = brent(lambda c: _mean_square(fit.residuals(np.array([c])), size), float(x[0]), float(units[0]))
-        x, evaluations = one.x, one.evaluations
-        traces.append(np.sqrt(one.costs))
-    found = least_squares(fit.evaluate, x, floor)
-    lost = 0.3 * float(np.std(signal.y))
-    for start in (x, np.array([{**base, **decay_start(problem, seen)}[name] for name in names])):
-        if not np.sqrt(found.costs[-1] / signal.t.size) < lost:
-            other = _growing(fit, start, floor, seen)
-            found = other if other.costs[-1] < found.costs[-1] else found
-    evaluations += found.evaluations
-    traces.append(np.sqrt(found.costs / signal.t.size))
-    residual, jacobian = fit.evaluate(found.x)
-    if not np.all(np.isfinite(residual)):
-        raise Refusal("the trajectory escapes from every start that was tried")
-
-    rms = float(np.sqrt(np.mean(residual**2)))
-    return Estimate(
-        first.estimator,
-        "refined",
-        dict(zip(names, map(float, found.x))),
-        _stderr(names, found.x, floor, residual, jacobian),
-        {"rms": np.concatenate([*traces, [rms]])},
-        evaluations=evaluations,
-        outcome=_outcome(found.converged, found.x, fit, misfit(residual, signal, seen)),
-    )
-
-
-def _start(fit: _Fit, first: Estimate, seen: Features) -> np.ndarray:
-    """Where to start: the first stage's values, or the record's own restoring law where that fits better."""
-    own = {**fit.base, **first.values}
-    damping = {name: max(own[name], unit) for name, unit in zip(fit.osc.coefficients, fit.units)}
-    free = [name for name in fit.names if name not in damping]
-    candidates = [
-        np.array([{**start, **damping}[name] for name in fit.names]) for start in (own, {**own, **fit.base})
-    ]
-    if not any(name in first.values for name in free):
-        return candidates[0]
-    early = fit.until(3 * seen.period)
-    return min(candidates, key=lambda x: _mean_square(early.residuals(x), np.inf))
-
-
-def _growing(fit: _Fit, x: np.ndarray, floor: np.ndarray, seen: Features):
-    """Levenberg–Marquardt over two cycles, then twice as many, until the window holds the whole record."""
-    window = 2.0 * seen.period
-    while window < fit.signal.t[-1]:
-        x = least_squares(fit.until(window).evaluate, x, floor).x
-        window *= 2
-    return least_squares(fit.evaluate, x, floor)
-
-
-def _mean_square(r: np.ndarray, size: float) -> float:
-    """Mean square, or that of a residual ten times the record's size where the trajectory escapes."""
-    value = float(np.mean(r**2)) if np.all(np.isfinite(r)) else np.inf
-    return value if np.isfinite(value) else 100.0 * size**2
 
 
 def _stderr(
     names: tuple[str, ...], x: np.ndarray, floor: np.ndarray, r: np.ndarray, jacobian: np.ndarray
 ) -> dict[str, float]:
-    """Standard errors for white residuals; a parameter at its floor has none."""
+    """Return standard errors for white residuals; a parameter at its floor has none."""
     moving = x > floor
     j = jacobian[:, moving]
     freedom = max(r.size - j.shape[1], 1)
@@ -191,12 +237,3 @@ def _stderr(
     covariance = np.linalg.pinv((j / scale).T @ (j / scale)) / np.outer(scale, scale) * (r @ r) / freedom
     inside = [name for name, free in zip(names, moving) if free]
     return dict(zip(inside, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()))
-
-
-def _outcome(converged: bool, x: np.ndarray, fit: _Fit, misfits: str | None) -> str:
-    """ok, or what is wrong with the fit in a sentence."""
-    said = [] if converged else ["the trajectory fit did not converge"]
-    zero = [name for name, value, unit in zip(fit.osc.coefficients, x, fit.units) if value < 1e-3 * unit]
-    if zero:
-        said.append(f"the best {' and '.join(zero)} is at its bound 0")
-    return "; ".join(said + ([misfits] if misfits else [])) or OK

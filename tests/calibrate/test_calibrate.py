@@ -11,7 +11,7 @@ import pytest
 from scipy.special import logsumexp
 
 from bayesdamp.calibrate import problem, ranks, recovery, run_calibration
-from bayesdamp.calibrate.series import Series, _wave
+from bayesdamp.calibrate.run import Series, next_wave
 from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.inference.noise import NOISES
@@ -108,14 +108,14 @@ def test_models_need_a_reference_and_company(tmp_path):
 
 def test_the_study_that_ships_can_be_calibrated():
     study = load_study(STUDIES / "calibration.toml")
-    ranks.checked(study)
+    ranks.check(study)
     assert study.calibration.records >= 50
     assert study.models.compare == ("viscous", "coulomb", "quadratic", "viscous+coulomb")
 
 
 def test_the_model_recovery_that_ships_covers_its_design():
     study = load_study(STUDIES / "model_recovery.toml")
-    recovery.checked(study)
+    recovery.check(study)
     levels = {recovery.level(study, "recovery", i) for i in range(16)}
     assert len(levels) == 8
     assert study.recovery.records >= 10 * len(levels)
@@ -159,11 +159,11 @@ def test_waves_follow_from_what_was_accepted():
     def chunks(n: int, good: int) -> list[CellResult]:
         return [CellResult(f"ranks/viscous/{i}", "", {"accepted": [True] * good}) for i in range(n)]
 
-    assert _wave(series, []) == [16 * i for i in range(7)]
-    assert _wave(series, chunks(7, 15)) == []
-    assert _wave(series, chunks(7, 8)) == [112 + 16 * i for i in range(6)]  # 44 more at a half
-    assert _wave(series, chunks(125, 0)) == []  # never: it ends short
-    assert _wave(series, [CellResult("a", "", outcome="failed: x")]) == []
+    assert next_wave(series, []) == [16 * i for i in range(7)]
+    assert next_wave(series, chunks(7, 15)) == []
+    assert next_wave(series, chunks(7, 8)) == [112 + 16 * i for i in range(6)]  # 44 more at a half
+    assert next_wave(series, chunks(125, 0)) == []  # never: it ends short
+    assert next_wave(series, [CellResult("a", "", outcome="failed: x")]) == []
 
 
 def synthetic(scale: float, calls: list[int], refuse: bool = False):
@@ -202,7 +202,7 @@ def synthetic(scale: float, calls: list[int], refuse: bool = False):
 
 def test_a_run_resumes_and_a_right_posterior_passes(tmp_path, monkeypatch):
     study, out, calls = load_study(write(tmp_path)), tmp_path / "out", []
-    monkeypatch.setattr(ranks, "ranked", synthetic(1.0, calls, refuse=True))
+    monkeypatch.setattr(ranks, "compute_chunk", synthetic(1.0, calls, refuse=True))
     assert run_calibration(study, out, workers=1, records=40) == 0
     first = len(calls)
     assert run_calibration(study, out, workers=1) == 0
@@ -232,7 +232,7 @@ def test_a_run_resumes_and_a_right_posterior_passes(tmp_path, monkeypatch):
 def test_a_wrong_posterior_is_called_wrong(tmp_path, monkeypatch):
     """Negative control: sds of 0.8 times what they should be; the refined estimates' intervals are right."""
     study, out = load_study(write(tmp_path)), tmp_path / "out"
-    monkeypatch.setattr(ranks, "ranked", synthetic(0.8, []))
+    monkeypatch.setattr(ranks, "compute_chunk", synthetic(0.8, []))
     assert run_calibration(study, out, workers=1, records=500, report=False) == 0
     assert not (out / "report.html").exists()
     families = json.loads((out / "run.json").read_text())["result"]["families"]
@@ -253,11 +253,11 @@ def test_a_chunk_that_fails_is_named_and_tried_again(tmp_path, monkeypatch, caps
             raise ArithmeticError("made to fail")
         return good(study, model, first)
 
-    monkeypatch.setattr(ranks, "ranked", broken)
+    monkeypatch.setattr(ranks, "compute_chunk", broken)
     assert run_calibration(study, out, workers=1, records=40, report=False) == 3
     assert "ranks/viscous/000016: failed: ArithmeticError: made to fail" in capsys.readouterr().err
     done = len(calls)
-    monkeypatch.setattr(ranks, "ranked", good)
+    monkeypatch.setattr(ranks, "compute_chunk", good)
     assert run_calibration(study, out, workers=1, records=40, report=False) == 0
     assert calls[done:] == [16]
 
@@ -359,7 +359,7 @@ def invented(sharper: float):
 @pytest.mark.parametrize(("sharper", "inside"), [(1.0, True), (2.0, False)])
 def test_overconfident_probabilities_are_seen(tmp_path, monkeypatch, sharper, inside):
     study, out = load_study(write(tmp_path)), tmp_path / "out"
-    monkeypatch.setattr(recovery, "recovered", invented(sharper))
+    monkeypatch.setattr(recovery, "compute_chunk", invented(sharper))
     assert run_calibration(study, out, models=True, workers=1) == 0
     result = json.loads((out / "run.json").read_text())["result"]
     for series in ("recovery", "single"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
-from bayesdamp.estimators.methods.koopman import Observed, decomposed
+from bayesdamp.estimators.methods.koopman import Observables, decompose
 from tests.estimators.truths import PAPER, damped_cosine, error, pendulum
 
 
@@ -36,7 +36,7 @@ def test_a_linear_map_comes_back():
     values, vectors = np.linalg.eig(0.05 * generator)
     step = (vectors @ np.diag(np.exp(values)) @ np.linalg.inv(vectors)).real
     before = rng.normal(size=(50, 2))
-    found = decomposed(Observed(before, before @ step.T, np.empty((50, 0)), np.empty(50), 0.05), 1e-9)
+    found = decompose(Observables(before, before @ step.T, np.empty((50, 0)), np.empty(50), 0.05), 1e-9)
     back = (found.directions @ found.generator.T @ found.back).T
     assert back == pytest.approx(generator, abs=1e-10)
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
-from bayesdamp.estimators.evolution.expressions import Expression
-from bayesdamp.estimators.evolution.operon import front
+from bayesdamp.estimators.expressions import Expression, front
 from tests.estimators.truths import EVERYTHING, PAPER, error, pendulum
 
 V = np.linspace(-1.5, 1.5, 301)
@@ -104,7 +103,7 @@ def test_another_damping_is_seen_and_is_no_good_fit():
     found, refined = run("symbolic_regression", signal, problem, seed=1)
     assert "tanh" in found.details["chosen"]  # it says friction although it was asked for viscous damping
     assert found.details["read"] == "the law that does the same work"
-    assert "the model is not all of it" in refined.outcome
+    assert "the model is incomplete" in refined.outcome
 
 
 def test_negative_control_expressions_too_short_for_the_law():

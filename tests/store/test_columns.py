@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from bayesdamp import store
-from bayesdamp.calibrate import probabilities
 from bayesdamp.calibrate import tables as calibrated
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "columns.md"
@@ -20,7 +19,7 @@ WRITTEN: Mapping[str, Sequence[str]] = {
     "damping_curves.csv": ("record", "unit", *store.DAMPING_CURVES),
     "calibration.csv": calibrated.COLUMNS,
     "ranks.csv": calibrated.RANK_COLUMNS,
-    "recovery.csv": probabilities.RECORD_COLUMNS,
+    "recovery.csv": calibrated.RECORD_COLUMNS,
 }
 
 

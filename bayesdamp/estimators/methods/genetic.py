@@ -2,30 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from pydantic import Field
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.evolution.genes import Genes
-from bayesdamp.estimators.shared import checked_features
+from bayesdamp.estimators.shared import (
+    checked_features,
+    free_names,
+    further_priors,
+    oscillator,
+    start_parameters,
+)
+from bayesdamp.physics.damping import DampingTerm
+from bayesdamp.physics.restoring import RestoringLaw
 from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 TOLERANCE = 1e-5
 """Largest error of a trajectory, as a share of the amplitude."""
+GAIN = 1e-4
+"""A search has converged when the misfit falls by less than this share in `patience` generations."""
+ALONE = 4.0
+"""A damping coefficient is searched up to so many times the value that would cause the record's decay alone."""
+LEAST_DECAY = 0.05
+"""Smallest decay that is assumed, so that a record that hardly decays has a range too."""
+PHASE = 3.0
+"""Half-range of the frequency: so many radians of phase over the record, and half a per cent."""
+CHANGE = 1e-5
+"""Relative step of the differences in Newton's method."""
+PHASES, NEWTON = 24, 4
+"""Phases of a cycle in a harmonic balance, and Newton steps to its solution."""
 
 
 class GeneticOptions(Options):
     """The paper's components, and what it leaves open.
 
-    population: trajectories in a generation for each unknown parameter (the paper has one; forty for six of
-    them crowd together long before they are near). tournament: how many compete to be a parent.
+    population: trajectories in a generation for each unknown parameter (the paper has one unknown; forty trajectories
+    for six of them crowd together long before they are near). tournament: how many compete to be a parent.
     blend: α of the BLX-α crossover. mutation: standard deviation of the Gaussian mutation as a share of the
     range that the population spans, which is the search range at first. mutated: share of the variables that
     mutate. elite: share of the population that is kept as it is.
     generations: the most that are computed. patience: generations without a gain of a ten-thousandth in the
     misfit after which the search has converged.
-    readings: samples of all trajectories of a generation at most; the misfit of a longer record is that of
+    readings: largest number of samples of all trajectories of a generation; the misfit of a longer record is that of
     evenly spread samples.
     """
 
@@ -41,18 +63,18 @@ class GeneticOptions(Options):
 
 
 class Genetic(Estimator[GeneticOptions]):
-    """Least misfit of a population of trajectories."""
+    """The trajectory with the least misfit in a population."""
 
     options = GeneticOptions
 
     def initial(
         self, signal: Signal, problem: Problem, options: GeneticOptions, rng: np.random.Generator
     ) -> Estimate:
-        """The fittest individual of the last generation, by the misfit of its trajectory."""
-        seen = checked_features(signal)
-        genes = Genes(signal, problem, seen)
+        """Return the fittest individual of the last generation, by the misfit of its trajectory."""
+        features = checked_features(signal)
+        genes = Genes(signal, problem, features)
         people = rng.random((options.population * len(genes.names), len(genes.names)))
-        size = float(np.abs(seen.turning_amplitudes).max())
+        size = float(np.abs(features.turning_amplitudes).max())
         fitness = _Fitness(signal, genes, size, max(options.readings // len(people), 200))
         misfit = fitness(people)
         best, mean, leaders = [], [], []
@@ -62,57 +84,159 @@ class Genetic(Estimator[GeneticOptions]):
             best.append(float(misfit[0]))
             mean.append(float(np.mean(misfit[np.isfinite(misfit)])) if np.isfinite(misfit[0]) else np.inf)
             leaders.append(people[0])
-            if len(best) > options.generations or _settled(best, people, options.patience):
+            are_equal = np.all(np.ptp(people, axis=0) <= 1e-9 * np.abs(people[0]))
+            earlier = best[-1 - options.patience] if len(best) > options.patience else np.inf
+            if len(best) > options.generations or are_equal or best[-1] > (1 - GAIN) * earlier:
                 break
-            people = _next_generation(people, misfit, genes, options, rng)
+            people = _next_generation(people, genes, options, rng)
             misfit = fitness(people)
         if not np.isfinite(best[-1]):
             raise Refusal("every trajectory within the search range escapes")
-        found = genes.decode(np.array(leaders))
-        return Estimate(
-            self.name,
-            "initial",
-            {name: float(found[name][-1]) for name in genes.names},
-            trace={
-                "best_misfit": np.array(best),
-                "mean_misfit": np.array(mean),
-                **{name: found[name] for name in genes.names},
-            },
-            details={
-                "generations": len(best) - 1,
-                "searched": [
-                    f"{name}: {low:.4g} to {high:.4g}"
-                    for name, low, high in zip(genes.labels, genes.low, genes.high)
-                ],
-            },
-            evaluations=fitness.evaluations,
-        )
+        values = genes.decode(np.array(leaders))
+        course = {name: values[name] for name in genes.names}
+        trace = {"best_misfit": np.array(best), "mean_misfit": np.array(mean), **course}
+        ranges = zip(genes.labels, genes.low, genes.high)
+        details = {
+            "generations": len(best) - 1,
+            "searched": [f"{name}: {low:.4g} to {high:.4g}" for name, low, high in ranges],
+        }
+        final = {name: float(each[-1]) for name, each in course.items()}
+        evaluations = len(people) * len(best)
+        return Estimate(self.name, "initial", final, trace=trace, details=details, evaluations=evaluations)
 
 
-def _settled(best: list[float], people: np.ndarray, patience: int) -> bool:
-    """Whether the best has not gained for `patience` generations, or all are the same to nine digits."""
-    if np.all(np.ptp(people, axis=0) <= 1e-9 * np.abs(people[0])):
-        return True
-    return len(best) > patience and best[-1] > (1 - 1e-4) * best[-1 - patience]
+class Genes:
+    """Unknown parameters as variables u, shape (m, d), with most of the range at 0 ≤ u ≤ 1.
+
+    A damping coefficient is its own variable, from 0 on. The stiffness and the angle of a restoring law are replaced
+    by what a record shows, the frequency and the midline of a motion of its middle amplitude, and follow from these
+    by harmonic balance. (Otherwise a stiffness and a gravity that miss the frequency by a per cent are both far off
+    the record's phase, however good each of them is.) All other parameters are their own variables.
+    names: the unknown parameters; labels: what is varied for each; low, high (d,): their ranges; positive (d,): which
+    must not be negative.
+    """
+
+    def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
+        self.osc = oscillator(problem)
+        self.base = start_parameters(signal, problem, features)
+        self.further = further_priors(problem, features)
+        self.names = (*self.osc.coefficients, *self.further, *free_names(problem))
+        self.size = float(np.sqrt(features.amplitude * min(features.final_amplitude, features.amplitude)))
+        self.balanced = [
+            name
+            for name in self.osc.law.parameters
+            if name in self.names and (name == "stiffness" or name.endswith("angle"))
+        ]
+        self.low, self.high = np.array([self._range(name, signal, features) for name in self.names]).T
+        meaning = {name: "frequency" if name == "stiffness" else "midline" for name in self.balanced}
+        self.labels = [meaning.get(name, name) for name in self.names]
+        self.positive = np.arange(len(self.names)) < len(self.osc.terms) + len(self.further)
+
+    def _range(self, name: str, signal: Signal, features: Features) -> tuple[float, float]:
+        """Return the lowest and highest value that are searched at first, as the record suggests."""
+        a, f = features.amplitude, features.frequency
+        if name in self.osc.coefficients:
+            return 0.0, ALONE * coefficient_alone(self.osc.terms[self.osc.coefficients.index(name)], features)
+        if name in self.further:
+            prior = self.further[name]
+            ends = (0.0, 2.5) if prior.reflected else (-2.5, 2.5)
+            return tuple(float(prior.value(np.asarray(z))) for z in ends)  # type: ignore[return-value]
+        if name == "stiffness":
+            half = PHASE / (signal.t[-1] - signal.t[0]) + 0.005 * f
+            return f - half, f + half
+        half = {"theta0": 0.2 * a, "omega0": 0.2 * a * f}.get(name)
+        centre = self.base[name]
+        if half is None:
+            unit = self.osc.law.unit(name)
+            half = {"rad": 0.1 * a, "1/(rad² s²)": f**2 / a**2}.get(unit, f**2)
+            if name in self.balanced:
+                centre = features.rest
+                half = half if signal.quantity == "angle" else a
+        return centre - half, centre + half
+
+    def decode(self, u: np.ndarray) -> dict[str, np.ndarray]:
+        """Return every parameter of the trajectories u (m, d): name to values (m,)."""
+        x = dict(zip(self.names, (self.low + u * (self.high - self.low)).T))
+        p = {name: np.full(u.shape[0], float(self.base.get(name, 0.0))) for name in self.osc.inputs}
+        p |= {name: value for name, value in x.items() if name not in self.balanced}
+        if self.balanced:
+            law = {name: p[name] for name in self.osc.law.parameters}
+            wanted = {name: x[name] for name in self.balanced}
+            p |= _balance(self.osc.law, law, wanted, self.size)
+        return p
+
+
+def _balance(
+    law: RestoringLaw, p: Mapping[str, np.ndarray], wanted: Mapping[str, np.ndarray], amplitude: float
+) -> dict[str, np.ndarray]:
+    """Return the stiffness or angle (m,), or both, of the wanted frequency and midline, by Newton's method.
+
+    p: the law's parameters, each (m,); wanted: the frequency under "stiffness" and the midline under the angle's name,
+    each (m,). The result is not finite if there is none.
+    """
+    names = tuple(wanted)
+    wave = np.cos(2 * np.pi * (np.arange(PHASES) + 0.5) / PHASES)
+    angle = next((name for name in names if name != "stiffness"), None)
+    count = next(iter(wanted.values())).size
+    rest = np.asarray(wanted[angle] if angle else np.zeros(count))[:, None]
+
+    def errors(x: np.ndarray) -> np.ndarray:
+        """Return the errors (m, k) of frequency and midline at values x, (m, k)."""
+        parameters = {n: np.asarray(v)[..., None] for n, v in {**p, **dict(zip(names, x.T))}.items()}
+        force = law.force(rest + amplitude * wave, parameters)
+        square = 2 * np.mean(force * wave, axis=1) / amplitude
+        rows = {"stiffness": square - wanted["stiffness"] ** 2} if "stiffness" in wanted else {}
+        return np.stack([rows.get(name, np.mean(force, axis=1)) for name in names], axis=1)
+
+    x = np.stack([np.broadcast_to(p[name], count) for name in names], axis=1).astype(float)
+    with np.errstate(all="ignore"):
+        for _ in range(NEWTON):
+            moves = CHANGE * np.maximum(np.abs(x), 1e-3)
+            columns = [
+                (errors(x + moves * own) - errors(x - moves * own)) / (2 * moves[:, i, None])
+                for i, own in enumerate(np.eye(len(names)))
+            ]
+            slopes = np.stack(columns, axis=2)
+            determinant = np.linalg.det(slopes)
+            sound = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(determinant) & (determinant != 0)
+            steps = np.full_like(x, np.nan)
+            steps[sound] = np.linalg.solve(slopes[sound], errors(x)[sound, :, None])[..., 0]
+            x = x - steps
+    return dict(zip(names, x.T))
+
+
+def coefficient_alone(term: DampingTerm, features: Features) -> float:
+    """Return the coefficient with which a term alone would cause the decay from the first to the last turning point.
+
+    dA/dt = −c r(A) ω A with r the equivalent damping ratio per unit, so c = ∫dA / (ω A r(A)) over the time.
+    """
+    sizes = features.turning_amplitudes
+    scale = features.amplitude / max(float(sizes[0]), 1e-300)
+    first, last = float(sizes.max()), float(max(sizes[-1], 2 * features.roughness, 1e-3 * sizes.max()))
+    last = min(last, (1 - LEAST_DECAY) * first)
+    grid = np.geomspace(last, first, 65) * scale
+    rate = 1.0 / np.array([term.ratio_per_unit(float(a), features.frequency) for a in grid])
+    duration = features.turning_times[-1] - features.turning_times[0]
+    return float(np.trapezoid(rate, np.log(grid)) / (features.frequency * duration))
 
 
 def _next_generation(
-    people: np.ndarray, misfit: np.ndarray, genes: Genes, options: GeneticOptions, rng: np.random.Generator
+    people: np.ndarray, genes: Genes, options: GeneticOptions, rng: np.random.Generator
 ) -> np.ndarray:
-    """People (m, d) in order of misfit (m,) to the next generation (m, d), the elite first."""
+    """Return the generation (m, d) after people (m, d) that are in order of misfit, the elite first."""
     size, count = people.shape
-    kept = max(1, round(options.elite * size))
-    children = size - kept
+    elite = max(1, round(options.elite * size))
+    children = size - elite
     # The people are in order, so that the least index wins a tournament.
     parents = np.min(rng.integers(size, size=(2, children, options.tournament)), axis=2)
     axes = np.linalg.svd(people - people.mean(axis=0), full_matrices=False)[2]
     turned = people @ axes.T
-    one, other = turned[parents[0]], turned[parents[1]]
-    low, span = np.minimum(one, other), np.abs(one - other)
+    mother, father = turned[parents[0]], turned[parents[1]]
+    low, span = np.minimum(mother, father), np.abs(mother - father)
     mixed = low - options.blend * span + (1 + 2 * options.blend) * span * rng.random((children, count))
     step = options.mutation * np.ptp(turned, axis=0) * rng.normal(size=mixed.shape)
     mixed = (mixed + np.where(rng.random(mixed.shape) < options.mutated, step, 0.0)) @ axes
-    return np.concatenate([people[:kept], np.where(genes.positive, np.abs(mixed), mixed)])
+    return np.concatenate([people[:elite], np.where(genes.positive, np.abs(mixed), mixed)])
 
 
 class _Fitness:
@@ -121,14 +245,10 @@ class _Fitness:
     def __init__(self, signal: Signal, genes: Genes, size: float, samples: int) -> None:
         self.genes = genes
         rows = np.unique(np.linspace(0, signal.t.size - 1, min(samples, signal.t.size)).round().astype(int))
-        self.y, reference = signal.y[rows], self.genes.base
-        self.trajectories = Trajectories(
-            genes.osc, signal.t[rows], signal.quantity, reference, TOLERANCE * size
-        )
-        self.evaluations = 0
+        self.y, t = signal.y[rows], signal.t[rows]
+        self.trajectories = Trajectories(genes.osc, t, signal.quantity, genes.base, TOLERANCE * size)
 
     def __call__(self, u: np.ndarray) -> np.ndarray:
-        self.evaluations += u.shape[0]
         misfit = np.sqrt(np.mean((self.trajectories.many(self.genes.decode(u)) - self.y) ** 2, axis=1))
         return np.where(np.isfinite(misfit), misfit, np.inf)
 

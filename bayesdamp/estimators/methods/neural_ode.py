@@ -2,9 +2,9 @@
 
 ẏ = (θ̇, −F_rest(θ) − f(θ̇)) with the restoring law that is known and a network for the damping force f, an odd
 function of the velocity. It is trained through the solver by multiple shooting: the record is cut into segments of
-about half a cycle that are integrated as one batch, and that they join is part of the loss. The sensitivities of a
-trajectory to the weights and to its start are integrated along with it (forward, not adjoint: the network is small),
-so that each training step is a Levenberg–Marquardt step.
+about half a cycle that are integrated as one batch, and the gaps between them are part of the loss. The sensitivities
+of a trajectory to the weights and to its start are integrated along with it (forward, not adjoint: the network is
+small), so that each training step is a Levenberg–Marquardt step.
 
 The coefficients are the projection of the learnt force on the law: the law that takes the same power out of the
 motion, segment by segment, as the learnt force does over the velocities of the record.
@@ -13,23 +13,22 @@ motion, segment by segment, as the learnt force does over the velocities of the 
 from __future__ import annotations
 
 import numpy as np
-import torch
 from pydantic import Field
 
-from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.networks.shooting import Shooting
-from bayesdamp.estimators.networks.training import gauss_newton, generator, single_thread
+from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.shared import checked_features, free_names
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 GRID = 41
+"""Velocities at which the learnt force is reported."""
 
 
 class NeuralOdeOptions(Options):
-    """width: units in each of the two hidden layers of the force's network.
+    """Options of the neural ODE.
 
-    steps: of the solver in a cycle. continuity_weight: of the gaps between segments in the loss, against the misfit of
-    the record; both in amplitudes. rounds: training steps at most.
+    width: units in each of the two hidden layers of the force's network.
+    steps: of the solver in a cycle. continuity_weight: weight of the gaps between segments in the loss, relative to
+    the misfit of the record; both in amplitudes. rounds: largest number of training steps.
     """
 
     width: int = Field(default=8, ge=2, le=64)
@@ -41,8 +40,8 @@ class NeuralOdeOptions(Options):
 class NeuralOde(Estimator[NeuralOdeOptions]):
     """The damping force as a network, and its projection on the law.
 
-    A coefficient may come out negative: it is reported as it is. details: the learnt force (`force`, rad/s²) on a grid
-    of velocities (`velocity`, rad/s) beside that of the law with the coefficients found (`law`).
+    A negative coefficient is reported as it is. details: the learnt force (`force`, rad/s²) on a grid of velocities
+    (`velocity`, rad/s), and that of the law with the estimated coefficients (`law`).
     """
 
     by_position = "its network is a force of the velocity alone"
@@ -52,47 +51,39 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: NeuralOdeOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Coefficients from the force that a network in the equation of motion has learnt."""
-        seen = checked_features(signal)
+        """Train a network for the force in the equation of motion, and project it on the damping terms."""
+        torch = optional_package("torch")
+        optional_package("torchdiffeq")
+        from bayesdamp.estimators.networks.shooting import Shooting
+        from bayesdamp.estimators.networks.training import gauss_newton, generator, single_thread
+
+        features = checked_features(signal)
         with single_thread(), torch.no_grad():
-            shooting = Shooting(
-                signal,
-                problem,
-                seen,
-                width=options.width,
-                steps=options.steps,
-                continuity=options.continuity_weight,
-                random=generator(rng),
-            )
-            trained = gauss_newton(
+            settings = options.model_dump(exclude={"rounds"})
+            shooting = Shooting(signal, problem, features, random=generator(rng), **settings)
+            training = gauss_newton(
                 shooting.residuals,
-                shooting.linearised,
+                shooting.linearise,
                 shooting.start,
                 options.rounds,
-                shooting.projected,
+                shooting.project,
                 steady=1e-3,
             )
-            if not np.all(np.isfinite(trained.watched)):
+            if not np.all(np.isfinite(training.watched)):
                 raise Refusal("the training came to trajectories that are not finite")
-            coefficients = trained.watched * shooting.units
+            coefficients = training.watched * shooting.units
             values = dict(zip(shooting.coefficients, map(float, coefficients[-1])))
-            free = shooting.found(trained.x)
+            free = shooting.free_values(training.x)
             velocity = np.linspace(-shooting.peak, shooting.peak, GRID)
             details = {
                 "velocity": velocity.tolist(),
-                "force": shooting.force(trained.x, velocity).tolist(),
-                "law": (shooting.forces.shapes(velocity)[0] @ coefficients[-1]).tolist(),
+                "force": shooting.force(training.x, velocity).tolist(),
+                "law": (shooting.damping_shapes(velocity)[0] @ coefficients[-1]).tolist(),
             }
         values |= {name: free[name] for name in free_names(problem)}
-        return Estimate(
-            self.name,
-            "initial",
-            values,
-            trace={"loss": trained.losses, **dict(zip(shooting.coefficients, coefficients.T))},
-            details=details,
-            evaluations=trained.evaluations,
-            outcome=trained.outcome,
-        )
+        trace = {"loss": training.losses, **dict(zip(shooting.coefficients, coefficients.T))}
+        count, outcome = training.evaluations, training.outcome
+        return Estimate(self.name, "initial", values, {}, trace, details, evaluations=count, outcome=outcome)
 
 
 PLUGIN = NeuralOde()

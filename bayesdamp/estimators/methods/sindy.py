@@ -10,62 +10,60 @@ from typing import Literal
 
 import numpy as np
 from scipy.special import gammaln
-from sklearn import config_context
 
-from bayesdamp.estimators._protocol import Estimator, Options
+from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.regression.library import (
     Candidate,
+    RecordToPredict,
     candidates,
     damping_values,
-    judged,
+    judge,
+    residual_squares,
     restoring_values,
 )
 from bayesdamp.estimators.regression.oscillation_spline import OscillationSpline
-from bayesdamp.estimators.regression.prediction import Record, left_over
 from bayesdamp.estimators.shared import (
     ORDER,
-    beside_coefficients,
     checked_features,
-    epsilon_of,
     free_start,
-    integrated,
+    integrate,
     known_restoring,
     motion,
     oscillator,
-    runs,
+    pieces,
 )
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")
-    from pysindy import STLSQ, CustomLibrary
-
 RIDGES = (1e-8, 1e-3)
-"""Ridge parameters, for columns and target of unit norm, along which the path of thresholds is walked."""
+"""Ridge parameters, for columns and target of unit norm, along which the path of thresholds is computed."""
 FEW = 2
-"""Sparse solutions with functions of θ that are put to the test for each set of damping terms."""
+"""Sparse solutions with functions of θ whose predictions are tested for each set of damping terms."""
 FLOOR = 1e-4
-"""Predictions that differ by less than this share of the amplitude are not told apart."""
+"""Predictions that differ by less than this share of the amplitude are not distinguished."""
 END = 0.5
-"""Periods at each end of a smoothed run that the regression leaves out, where a spline is one-sided."""
+"""Periods at each end of a smoothed piece that the regression leaves out, because a spline is one-sided there."""
 CANCELLING = 10.0
 """Terms may cancel down to one part in so many; more is two of them fitting noise against each other."""
 
 
 class SindyOptions(Options):
-    """switch: how the library writes friction, as tanh(θ̇/ε) or as sign(θ̇) (paper, section 3.4)."""
+    """Options of SINDy.
+
+    switch: how the library writes friction, as tanh(θ̇/ε) or as sign(θ̇) (paper, section 3.4).
+    """
 
     switch: Literal["tanh", "sign"] = "tanh"
 
 
 @dataclass(frozen=True)
-class Seen:
+class Derivatives:
     """State and acceleration as the record shows them.
 
-    rows (m,): samples at which the equation is regressed. theta, omega, alpha (n,) at all samples.
-    t, y (n,): the samples. project: values (n,) to what the smoothing of the record made of them (m,).
-    spline: what smoothed a recorded angle, None for others. freedom: how many rows count as independent.
+    rows (m,): samples at which the equation is regressed. t, y (n,): the samples. theta, omega, alpha (n,) at all
+    samples. project: values (n,) to values (m,) that are smoothed as the record was. integrated: number of guessed
+    constants of integration. freedom: how many rows count as independent. smoothing: log₁₀ of the penalty.
+    spline: the spline that smoothed a recorded angle, None for others.
     """
 
     rows: np.ndarray
@@ -82,10 +80,10 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class Sparse:
+class SparseModel:
     """One sparse solution: its terms (p,) of bool, the coefficients (p,), and where it lies on the path.
 
-    sound: whether its damping takes energy out and its terms do not cancel. score: see `scored`.
+    sound: whether its damping takes energy out and its terms do not cancel. score: see `score_models`.
     """
 
     support: np.ndarray
@@ -99,16 +97,16 @@ class Sparse:
 class Sindy(Estimator[SindyOptions]):
     """θ̈ + known force = Θ(θ, θ̇) ξ with few terms, by sequentially thresholded least squares of pysindy.
 
-    State and acceleration come from a smoothing spline that penalises what is no slowly changing oscillation;
-    the library's columns are smoothed as the acceleration was. A record without noise is interpolated. What is
-    known of the restoring force is taken from the acceleration, and every term of the library remains a candidate.
+    State and acceleration come from a smoothing spline that penalises everything but a slowly changing oscillation;
+    the library's columns are smoothed as the acceleration was. A record without noise is interpolated. The known part
+    of the restoring force is added to the acceleration, and every term of the library remains a candidate.
 
-    For every set of damping terms functions of θ are thresholded away one by one. Of all sparse solutions found
+    For every set of damping terms functions of θ are thresholded away one by one. Of all sparse solutions
     the one is selected whose prediction of the record, started once and integrated, has the least extended
     Bayesian information criterion (the prediction test of Mangan, Kutz, Brunton and Proctor, Proceedings of the
     Royal Society A 473, 2017, 20170009, with the criterion of Chen and Chen, Biometrika 95, 2008, 759).
-    The damping is read off that solution; where its damping is not the model's, off the best of those whose
-    damping is the model's, and the outcome says so.
+    The damping is read off that solution. If its damping terms are not the model's, the damping is read off the best
+    of those whose damping terms are, and the outcome says so.
     """
 
     with_parameters = "its library is of fixed functions"
@@ -117,95 +115,87 @@ class Sindy(Estimator[SindyOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: SindyOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Coefficients by sparse regression of the acceleration (Brunton, Proctor and Kutz 2016)."""
+        """Regress the acceleration on a library with few terms (Brunton, Proctor and Kutz 2016)."""
+        optional_package("pysindy")
         features = checked_features(signal)
-        seen = differentiated(signal, problem, features)
-        epsilon = 0.0 if options.switch == "sign" else epsilon_of(problem, features)
-        library = candidates(problem, epsilon, signal.unit, beside_coefficients(problem, features))
+        state = _differentiate(signal, problem, features)
+        library = candidates(problem, features, signal.unit, sharp=options.switch == "sign")
         law, known = oscillator(problem).law, known_restoring(problem)
 
         def force(theta: np.ndarray) -> np.ndarray:
             return law.linear_form(theta, known).offset
 
-        target = -(seen.alpha[seen.rows] + seen.project(force(seen.theta)))
-        columns = np.column_stack(
-            [seen.project(column) for column in evaluated(library, seen.theta, seen.omega).T]
-        )
-        drift = [(seen.t[seen.rows] - seen.t[0]) ** j for j in range(seen.integrated if len(known) else 0)]
+        functions = _evaluate(library, state.theta, state.omega)
+        target = -(state.alpha[state.rows] + state.project(force(state.theta)))
+        columns = np.column_stack([state.project(column) for column in functions.T])
+        elapsed = state.t[state.rows] - state.t[0]
+        drift = [elapsed**j for j in range(state.integrated if len(known) else 0)]
         if drift:  # guessed constants of integration shift the force by a constant and a slope
             basis = np.linalg.qr(np.column_stack(drift))[0]
             columns, target = columns - basis @ (basis.T @ columns), target - basis @ (basis.T @ target)
-        record = Record(
-            seen.t, seen.y, ORDER[signal.quantity], seen.theta, seen.omega, force, features.period
+        record = RecordToPredict(
+            state.t, state.y, ORDER[signal.quantity], state.theta, state.omega, force, features.period
         )
-        dissipates = np.array([one.damping is not None for one in library])
-        own = np.array([one.damping in problem.damping for one in library])
-        path = sparse_paths(columns, target, dissipates, seen.freedom)
+        dissipates = np.array([candidate.damping is not None for candidate in library])
+        own = np.array([candidate.damping in problem.damping for candidate in library])
+        of_theta = np.array([candidate.restoring for candidate in library])
+        path = sparse_models(columns, target, dissipates, state.freedom)
         floor = FLOOR * features.amplitude * features.frequency**record.order
-        path = scored(path, record, library, columns, target, floor)
-        best = min((one for one in path if one.sound), key=lambda one: one.score)
-        # The model is given: nothing may stand in for its damping or beside it.
-        of_model = [one for one in path if np.array_equal(one.support & dissipates, own)]
-        read = min(of_model, key=lambda one: (not one.sound, one.score))
+        path = score_models(path, record, library, columns, target, floor)
+        best = min((model for model in path if model.sound), key=lambda model: model.score)
+        # The model is given: no other term may replace its damping or join it.
+        of_model = [model for model in path if np.array_equal(model.support & dissipates, own)]
+        read = min(of_model, key=lambda model: (not model.sound, model.score))
         unknown = len(known) < len(law.parameters)
-        of_law = np.array([one.restoring for one in library]) & unknown
 
-        spread = standard_errors(seen, library, columns, target, read, force)
+        spread = standard_errors(state, library, columns, target, read, force)
         values, stderr = damping_values(problem, library, read.x, spread)
         if unknown:
-            of_theta = np.array([one.restoring for one in library])
-            found = evaluated(library, seen.theta, seen.omega)[:, of_theta] @ read.x[of_theta]
-            values |= restoring_values(problem, seen.theta, found)
-        values |= free_start(problem, seen.theta[0], seen.omega[0])
-        names = [one.name for one in library]
-        weighed = [one for one in path if np.isfinite(one.score)]
+            values |= restoring_values(problem, state.theta, functions[:, of_theta] @ read.x[of_theta])
+        values |= free_start(problem, state.theta[0], state.omega[0])
+        names = [candidate.name for candidate in library]
+        weighed = [model for model in path if np.isfinite(model.score)]
+        details = {
+            "selected": [names[i] for i in np.flatnonzero(best.support)],
+            "coefficients": [float(c) for c in best.x[best.support]],
+            "read_from": [names[i] for i in np.flatnonzero(read.support)],
+            "library": names,
+            "threshold": best.threshold,
+            "ridge": best.ridge,
+            "log_penalty": state.smoothing,
+            "path_threshold": [model.threshold for model in weighed],
+            "path_terms": [int(model.support.sum()) for model in weighed],
+            "path_score": [model.score for model in weighed],
+        }
+        trace = {"score": np.array(details["path_score"])}
+        outcome = judge(library, best.support, own | (of_theta & unknown))
         return Estimate(
-            self.name,
-            "initial",
-            values,
-            stderr,
-            {"score": np.array([one.score for one in weighed])},
-            {
-                "selected": [name for name, kept in zip(names, best.support) if kept],
-                "coefficients": [float(c) for c in best.x[best.support]],
-                "read_from": [name for name, kept in zip(names, read.support) if kept],
-                "library": names,
-                "threshold": best.threshold,
-                "ridge": best.ridge,
-                "log_penalty": seen.smoothing,
-                "path_threshold": [one.threshold for one in weighed],
-                "path_terms": [int(one.support.sum()) for one in weighed],
-                "path_score": [one.score for one in weighed],
-            },
-            evaluations=len(path),
-            outcome=judged(library, best.support, own | of_law),
+            self.name, "initial", values, stderr, trace, details, evaluations=len(path), outcome=outcome
         )
 
 
-def differentiated(signal: Signal, problem: Problem, features: Features) -> Seen:
-    """State and acceleration: interpolated where the record has no noise, else from an oscillation spline."""
-    order = ORDER[signal.quantity]
-    pieces = runs(signal.t, features.period)
-    pieces = pieces if order == 0 else pieces[:1]
-    t, y = (np.concatenate([x[run] for run in pieces]) for x in (signal.t, signal.y))
+def _differentiate(signal: Signal, problem: Problem, features: Features) -> Derivatives:
+    """Compute state and acceleration: interpolated if the record has no noise, else from an oscillation spline."""
+    parts = pieces(signal, features.period)
+    t, y = np.concatenate([part.t for part in parts]), np.concatenate([part.y for part in parts])
     plain = motion(signal, problem, features)
     if plain.clean:
         rows = np.flatnonzero(np.isin(t, plain.t))
-        return Seen(rows, t, y, *plain.everywhere, plain.project, plain.integrated, float(rows.size), 0.0)
-    spline = OscillationSpline([signal.t[run] for run in pieces], y, features.period)
+        freedom = float(rows.size)
+        return Derivatives(
+            rows, t, y, *plain.everywhere, plain.project, plain.integrated, freedom, smoothing=0.0
+        )
+    spline = OscillationSpline([part.t for part in parts], y, features.period)
     inside = []
-    for run in pieces:
-        piece = signal.t[run]
-        end = min(END * features.period, 0.15 * float(piece[-1] - piece[0]))
-        inside.append((piece >= piece[0] + end) & (piece <= piece[-1] - end))
+    for part in parts:
+        end = min(END * features.period, 0.15 * float(part.t[-1] - part.t[0]))
+        inside.append((part.t >= part.t[0] + end) & (part.t <= part.t[-1] - end))
     rows = np.flatnonzero(np.concatenate(inside))
-    first = signal if order == 0 else type(signal)(t, y, signal.quantity, signal.unit)
-    if order == 0:
-        curves, constants = tuple(spline(d) for d in range(3)), 0
-    else:
-        functions, constants = integrated(spline.curve(), first, problem, features)
+    curves, constants = (spline(0), spline(1), spline(2)), 0
+    if ORDER[signal.quantity]:
+        functions, constants = integrate(spline.curve(), parts[0], problem, features)
         curves = tuple(np.asarray(function(t)) for function in functions)
-    return Seen(
+    return Derivatives(
         rows,
         t,
         y,
@@ -214,31 +204,30 @@ def differentiated(signal: Signal, problem: Problem, features: Features) -> Seen
         integrated=constants,
         freedom=max(spline.freedom, 4.0),
         smoothing=spline.log_penalty,
-        spline=spline if order == 0 else None,
+        spline=None if ORDER[signal.quantity] else spline,
     )
 
 
-def evaluated(library: list[Candidate], theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """The library on states (n,), as pysindy evaluates it: (n, p)."""
-    whole = CustomLibrary([_of_two(one) for one in library])
+def _evaluate(library: list[Candidate], theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Return the library on states (n,), as pysindy evaluates it: (n, p)."""
+    from pysindy import CustomLibrary
+
+    def of_two(candidate: Candidate):
+        def function(x, v):  # pysindy counts the arguments
+            return candidate.function(np.asarray(x), np.asarray(v))
+
+        return function
+
+    whole = CustomLibrary([of_two(candidate) for candidate in library])
     return np.asarray(whole.fit_transform(np.column_stack([theta, omega])))
 
 
-def _of_two(one: Candidate):
-    """A plain function of two arguments: pysindy counts them."""
-
-    def function(x, v):
-        return one.function(np.asarray(x), np.asarray(v))
-
-    return function
-
-
-def sparse_paths(
+def sparse_models(
     columns: np.ndarray, target: np.ndarray, dissipates: np.ndarray, freedom: float
-) -> list[Sparse]:
-    """Sparse solutions: for every set of damping terms, itself and the best few with functions of θ.
+) -> list[SparseModel]:
+    """Return sparse solutions: for every set of damping terms, itself and the best few with functions of θ.
 
-    Beside a set of damping terms the others pass every threshold at which one of them falls, for several ridges.
+    With each set of damping terms the others pass every threshold at which one of them falls, for several ridges.
     Of these the FEW with the least Bayesian criterion of the regression are kept, `freedom` rows being independent.
     dissipates (p,): which terms are damping. Rows are first rotated onto the columns: the same regression.
     """
@@ -248,110 +237,120 @@ def sparse_paths(
     small = np.asarray(np.linalg.qr(np.column_stack([columns / scale, target / size]), mode="r"))
     a, b = small[:, :-1], small[:, -1]
     damping, others = np.flatnonzero(dissipates), np.flatnonzero(~dissipates)
-    found = []
+
+    def solution(mask: np.ndarray, threshold: float, ridge: float) -> tuple[SparseModel, float]:
+        """Return the unregularised solution with the terms in `mask`, and its sum of squares."""
+        x = np.zeros(mask.size)
+        x[mask] = np.linalg.lstsq(a[:, mask], b, rcond=1e-12)[0]
+        sound = bool(np.all(x[dissipates] >= 0) and np.abs(x).sum() <= CANCELLING)
+        model = SparseModel(mask, x / (scale / size), threshold, ridge, sound)
+        return model, float(np.sum((b - a @ x) ** 2))
+
+    path = []
     for chosen in product([False, True], repeat=damping.size):
         base = np.zeros(dissipates.size, bool)
         base[damping] = chosen
         basis = np.linalg.qr(a[:, base])[0]
         free, rest = (x - basis @ (basis.T @ x) for x in (a[:, others], b))
-        beside: dict[bytes, tuple[float, Sparse]] = {}
+        with_others: dict[bytes, tuple[float, SparseModel]] = {}
         for ridge in RIDGES:
             threshold = 0.0
-            while (survivors := _thresholded(free, rest, threshold, ridge)) is not None:
+            while (survivors := _threshold(free, rest, threshold, ridge)) is not None:
                 mask, least = base.copy(), survivors[1]
                 mask[others] = survivors[0]
-                if mask.tobytes() not in beside:
-                    one, left = _solution(a, b, mask, scale / size, dissipates, threshold, ridge)
+                if mask.tobytes() not in with_others:
+                    model, left = solution(mask, threshold, ridge)
                     score = freedom * np.log(left + 1e-300) + np.log(freedom) * mask.sum()
-                    beside[mask.tobytes()] = score, one
+                    with_others[mask.tobytes()] = score, model
                 threshold = max(least, threshold) * (1 + 1e-9) + 1e-300
-        ranked = sorted(beside.values(), key=lambda pair: (not pair[1].sound, pair[0]))
-        found += [_solution(a, b, base, scale / size, dissipates, np.inf, 0.0)[0]]
-        found += [one for _, one in ranked[:FEW]]
-    return found
+        ranked = sorted(with_others.values(), key=lambda pair: (not pair[1].sound, pair[0]))
+        path += [solution(base, np.inf, 0.0)[0], *(model for _, model in ranked[:FEW])]
+    return path
 
 
-def _solution(
-    a: np.ndarray, b: np.ndarray, mask: np.ndarray, scale: np.ndarray, dissipates: np.ndarray,
-    threshold: float, ridge: float,
-) -> tuple[Sparse, float]:  # fmt: skip
-    """The unregularised solution with the terms in `mask`, and its sum of squares."""
-    x = np.zeros(mask.size)
-    x[mask] = np.linalg.lstsq(a[:, mask], b, rcond=1e-12)[0]
-    sound = bool(np.all(x[dissipates] >= 0) and np.abs(x).sum() <= CANCELLING)
-    return Sparse(mask, x / scale, threshold, ridge, sound), float(np.sum((b - a @ x) ** 2))
+def _threshold(
+    a: np.ndarray, b: np.ndarray, threshold: float, ridge: float
+) -> tuple[np.ndarray, float] | None:
+    """Return the terms (p,) of bool that survive, and the smallest ridge coefficient; None if none does."""
+    from pysindy import STLSQ
+    from sklearn import config_context
 
-
-def scored(
-    path: list[Sparse], record: Record, library: list[Candidate], columns: np.ndarray, target: np.ndarray,
-    floor: float,
-) -> list[Sparse]:  # fmt: skip
-    """The solutions with their scores n ln(s²) + k ln(n) + 2 ln(number of sets of k terms).
-
-    s²: mean square of what the prediction leaves of the record's n samples; k: the number of terms. Solutions that
-    are not sound are not scored.
-    """
-    unit = np.linalg.norm(target) / np.linalg.norm(columns, axis=0)
-    sound = [one for one in path if one.sound]
-    left = left_over(record, library, np.array([one.x for one in sound]), unit, floor)
-    n, p = record.t.size, len(library)
-    found = [one for one in path if not one.sound]
-    for one, square in zip(sound, left):
-        k = int(one.support.sum())
-        sets = float(gammaln(p + 1) - gammaln(k + 1) - gammaln(p - k + 1))
-        score = n * float(np.log(square / n)) + k * float(np.log(n)) + 2 * sets
-        found.append(replace(one, score=score))
-    return found
-
-
-def standard_errors(
-    seen: Seen, library: list[Candidate], columns: np.ndarray, target: np.ndarray, one: Sparse,
-    force: Callable[[np.ndarray], np.ndarray],
-) -> np.ndarray:  # fmt: skip
-    """Standard errors (p,) of a solution's coefficients.
-
-    Of a smoothed angle, from the noise of the samples as it passes through θ̈, θ and θ̇ into the regression, to
-    first order; else from the residual, `freedom` rows being independent.
-    """
-    a, spread = columns[:, one.support], np.zeros(one.support.size)
-    scale = np.linalg.norm(a, axis=0)
-    inverse = np.linalg.pinv(a / scale, rcond=1e-12) / scale[:, None]
-    if seen.spline is None:
-        left = target - columns @ one.x
-        sd = np.sqrt(left @ left / max(min(seen.freedom, left.size) - one.support.sum(), 1.0))
-        spread[one.support] = sd * np.sqrt(np.sum(inverse**2, axis=1))
-        return spread
-    left = seen.y - seen.spline(0)
-    good = np.abs(left) <= 6 * 1.4826 * np.median(np.abs(left))
-    sd = np.sqrt(np.sum(left[good] ** 2) / max(good.sum() - seen.freedom, 1.0))
-    theta, omega = seen.theta, seen.omega
-    d, e = 1e-4 * float(np.ptp(theta)), 1e-4 * float(np.ptp(omega))
-    used = [(c, f.function) for c, f in zip(one.x, library) if c != 0.0]
-    by_theta = (force(theta + d) - force(theta - d)) / (2 * d)
-    by_theta = by_theta + sum(c * (f(theta + d, omega) - f(theta - d, omega)) / (2 * d) for c, f in used)
-    by_omega = sum((c * (f(theta, omega + e) - f(theta, omega - e)) / (2 * e) for c, f in used), 0 * omega)
-    noise = []
-    for row in inverse:
-        weights = np.zeros(theta.size)
-        weights[seen.rows] = row
-        through = seen.spline.adjoint(weights, 0)
-        noise.append(
-            seen.spline.adjoint(weights, 2)
-            + seen.spline.adjoint(through * by_theta, 0)
-            + seen.spline.adjoint(through * by_omega, 1)
-        )
-    spread[one.support] = sd * np.linalg.norm(np.array(noise), axis=1)
-    return spread
-
-
-def _thresholded(a: np.ndarray, b: np.ndarray, threshold: float, ridge: float):
-    """Terms (p,) of bool that survive a threshold, and the smallest ridge coefficient; None if none does."""
     with warnings.catch_warnings(), config_context(skip_parameter_validation=True, assume_finite=True):
         warnings.simplefilter("ignore")  # that all terms fell, which ends the path
         fit = STLSQ(threshold=threshold, alpha=ridge, max_iter=50, unbias=False).fit(a, b)
     weights = np.abs(np.asarray(fit.coef_)[0])
     mask = weights != 0.0
     return (mask, float(weights[mask].min())) if mask.any() else None
+
+
+def score_models(
+    path: list[SparseModel],
+    record: RecordToPredict,
+    library: list[Candidate],
+    columns: np.ndarray,
+    target: np.ndarray,
+    floor: float,
+) -> list[SparseModel]:
+    """Return the solutions with their scores n ln(s²) + k ln(n) + 2 ln(number of sets of k terms).
+
+    s²: mean square of the record's n samples less their prediction; k: the number of terms. Solutions that are not
+    sound have no score.
+    """
+    unit = np.linalg.norm(target) / np.linalg.norm(columns, axis=0)
+    sound = [model for model in path if model.sound]
+    left = residual_squares(record, library, np.array([model.x for model in sound]), unit, floor)
+    n, p = record.t.size, len(library)
+    scored = [model for model in path if not model.sound]
+    for model, square in zip(sound, left):
+        k = int(model.support.sum())
+        sets = float(gammaln(p + 1) - gammaln(k + 1) - gammaln(p - k + 1))
+        score = n * float(np.log(square / n)) + k * float(np.log(n)) + 2 * sets
+        scored.append(replace(model, score=score))
+    return scored
+
+
+def standard_errors(
+    state: Derivatives,
+    library: list[Candidate],
+    columns: np.ndarray,
+    target: np.ndarray,
+    model: SparseModel,
+    force: Callable[[np.ndarray], np.ndarray],
+) -> np.ndarray:
+    """Return standard errors (p,) of a solution's coefficients.
+
+    For a smoothed angle they come from the noise of the samples as it passes through θ̈, θ and θ̇ into the regression,
+    to first order; else from the residual, `freedom` rows being independent.
+    """
+    a, spread = columns[:, model.support], np.zeros(model.support.size)
+    scale = np.linalg.norm(a, axis=0)
+    inverse = np.linalg.pinv(a / scale, rcond=1e-12) / scale[:, None]
+    if state.spline is None:
+        left = target - columns @ model.x
+        sd = np.sqrt(left @ left / max(min(state.freedom, left.size) - model.support.sum(), 1.0))
+        spread[model.support] = sd * np.sqrt(np.sum(inverse**2, axis=1))
+        return spread
+    left = state.y - state.spline(0)
+    good = np.abs(left) <= 6 * 1.4826 * np.median(np.abs(left))
+    sd = np.sqrt(np.sum(left[good] ** 2) / max(good.sum() - state.freedom, 1.0))
+    theta, omega = state.theta, state.omega
+    d, e = 1e-4 * float(np.ptp(theta)), 1e-4 * float(np.ptp(omega))
+    used = [(c, f.function) for c, f in zip(model.x, library) if c != 0.0]
+    by_theta = (force(theta + d) - force(theta - d)) / (2 * d)
+    by_theta = by_theta + sum(c * (f(theta + d, omega) - f(theta - d, omega)) / (2 * d) for c, f in used)
+    by_omega = sum((c * (f(theta, omega + e) - f(theta, omega - e)) / (2 * e) for c, f in used), 0 * omega)
+    noise = []
+    for row in inverse:
+        weights = np.zeros(theta.size)
+        weights[state.rows] = row
+        through = state.spline.adjoint(weights, 0)
+        noise.append(
+            state.spline.adjoint(weights, 2)
+            + state.spline.adjoint(through * by_theta, 0)
+            + state.spline.adjoint(through * by_omega, 1)
+        )
+    spread[model.support] = sd * np.linalg.norm(np.array(noise), axis=1)
+    return spread
 
 
 PLUGIN = Sindy()

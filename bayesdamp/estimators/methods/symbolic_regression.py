@@ -2,44 +2,57 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from pydantic import Field
 from scipy.optimize import least_squares
 
-from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.evolution.expressions import Expression
-from bayesdamp.estimators.evolution.force import Force
-from bayesdamp.estimators.evolution.operon import Found, front
-from bayesdamp.estimators.search import least_over_further
+from bayesdamp.estimators._protocol import Estimator, Options, optional_package
+from bayesdamp.estimators.search import search_further
 from bayesdamp.estimators.shared import (
-    beside_coefficients,
+    ORDER,
     checked_features,
     epsilon_of,
     free_names,
     further_priors,
+    further_values,
+    known_restoring,
+    motion,
+    noise_level,
     oscillator,
-    solved,
+    solve,
 )
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
+if TYPE_CHECKING:
+    from bayesdamp.estimators.expressions import Expression, ScoredExpression
+
+KNOTS = (5.0, 6.0, 8.0, 11.0, 16.0, 23.0, 32.0)
+"""Knots in a period to choose from: more resolve the shape of the force, and more of the noise."""
+AFFORDABLE = 0.1
+"""Largest noise of the acceleration with more knots, as a share of the damping force."""
+HATS = 25
+"""Largest number of hat functions of the velocity that represent an unknown damping force."""
 FLOOR = 1e-11
-"""Share of the force's variance that single precision cannot see below."""
+"""Smallest share of the force's variance that single precision resolves."""
 SAME = 1e-3
-"""Two forces are the same where they differ by no more than this share, root mean square."""
+"""Two forces are the same if they differ by no more than this share, root mean square."""
 SWITCH = 0.03
-"""A width of friction's switch is the one that is known within this share of the peak velocity."""
-KEPT = 1e-4
+"""A width of friction's switch counts as the known one within this share of the peak velocity."""
+NEGLIGIBLE = 1e-4
 """Products of an expression that are less than this share of it, root mean square, are dropped."""
 
 
 class SymbolicRegressionOptions(Options):
-    """population, generations: of each of `searches` independent searches, whose fronts are joined.
+    """Options of the search.
 
-    length: the most nodes of an expression. polish: steps of Levenberg–Marquardt for the constants of each.
-    samples: of the record, evenly spread, half of them mirrored, on which expressions are compared while
-    they are bred.
-    penalty: what a node costs, in units of ln(n) of Schwarz's criterion, n the independent samples.
+    population, generations: of each of `searches` independent searches, whose fronts are joined.
+    length: largest number of nodes of an expression. polish: steps of Levenberg–Marquardt for the constants of each.
+    samples: number of the record's samples, evenly spread, half of them mirrored, on which expressions are compared
+    during the search.
+    penalty: cost of a node, in units of ln(n) of Schwarz's criterion, n the independent samples.
     """
 
     population: int = Field(default=500, ge=20, le=100_000)
@@ -52,16 +65,16 @@ class SymbolicRegressionOptions(Options):
 
 
 class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
-    """An expression f(θ̇) for −(θ̈ + F_rest(θ)), bred from +, −, ×, tanh and |·|; the damping is read from it.
+    """An expression f(θ̇) for −(θ̈ + F_rest(θ)), bred from +, −, ×, tanh and |·|, from which the damping is read.
 
     Two objectives, error and length, give a Pareto front. Each expression there is written as a sum of
     products and its constants are fitted once more in double precision, with the smoothing of the record
     applied to both sides; the one with the least n ln(error) + penalty · length · ln(n) is chosen.
-    Where it is the damping law itself, with a width ε of its own in tanh(θ̇/ε) if it is close to the
-    known one, its constants are the coefficients; else the law is sought that does the same work over the
+    If it is the damping law itself, with a width ε of its own in tanh(θ̇/ε) if it is close to the
+    known one, its constants are the coefficients. Otherwise the law is sought that does the same work over the
     record's motion (an expression with a free factor does the work of the measured force itself), or, if it
-    is a sum, the one that is nearest to the expression there. Of restoring
-    parameters that are not known, a regression with an arbitrary function of θ̇ takes the force off first.
+    is a sum, the law that is nearest to the expression there. If restoring parameters are not known, a regression
+    together with an arbitrary function of θ̇ removes their force first.
     """
 
     by_position = "its expressions are of the velocity alone"
@@ -70,79 +83,155 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: SymbolicRegressionOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Coefficients from the expression on the Pareto front that was chosen for the force."""
-        seen = checked_features(signal)
-        force = Force(signal, problem, seen)
-        x, y = force.thinned(options.samples)
+        """Read the coefficients from the expression on the Pareto front that was chosen for the force."""
+        optional_package("pyoperon")
+        from bayesdamp.estimators.expressions import front
+
+        features = checked_features(signal)
+        force = Force(signal, problem, features)
+        x, y = force.thin(options.samples)
         fastest, scale = float(np.abs(x).max()), float(np.std(y))
         if not (fastest > 0 and scale > 0 and np.all(np.isfinite(y))):
             raise Refusal("the record shows no damping force to search an expression for")
-        found: list[Found] = []
+        candidates: list[ScoredExpression] = []
         models = 0
         for _ in range(options.searches):
-            more, count = front(
-                x / fastest,
-                y / scale,
-                seed=int(rng.integers(2**31)),
-                population=options.population,
-                generations=options.generations,
-                length=options.length,
-                polish=options.polish,
-            )
-            found, models = found + more, models + count
-        best = [
-            (one, one.expression.stretched(fastest).scaled(scale).without_the_negligible(force.omega, KEPT))
-            for one in _pareto([one for one in found if one.expression.depends])
-        ]
-        best = [(one, _polished(force, expression)) for one, expression in best if expression.depends]
-        if not best:
-            raise Refusal("no expression says more of the damping force than a constant")
-        errors = np.array([force.error(expression) for _, expression in best])
+            settings = options.model_dump(include={"population", "generations", "length", "polish"})
+            more, count = front(x / fastest, y / scale, seed=int(rng.integers(2**31)), **settings)
+            candidates, models = candidates + more, models + count
+        lengths, expressions, least = [], [], np.inf
+        for candidate in sorted(candidates, key=lambda c: (c.length, c.error)):
+            if not (candidate.expression.depends and candidate.error < least):
+                continue  # another candidate beats it in both length and error
+            least = candidate.error
+            expression = candidate.expression.stretched(fastest).scaled(scale)
+            expression = expression.without_the_negligible(force.omega, NEGLIGIBLE)
+            if expression.depends:
+                lengths.append(candidate.length)
+                expressions.append(_polish(force, expression))
+        if not expressions:
+            raise Refusal("no expression describes the damping force better than a constant")
+        errors = np.array([force.error(expression) for expression in expressions])
         n = force.independent
-        scores = n * np.log(errors + FLOOR) + options.penalty * np.log(n) * np.array(
-            [one.length for one, _ in best]
-        )
+        scores = n * np.log(errors + FLOOR) + options.penalty * np.log(n) * np.array(lengths)
         chosen = int(np.argmin(np.where(np.isfinite(scores), scores, np.inf)))
-        expression = best[chosen][1].without_the_negligible(force.omega, KEPT)
-        values, width, how = _read(force, expression, problem, seen)
-        law = force.restoring(expression)
-        start = {"theta0": force.theta0, "omega0": force.omega0}
-        values |= {name: {**law, **start}[name] for name in free_names(problem)}
-        return Estimate(
-            self.name,
-            "initial",
-            values,
-            trace={
-                "length": np.array([float(one.length) for one, _ in best]),
-                "relative_error": np.sqrt(errors),
-            },
-            details={
-                "chosen": f"f(v) = {expression}",
-                "read": how,
-                "epsilon_found": width if width is not None else "none",
-                "pareto_chosen": chosen,
-                "pareto_length": [one.length for one, _ in best],
-                "pareto_error": [float(np.sqrt(error)) for error in errors],
-                "pareto_expression": [str(expression) for _, expression in best],
-            },
-            evaluations=models,
-        )
+        expression = expressions[chosen].without_the_negligible(force.omega, NEGLIGIBLE)
+        values, width, how = _read(force, expression, problem, features)
+        start = {"theta0": force.motion.theta0, "omega0": force.motion.omega0}
+        free = {**force.restoring(expression), **start}
+        values |= {name: free[name] for name in free_names(problem)}
+        relative = np.sqrt(errors)
+        details = {
+            "chosen": f"f(v) = {expression}",
+            "read": how,
+            "epsilon_found": width if width is not None else "none",
+            "pareto_chosen": chosen,
+            "pareto_length": lengths,
+            "pareto_error": relative.tolist(),
+            "pareto_expression": [str(expression) for expression in expressions],
+        }
+        trace = {"length": np.array(lengths, float), "relative_error": relative}
+        return Estimate(self.name, "initial", values, trace=trace, details=details, evaluations=models)
 
 
-def _pareto(found: list[Found]) -> list[Found]:
-    """Those that no other one beats in both error and length, shortest first."""
-    best: list[Found] = []
-    for one in sorted(found, key=lambda one: (one.length, one.error)):
-        if np.isfinite(one.error) and (not best or one.error < best[-1].error):
-            best.append(one)
+class Force:
+    """−(θ̈ + F_rest(θ)) over a record, and how well an expression of θ̇ describes it.
+
+    motion: the smoothed motion; omega: velocities at all samples that are used, (n,), rad/s. independent: number of
+    samples that count as independent.
+    Restoring parameters that are not known (and constants of integration that were guessed) are regressed
+    out: together with an expression, or at first with hat functions of θ̇ that vanish at rest.
+    """
+
+    def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
+        self.motion = motion(signal, problem, features, _knots_per_period(signal, features))
+        theta, self.omega, _ = self.motion.everywhere
+        known, t = known_restoring(problem), self.motion.t
+        form = oscillator(problem).law.linear_form(theta, known)
+        self.target = -(self.motion.alpha + self.motion.project(form.offset))
+        drift = self.motion.integrated if len(known) else 0
+        columns = [self.motion.project(column) for column in form.columns.T]
+        columns += [(t - t[0]) ** j for j in range(drift)]
+        self._count, self._decode = form.columns.shape[1], form.decode
+        self._columns = np.column_stack(columns) if columns else np.zeros((t.size, 0))
+        columns_of_unit_length = self._columns / np.maximum(np.linalg.norm(self._columns, axis=0), 1e-300)
+        self._basis = np.linalg.svd(columns_of_unit_length, full_matrices=False)[0]
+        duration = float(t[-1] - t[0])
+        self.independent = t.size if self.motion.clean else max(self.motion.bandwidth * duration / np.pi, 4.0)
+        self._damping_force = self.target - self._columns @ self._first_coefficients()
+        self._variance = float(np.var(self._damping_force))
+
+    def _first_coefficients(self) -> np.ndarray:
+        """Fit the restoring force together with an arbitrary function of θ̇; the restoring coefficients."""
+        count = self._columns.shape[1]
+        if count == 0:
+            return np.zeros(0)
+        hats = int(np.clip(self.independent // 6, 4, HATS))
+        hats += 1 - hats % 2  # an odd number: one is at rest
+        places = float(np.abs(self.omega).max()) * np.linspace(-1, 1, hats)
+        free = [
+            self.motion.project(np.interp(self.omega, places, row))
+            for i, row in enumerate(np.eye(hats))
+            if i != hats // 2
+        ]
+        return solve(np.column_stack([self._columns, *free]), self.target, 1e-10)[:count]
+
+    def thin(self, samples: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return velocities and forces at evenly spread samples, each (m,), and as many mirrored.
+
+        A force that resists motion is odd, and nothing else should be learnt from noise.
+        """
+        count = min(samples // 2, self._damping_force.size)
+        rows = np.linspace(0, self._damping_force.size - 1, count).round().astype(int)
+        x, y = self.motion.omega[rows], self._damping_force[rows]
+        return np.r_[x, -x], np.r_[y, -y]
+
+    def misfit(self, expression: Expression) -> np.ndarray:
+        """Return the residual of an expression, (m,), in units of the force's standard deviation."""
+        left = self.target - self.motion.project(expression(self.omega))
+        return (left - self._basis @ (self._basis.T @ left)) / np.sqrt(self._variance)
+
+    def error(self, expression: Expression) -> float:
+        """Return the mean square of `misfit`."""
+        return float(np.mean(self.misfit(expression) ** 2))
+
+    def restoring(self, expression: Expression) -> dict[str, float]:
+        """Return the restoring parameters that are not known, with the expression as damping force."""
+        if self._count == 0:
+            return {}
+        left = self.target - self.motion.project(expression(self.omega))
+        return self._decode(solve(self._columns, left)[: self._count])
+
+
+def _knots_per_period(signal: Signal, features: Features) -> float:
+    """Return as many knots as the noise allows, so that the shape of the force is resolved.
+
+    A spline that follows angular frequencies up to b passes noise of a sampling interval Δt and a standard
+    deviation σ into the second derivative as σ √(Δt b⁵/5π), into the first as σ √(Δt b³/3π).
+    """
+    noise, gap = noise_level(signal), float(signal.t[-1] - signal.t[0]) / (signal.t.size - 1)
+    order = 2 - ORDER[signal.quantity]
+    sizes = features.turning_amplitudes
+    lost = np.log(max(float(sizes.max()) / max(float(sizes[-1]), 2 * features.roughness, 1e-12), 1.05))
+    ratio = lost / (features.frequency * (features.turning_times[-1] - features.turning_times[0]))
+    middle = features.frequency**2 * np.sqrt(
+        features.amplitude * min(features.final_amplitude, features.amplitude)
+    )
+    force = np.sqrt(2.0) * ratio * middle
+    best = KNOTS[0]
+    for knots in KNOTS[1:]:
+        band = np.pi * knots / features.period
+        passed = noise * np.sqrt(gap * band ** (2 * order + 1) / ((2 * order + 1) * np.pi))
+        if passed <= AFFORDABLE * force and features.period / knots >= 6 * gap:
+            best = knots
     return best
 
 
-def _polished(force: Force, expression: Expression) -> Expression:
-    """The expression with the constants of least squares, as far as that makes it better."""
+def _polish(force: Force, expression: Expression) -> Expression:
+    """Return the expression with the constants of least squares, if that makes it better."""
     start = expression.constants()
     unit = np.maximum(np.abs(start), 1e-12)
-    misfit = least_squares(
+    fit = least_squares(
         lambda u: np.nan_to_num(force.misfit(expression.with_constants(u * unit)), nan=1e3, posinf=1e3),
         start / unit,
         method="trf",
@@ -152,51 +241,50 @@ def _polished(force: Force, expression: Expression) -> Expression:
         gtol=1e-13,
         max_nfev=8,
     )
-    better = expression.with_constants(misfit.x * unit)
+    better = expression.with_constants(fit.x * unit)
     return better if force.error(better) < force.error(expression) else expression
 
 
 def _read(
-    force: Force, expression: Expression, problem: Problem, seen: Features
+    force: Force, expression: Expression, problem: Problem, features: Features
 ) -> tuple[dict[str, float], float | None, str]:
-    """(coefficients, the width of the expression's own switch, how they were read)."""
-    terms = oscillator(problem).terms
-    f, epsilon = expression(force.omega), epsilon_of(problem, seen)
-    beside = beside_coefficients(problem, seen)
+    """Return the parameters, the width of the expression's own switch, and how the parameters were read."""
+    osc = oscillator(problem)
+    f, epsilon = expression(force.omega), epsilon_of(problem, features)
+    arguments = further_values(problem, features)
 
     def shapes(width: float) -> np.ndarray:
-        still, q = np.zeros_like(force.omega), beside
-        return np.column_stack(
-            [np.asarray(t.force(still, force.omega, width, *(q[n] for n in t.further))) for t in terms]
-        )
+        still = np.zeros_like(force.omega)
+        forces = [t.force(still, force.omega, width, *(arguments[n] for n in t.further)) for t in osc.terms]
+        return np.column_stack([np.asarray(force) for force in forces])
 
     def left(further: dict[str, float]) -> float:
-        beside.update(further)
+        arguments.update(further)
         columns = shapes(epsilon)
-        return float(np.sum((f - columns @ solved(columns, f)) ** 2))
+        return float(np.sum((f - columns @ solve(columns, f)) ** 2))
 
-    further = least_over_further(further_priors(problem, seen), left)
-    beside.update(further)
+    further = search_further(further_priors(problem, features), left)
+    arguments.update(further)
+
+    def values(c: np.ndarray) -> dict[str, float]:
+        return {**dict(zip(osc.coefficients, map(float, c))), **further}
+
     fastest = float(np.abs(force.omega).max())
-    own = [abs(width) for width in expression.widths()] if any(term.switches for term in terms) else []
+    own = [abs(width) for width in expression.widths()] if osc.switches else []
     own = sorted((w for w in own if w > 0), key=lambda width: abs(width - epsilon))
     switch = own[0] if own else None
     near = [width for width in own if abs(width - epsilon) <= SWITCH * fastest]
     for width in [*near[:1], epsilon]:
         columns = shapes(width)
-        c = solved(columns, f)
+        c = solve(columns, f)
         if np.sqrt(np.mean((f - columns @ c) ** 2)) <= SAME * np.sqrt(np.mean(f**2)):
-            return {**_named(terms, c), **further}, switch, "the expression is the law: its own constants"
+            return values(c), switch, "the expression is the law: its own constants"
     smooth = np.column_stack([force.motion.project(column) for column in shapes(epsilon).T])
-    if len(terms) == 1:
-        c = np.atleast_1d(force.motion.project(f) @ force.motion.omega / (smooth[:, 0] @ force.motion.omega))
-        return {**_named(terms, c), **further}, switch, "the law that does the same work"
-    c = solved(smooth, force.motion.project(f))
-    return {**_named(terms, c), **further}, switch, "the law nearest to the expression"
-
-
-def _named(terms: tuple, c: np.ndarray) -> dict[str, float]:
-    return {term.parameter: float(value) for term, value in zip(terms, c)}
+    projected, omega = force.motion.project(f), force.motion.omega
+    if len(osc.terms) == 1:
+        c = np.atleast_1d(projected @ omega / (smooth[:, 0] @ omega))
+        return values(c), switch, "the law that does the same work"
+    return values(solve(smooth, projected)), switch, "the law nearest to the expression"
 
 
 PLUGIN = SymbolicRegression()

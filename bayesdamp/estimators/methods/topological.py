@@ -7,17 +7,15 @@ Systems and Signal Processing 174 (2022) 109042.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
-import gudhi
 import numpy as np
 from pydantic import Field
 from scipy.optimize import brentq
 from scipy.special import erfcinv, erfinv, log_ndtr
 
-from bayesdamp.estimators._protocol import Estimator, Options
+from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.shared import (
     ORDER,
     checked_features,
@@ -27,6 +25,7 @@ from bayesdamp.estimators.shared import (
     oscillator,
     start_parameters,
 )
+from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.records.oscillation.turning import midpoints
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
@@ -38,8 +37,9 @@ NOISE_OF_MEDIAN = 0.680
 
 
 class TopologicalOptions(Options):
-    """variant: as first published, or equations (7) to (11) as the paper prints them.
+    """Options of the persistence method.
 
+    variant: as first published, or equations (7) to (11) as the paper prints them.
     significance: probability that noise alone exceeds the cutoff.
     """
 
@@ -49,7 +49,7 @@ class TopologicalOptions(Options):
 
 @dataclass(frozen=True)
 class Pairs:
-    """Births v and deaths p of the components that are no noise, in time order, (k,), and the noise floor.
+    """Births v and deaths p of the components that are not noise, in time order, (k,), and the noise floor.
 
     cycle (k,): how many periods after the first each is born; a component lost in a gap is counted.
     """
@@ -59,10 +59,14 @@ class Pairs:
     cycle: np.ndarray
     floor: float
 
-    @property
-    def lifetimes(self) -> np.ndarray:
-        """Persistence p − v of each pair of a peak and a valley, in the unit of the record, (n,)."""
-        return self.p - self.v
+    def spaced(self) -> tuple[float, float, int]:
+        """Return L_0, L_n and n: L_n is the lifetime whose ratio to the first is nearest the optimum, or the last."""
+        lifetimes = self.p - self.v
+        ratio = lifetimes / lifetimes[0]
+        i = ratio.size - 1
+        if np.any(ratio <= OPTIMAL_RATIO):
+            i = max(int(np.argmin(np.abs(ratio - OPTIMAL_RATIO))), 1)
+        return float(lifetimes[0]), float(lifetimes[i]), max(int(self.cycle[i]), 1)
 
 
 class Topological(Estimator[TopologicalOptions]):
@@ -71,56 +75,49 @@ class Topological(Estimator[TopologicalOptions]):
     options = TopologicalOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Sums of terms, and terms without a formula for the fall of the lifetimes."""
+        """Refuse sums of terms, and terms without a formula for the fall of the lifetimes."""
         if len(damping) != 1:
             return "persistence lifetimes give one damping coefficient, not a sum of terms"
-        if damping[0] not in PUBLISHED:
+        if damping[0] not in PAPER_TERMS:
             return f"there is no formula that gives {damping[0]} damping from persistence lifetimes"
         return None
 
     def initial(
         self, signal: Signal, problem: Problem, options: TopologicalOptions, rng: np.random.Generator
     ) -> Estimate:
-        """The coefficient from the fall of the persistence lifetimes."""
-        seen = checked_features(signal)
-        damping, y, omega = problem.damping[0], signal.y - seen.rest, natural_frequency(problem, seen)
+        """Compute the coefficient from the fall of the persistence lifetimes."""
+        features = checked_features(signal)
+        osc, known = oscillator(problem), known_restoring(problem)
+        omega = features.frequency
+        if len(known) == len(osc.law.parameters):
+            omega = osc.natural_frequency(known, features.rest)
+        pairs = significant_pairs(signal, problem, features, options)
         if options.variant == "as_printed":
-            pairs = printed_pairs(y, signal, seen, options.significance)
-            value = AS_PRINTED[damping](pairs, omega, seen)
+            value = _printed_coefficient(problem.damping[0], pairs, omega, features)
         else:
-            pairs = published_pairs(y, signal, problem, seen, options.significance)
             # Amplitudes of a velocity or an acceleration are those of the displacement times ω or ω².
             unit = omega ** ORDER[signal.quantity]
-            value = PUBLISHED[damping](replace(pairs, v=pairs.v / unit, p=pairs.p / unit), omega)
-        values = {oscillator(problem).coefficients[0]: value}
-        free = free_names(problem)
-        if free:
-            start = start_parameters(signal, problem, seen)
+            scaled = Pairs(pairs.v / unit, pairs.p / unit, pairs.cycle, pairs.floor)
+            value = _published_coefficient(problem.damping[0], scaled, omega)
+        values = {osc.coefficients[0]: value}
+        if free := free_names(problem):
+            start = start_parameters(signal, problem, features)
             values |= {name: start[name] for name in free}
         return Estimate(self.name, "initial", values, evaluations=1)
 
 
-def natural_frequency(problem: Problem, seen: Features) -> float:
-    """ω_n in rad/s: of the restoring law where it is known, else the record's."""
-    osc, known = oscillator(problem), known_restoring(problem)
-    if len(known) == len(osc.law.parameters):
-        return osc.natural_frequency(known, seen.rest)
-    return seen.frequency
-
-
 def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Births, deaths and times of birth of the finite sublevel components of y (n,), in order of time.
+    """Return births, deaths and times of birth of the finite sublevel components of y (n,), in order of time.
 
-    On the values as they are: a repeated value is one plateau. A component that is born within a tenth of a
+    The values are used as they are: a repeated value is one plateau. A component that is born within a tenth of a
     period of an end of the record, or of a gap in it, is cut off there and left out.
     """
-    cells = gudhi.CubicalComplex(top_dimensional_cells=y)  # type: ignore[attr-defined]
+    cells = optional_package("gudhi").CubicalComplex(top_dimensional_cells=y)
     cells.persistence(homology_coeff_field=2, min_persistence=0)
     regular = cells.cofaces_of_persistence_pairs()[0]
     if len(regular) == 0 or np.asarray(regular[0]).size == 0:
         return np.empty(0), np.empty(0), np.empty(0)
-    first = np.asarray(regular[0])
-    births, deaths = first[:, 0], first[:, 1]
+    births, deaths = np.asarray(regular[0]).T
     between = np.diff(t)
     gaps = np.flatnonzero(between > max(3 * float(np.median(between)), 0.1 * period))
     edges = t[np.unique(np.r_[0, gaps, gaps + 1, t.size - 1])]
@@ -133,52 +130,53 @@ def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndar
     return y[births], y[deaths], t[births]
 
 
-def published_pairs(
-    y: np.ndarray, signal: Signal, problem: Problem, seen: Features, significance: float
+def significant_pairs(
+    signal: Signal, problem: Problem, features: Features, options: TopologicalOptions
 ) -> Pairs:
-    """The pairs above the cutoff, each shortened by the noise floor.
+    """Return the pairs above the noise cutoff.
 
-    σ is the known noise, else the larger of the record's roughness and, where lifetimes are many more than
-    cycles, 0.680 of their median.
-    Cutoff: C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1], N the number of samples.
-    Floor: twice the median by which white noise of that σ lifts the highest sample at a turning point.
+    As published: σ is the known noise, else the larger of the record's roughness and, if there are many more lifetimes
+    than cycles, 0.680 of their median. Cutoff: C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1], N the number of samples.
+    Each pair is shortened by the noise floor: twice the median by which white noise of that σ lifts the highest sample
+    at a turning point.
+    As printed: the cutoff of equation (7) and the floor of equation (8); erfc⁻¹(2α/N) with N lifetimes.
     """
-    v, p, born = sublevel_pairs(signal.t, y, seen.period)
-    lifetimes = p - v
-    known = problem.system.known.get("noise_sd")
-    if known is not None:
-        sigma = float(known)
+    y, sigma = signal.y - features.rest, noise_level(signal)
+    v, p, born = sublevel_pairs(signal.t, y, features.period)
+    lifetimes, floor = p - v, 0.0
+    if options.variant == "as_printed":
+        count = max(v.size, 2)
+        cutoff, floor = (
+            sigma * math.sqrt(2.0) * float(erfcinv(2 * options.significance / n)) for n in (count, count - 1)
+        )
+        cutoff = max(cutoff, floor)
     else:
-        # The signal's slope suppresses lifetimes of weak noise, so their median is only a lower bound.
-        sigma = noise_level(signal)
-        if lifetimes.size > 4 * (seen.cycles + 1):
+        known = problem.system.known.get("noise_sd")
+        if known is not None:
+            sigma = float(known)
+        elif lifetimes.size > 4 * (features.cycles + 1):
+            # The signal's slope suppresses lifetimes of weak noise, so their median is only a lower bound.
             sigma = max(sigma, NOISE_OF_MEDIAN * float(np.median(lifetimes)))
-    share = (1.0 - math.sqrt(significance)) ** (1.0 / y.size)
-    cutoff = 2**1.5 * sigma * float(erfinv(2.0 * share - 1.0))
-    kept = lifetimes > max(cutoff, 1e-9 * float(np.ptp(y)))
-    v, p, born = v[kept], p[kept], born[kept]
+        share = (1.0 - math.sqrt(options.significance)) ** (1.0 / y.size)
+        cutoff = 2**1.5 * sigma * float(erfinv(2.0 * share - 1.0))
+    above = lifetimes > max(cutoff, 1e-9 * float(np.ptp(y)))
+    v, p, born = v[above], p[above], born[above]
     if v.size < 2:
         raise Refusal(
             f"{v.size} persistence lifetimes exceed the noise cutoff of {cutoff:.2g}; at least 2 are needed"
         )
-    floor = _floor(sigma, 0.5 * float(np.median(p - v)), seen)
-    return Pairs(v + floor / 2, p - floor / 2, _cycles(born, seen), floor)
+    if options.variant == "published":
+        floor = _floor(sigma, 0.5 * float(np.median(p - v)), features)
+        v, p = v + floor / 2, p - floor / 2
+    return Pairs(v, p, np.round((born - born[0]) / features.period).astype(int), floor)
 
 
-def _cycles(born: np.ndarray, seen: Features) -> np.ndarray:
-    return np.round((born - born[0]) / seen.period).astype(int)
-
-
-def _floor(sigma: float, amplitude: float, seen: Features) -> float:
-    """What noise adds to a lifetime: twice the median of the highest sample's lift at a turning point."""
+def _floor(sigma: float, amplitude: float, features: Features) -> float:
+    """Return what noise adds to a lifetime: twice the median of the highest sample's lift at a turning point."""
     if sigma < 1e-9 * amplitude:
         return 0.0
-    phase = (
-        2
-        * math.pi
-        / seen.samples_per_cycle
-        * np.arange(-int(seen.samples_per_cycle / 4), int(seen.samples_per_cycle / 4) + 1)
-    )
+    quarter = int(features.samples_per_cycle / 4)
+    phase = 2 * math.pi / features.samples_per_cycle * np.arange(-quarter, quarter + 1)
     drop = amplitude * (1.0 - np.cos(phase))
 
     def below(lift: float) -> float:
@@ -187,102 +185,58 @@ def _floor(sigma: float, amplitude: float, seen: Features) -> float:
     return 2.0 * max(brentq(below, -6 * sigma, 10 * sigma), 0.0)  # type: ignore[arg-type]
 
 
-def spaced(pairs: Pairs) -> tuple[float, float, int]:
-    """L_0, L_n and n: L_n the lifetime whose ratio to the first is nearest the optimal one, else the last."""
-    ratio = pairs.lifetimes / pairs.lifetimes[0]
-    i = int(np.argmin(np.abs(ratio - OPTIMAL_RATIO))) if np.any(ratio <= OPTIMAL_RATIO) else ratio.size - 1
-    i = max(i, 1)
-    return float(pairs.lifetimes[0]), float(pairs.lifetimes[i]), max(int(pairs.cycle[i]), 1)
+def _published_coefficient(damping: str, pairs: Pairs, omega: float) -> float:
+    """Return the coefficient by the published formulae.
 
-
-def _viscous(pairs: Pairs, omega: float) -> float:
-    """The ratio [1 + (2πn/ln(L_0/L_n))²]^(−1/2), in the paper's unit: times ω_n."""
-    longest, shorter, n = spaced(pairs)
-    decrement = math.log(longest / shorter)
-    return (
-        math.copysign(omega / math.sqrt(1.0 + (2 * math.pi * n / decrement) ** 2), decrement)
-        if decrement
-        else 0.0
-    )
-
-
-def _coulomb(pairs: Pairs, omega: float) -> float:
-    """A lifetime falls by 8μ_c/ω_n² a cycle."""
-    longest, shorter, n = spaced(pairs)
-    return omega**2 * (longest - shorter) / (8 * n)
-
-
-def _quadratic(pairs: Pairs, omega: float) -> float:
-    """Exact over the swing from a minimum v_i to the next maximum p_{i+1} of a zero-mean linear oscillator.
-
+    Viscous: the ratio [1 + (2πn/ln(L_0/L_n))²]^(−1/2), in the paper's unit: times ω_n.
+    Coulomb: a lifetime falls by 8μ_c/ω_n² a cycle.
+    Quadratic: exact over the swing from a minimum v_i to the next maximum p_{i+1} of a zero-mean linear oscillator.
     p_{i+1} − v_i = ln[(2μ v_i − 1)/(2μ p_{i+1} − 1)]/(2μ), from u = θ̇², du/dθ = −2ω_n²θ − 2μu; μ is the
     median over the first four swings. In this form the unit is μ_q's own, 1/rad. Each swing is taken
-    about its own midline, which makes the signal zero-mean where the restoring force is not odd. A
-    swing whose maximum is not below its minimum in size says zero.
+    about its own midline, which makes the signal zero-mean if the restoring force is not odd. A
+    swing whose maximum is not below its minimum in size counts as zero.
     """
+    longest, shorter, n = pairs.spaced()
+    if damping == "viscous":
+        decrement = math.log(longest / shorter)
+        if decrement == 0:
+            return 0.0
+        return math.copysign(omega / math.sqrt(1.0 + (2 * math.pi * n / decrement) ** 2), decrement)
+    if damping == "coulomb":
+        return omega**2 * (longest - shorter) / (8 * n)
     turns = np.column_stack([pairs.p, pairs.v]).ravel()
     turns = turns - midpoints(turns)
-    found = []
+    coefficients = []
     next_cycle = np.diff(pairs.cycle) == 1
     for v, p in np.column_stack([-turns[1:-1:2], turns[2::2]])[next_cycle][:4].tolist():
         if p >= v or p <= 0:
-            found.append(0.0)
+            coefficients.append(0.0)
             continue
 
         def excess(mu: float, v: float = v, p: float = p) -> float:
             return (math.log1p(2 * mu * v) - math.log1p(-2 * mu * p)) / (2 * mu) - (p + v)
 
         low, high = 1e-9 / v, 0.5 / p * (1 - 1e-12)
-        found.append(brentq(excess, low, high) if excess(low) < 0 < excess(high) else 0.0)
-    if not found:
+        coefficients.append(brentq(excess, low, high) if excess(low) < 0 < excess(high) else 0.0)
+    if not coefficients:
         raise Refusal("fewer than two persistence lifetimes give no swing from a minimum to a maximum")
-    return float(np.median(found))
+    return float(np.median(coefficients))
 
 
-PUBLISHED: dict[str, Callable[[Pairs, float], float]] = {
-    "viscous": _viscous,
-    "coulomb": _coulomb,
-    "quadratic": _quadratic,
-}
+def _printed_coefficient(damping: str, pairs: Pairs, omega: float, features: Features) -> float:
+    """Return the coefficient by equations (9) to (11) as the paper prints them.
 
+    T is the n periods from L_0 to L_n. Equation (11) has no n: it is taken at n = 1, and A_0 is the amplitude about
+    rest.
+    """
+    longest, shorter, n = pairs.spaced()
+    if damping == "viscous":
+        decrement = math.log((longest - pairs.floor) / (shorter - pairs.floor))
+        return decrement / (omega * n * features.period)
+    if damping == "coulomb":
+        return (longest - shorter) / (n * features.period)
+    first, second = (pairs.p[:2] - pairs.v[:2] - pairs.floor).tolist()
+    return 2 * omega / features.amplitude * (1 / second - 1 / first)
 
-def printed_pairs(y: np.ndarray, signal: Signal, seen: Features, significance: float) -> Pairs:
-    """The pairs above equation (7)'s cutoff, and equation (8)'s floor; erfc⁻¹(2α/N) with N lifetimes."""
-    v, p, born = sublevel_pairs(signal.t, y, seen.period)
-    count = max(v.size, 2)
-    sigma = noise_level(signal)
-    cutoff = sigma * math.sqrt(2.0) * float(erfcinv(2 * significance / count))
-    floor = sigma * math.sqrt(2.0) * float(erfcinv(2 * significance / (count - 1)))
-    kept = p - v > max(cutoff, floor, 1e-9 * float(np.ptp(y)))
-    if kept.sum() < 2:
-        raise Refusal(
-            f"{kept.sum()} persistence lifetimes exceed the noise cutoff, and at least 2 are needed"
-        )
-    return Pairs(v[kept], p[kept], _cycles(born[kept], seen), floor)
-
-
-def _printed_viscous(pairs: Pairs, omega: float, seen: Features) -> float:
-    """Equation (9), T being the n periods from L_0 to L_n."""
-    longest, shorter, n = spaced(pairs)
-    return math.log((longest - pairs.floor) / (shorter - pairs.floor)) / (omega * n * seen.period)
-
-
-def _printed_coulomb(pairs: Pairs, omega: float, seen: Features) -> float:
-    """Equation (10)."""
-    longest, shorter, n = spaced(pairs)
-    return (longest - shorter) / (n * seen.period)
-
-
-def _printed_quadratic(pairs: Pairs, omega: float, seen: Features) -> float:
-    """Equation (11) at n = 1: it has no n, and A_0 is the amplitude about rest."""
-    longest, shorter = (pairs.lifetimes[:2] - pairs.floor).tolist()
-    return 2 * omega / seen.amplitude * (1 / shorter - 1 / longest)
-
-
-AS_PRINTED: dict[str, Callable[[Pairs, float, Features], float]] = {
-    "viscous": _printed_viscous,
-    "coulomb": _printed_coulomb,
-    "quadratic": _printed_quadratic,
-}
 
 PLUGIN = Topological()

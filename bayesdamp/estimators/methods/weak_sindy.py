@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,23 +14,30 @@ from bayesdamp.estimators.regression.library import (
     Candidate,
     candidates,
     damping_values,
-    judged,
+    judge,
     restoring_values,
 )
-from bayesdamp.estimators.regression.weak import Stretch, kernel_half_width, uniform, velocity_map, weights
-from bayesdamp.estimators.regression.weak_regression import Rows, Sparse, solved, sparse_path, whitened
+from bayesdamp.estimators.regression.weak import (
+    Rows,
+    Stretch,
+    kernel_half_width,
+    solve_support,
+    sparse_path,
+    uniform,
+    velocity_map,
+    weights,
+    whiten,
+)
 from bayesdamp.estimators.shared import (
     ORDER,
-    beside_coefficients,
     checked_features,
-    epsilon_of,
     free_names,
     free_start,
     known_restoring,
     motion,
     noise_level,
     oscillator,
-    runs,
+    pieces,
 )
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
@@ -37,25 +45,29 @@ from bayesdamp.types import Estimate, Problem, Refusal, Signal
 WIDTHS = (0.75, 1.0, 1.5, 2.0)
 """Widths of the test functions in periods that are tried."""
 ROUNDS = 3
+"""Fits with the weights renewed."""
 SUBDIVIDED = 15
-"""Points between neighbouring samples at which a jumping function is averaged."""
+"""Points between neighbouring samples over which a jumping function is averaged."""
 
 
 class WeakSindyOptions(Options):
-    """width: width of the test functions in periods, or 0 to choose it by the predicted standard error."""
+    """Options of weak SINDy.
+
+    width: width of the test functions in periods, or 0 to choose it by the predicted standard error.
+    """
 
     width: float = Field(default=0.0, ge=0.0, le=10.0)
 
 
 class WeakSindy(Estimator[WeakSindyOptions]):
-    """∫φ″θ + ∫φ F_rest(θ) + Σ ξ ∫φ f(θ, θ̇) = 0 with few terms, no derivative of the record being taken.
+    """∫φ″θ + ∫φ F_rest(θ) + Σ ξ ∫φ f(θ, θ̇) = 0 with few terms, without a derivative of the record.
 
-    The inertia is integrated by parts twice and viscous damping once. Terms that are not linear in θ̇ take it
-    from the record's convolution with −ψ′, ψ smooth and compact, as wide as balances noise against bias. The
+    The inertia is integrated by parts twice and viscous damping once. Terms that are not linear in θ̇ use the
+    record's convolution with −ψ′, ψ smooth and compact, as wide as balances noise against bias. The
     rows' errors are correlated as the record's noise passes through φ″ + φ F′ and the columns: generalised
     least squares, renewed with the coefficients. Noise in the columns biases the normal equations by a known
     amount, which is subtracted.
-    Terms fall from the library by their t-value; the number kept has the least Bayesian information criterion.
+    Terms fall from the library by their t-value; the number of terms is chosen by the Bayesian information criterion.
     """
 
     with_parameters = "its library is of fixed functions"
@@ -64,176 +76,156 @@ class WeakSindy(Estimator[WeakSindyOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: WeakSindyOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Coefficients by regression of the equation's weak form (Messenger and Bortz 2021)."""
-        seen = checked_features(signal)
-        sigma = noise_level(signal)
-        library = candidates(
-            problem, epsilon_of(problem, seen), signal.unit, beside_coefficients(problem, seen)
-        )
-        stretches = prepared(signal, problem, seen, sigma)
-        own = np.array([one.damping in problem.damping for one in library])
-        dissipates = np.array([one.damping is not None for one in library])
-        known = known_restoring(problem)
-        all_known = len(known) == len(oscillator(problem).law.parameters)
+        """Regress the equation's weak form on a library (Messenger and Bortz 2021)."""
+        features = checked_features(signal)
+        sigma, osc, known = noise_level(signal), oscillator(problem), known_restoring(problem)
+        library = candidates(problem, features, signal.unit)
+        stretches = _prepare(signal, problem, features, sigma)
+        own = np.array([candidate.damping in problem.damping for candidate in library])
+        dissipates = np.array([candidate.damping is not None for candidate in library])
+        of_theta = np.array([candidate.restoring for candidate in library])
+        all_known = len(known) == len(osc.law.parameters)
 
-        base = own | (np.array([one.restoring for one in library]) & (not all_known))
-        few, first = [one for one, kept in zip(library, base) if kept], np.zeros(int(base.sum()))
-        if not all_known:  # the stiffness belongs to how noise passes
-            first[[one.name for one in few].index("θ")] = seen.frequency**2
+        base = own | (of_theta & (not all_known))
+        few = [library[i] for i in np.flatnonzero(base)]
+        first, every = np.zeros(len(few)), np.ones(len(few), bool)
+        if not all_known:  # how noise passes depends on the stiffness
+            first[[candidate.name for candidate in few].index("θ")] = features.frequency**2
+        ratio = {
+            name: term.ratio_per_unit(features.amplitude, features.frequency)
+            for name, term in zip(problem.damping, osc.terms)
+        }
         tried = []
         for width in (options.width,) if options.width else WIDTHS:
-            rows = assembled(stretches, few, problem, seen, width * seen.period)
+            rows = _assemble(stretches, few, problem, features, width * features.period)
             if rows is None or rows.inertia.size < len(library) + 4:
                 continue
-            guess = solved(whitened(rows, first, sigma), first == first, sigma)
-            guess = solved(whitened(rows, guess.x, sigma), first == first, sigma)
-            units = [
-                oscillator(problem)
-                .terms[problem.damping.index(one.damping)]
-                .ratio_per_unit(seen.amplitude, seen.frequency)
-                * spread
-                for one, spread in zip(few, guess.stderr)
-                if one.damping
-            ]
-            tried.append((float(np.linalg.norm(units)), width, guess.x))
+            guess = solve_support(whiten(rows, first, sigma, every), every, sigma)
+            guess = solve_support(whiten(rows, guess.x, sigma, every), every, sigma)
+            errors = [ratio[c.damping] * spread for c, spread in zip(few, guess.stderr) if c.damping]
+            tried.append((float(np.linalg.norm(errors)), width, guess.x))
         if not tried:
             raise Refusal("the record is too short for test functions")
-        _, width, near = min(tried, key=lambda one: one[0])
-        rows = assembled(stretches, library, problem, seen, width * seen.period)
+        _, width, near = min(tried, key=lambda trial: trial[0])
+        rows = _assemble(stretches, library, problem, features, width * features.period)
         assert rows is not None
         x = np.zeros(len(library))
         x[base] = near
-        white = whitened(rows, x, sigma)
+        white = whiten(rows, x, sigma, np.ones(len(library), bool))
 
-        path, names = sparse_path(white, dissipates, sigma), [one.name for one in library]
-        nothing = Sparse(np.zeros(own.size, bool), solved(white, own, sigma), np.inf, np.inf)
-        best = min(path, key=lambda one: one.score, default=nothing)
-        support = best.support
-        selected = [name for name, kept in zip(names, support) if kept]
-        # The model is given: its terms stay, and nothing may stand in for them or beside them but a force of θ that
+        path, names = sparse_path(white, dissipates, sigma), [candidate.name for candidate in library]
+        nothing = replace(solve_support(white, own, sigma), support=np.zeros(own.size, bool))
+        best = min(path, key=lambda solution: solution.score, default=nothing)
+        # The model is given: its terms stay, and no other term may replace or join them, except a force of θ that
         # makes up for a displacement whose constants of integration were guessed.
-        of_theta = np.array([one.restoring for one in library])
         guessed = ORDER[signal.quantity] > 0 and not {"theta0", "omega0"} <= set(problem.system.known)
         allowed = base | (of_theta & guessed)
-        support = (support & allowed) | own
-        trace, found = [], best.solution
+        support = (best.support & allowed) | own
+        course, fit = [], best
         for _ in range(ROUNDS):
-            found = solved(white, support, sigma)
-            white = whitened(rows, found.x, sigma, support)
-            trace.append(float(found.x[own][0]))
+            fit = solve_support(white, support, sigma)
+            white = whiten(rows, fit.x, sigma, support)
+            course.append(float(fit.x[own][0]))
 
-        values, stderr = damping_values(problem, library, found.x, found.stderr)
+        values, stderr = damping_values(problem, library, fit.x, fit.stderr)
         if not all_known:
-            theta = np.concatenate([one.theta for one in stretches])
-            omega = np.concatenate([one.omega for one in stretches])
-            parts = [c * one.function(theta, omega) for one, c in zip(library, found.x) if one.restoring]
+            theta = np.concatenate([stretch.theta for stretch in stretches])
+            omega = np.concatenate([stretch.omega for stretch in stretches])
+            parts = [c * term.function(theta, omega) for term, c in zip(library, fit.x) if term.restoring]
             values |= restoring_values(problem, theta, np.sum(parts, axis=0))
         if free_names(problem):
-            moving = motion(signal, problem, seen)
-            values |= free_start(problem, moving.theta0, moving.omega0)
+            smoothed = motion(signal, problem, features)
+            values |= free_start(problem, smoothed.theta0, smoothed.omega0)
+        details = {
+            "selected": [names[i] for i in np.flatnonzero(best.support)],
+            "coefficients": [float(c) for c in best.x[best.support]],
+            "library": names,
+            "threshold": best.threshold,
+            "width_in_periods": width,
+            "test_functions": int(rows.inertia.size),
+            "path_threshold": [solution.threshold for solution in path],
+            "path_terms": [int(solution.support.sum()) for solution in path],
+            "path_score": [solution.score for solution in path],
+        }
+        trace, outcome = {"coefficient": np.array(course)}, judge(library, best.support, allowed)
+        evaluations = len(path) + ROUNDS
         return Estimate(
-            self.name,
-            "initial",
-            values,
-            stderr,
-            {"coefficient": np.array(trace)},
-            {
-                "selected": selected,
-                "coefficients": [float(c) for c in best.solution.x[best.support]],
-                "library": names,
-                "threshold": best.threshold,
-                "width_in_periods": width,
-                "test_functions": int(rows.inertia.size),
-                "path_threshold": [one.threshold for one in path],
-                "path_terms": [int(one.support.sum()) for one in path],
-                "path_score": [one.score for one in path],
-            },
-            evaluations=len(path) + ROUNDS,
-            outcome=judged(library, best.support, allowed),
+            self.name, "initial", values, stderr, trace, details, evaluations=evaluations, outcome=outcome
         )
 
 
-def prepared(signal: Signal, problem: Problem, seen: Features, sigma: float) -> list[Stretch]:
-    """The record in runs between gaps, each on a uniform clock with the velocity beside it."""
-    order = ORDER[signal.quantity]
-    pieces = [replace(signal, t=signal.t[run], y=signal.y[run]) for run in runs(signal.t, seen.period)]
+def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float) -> list[Stretch]:
+    """Put the record's pieces between gaps on uniform clocks, and compute the velocity."""
+    parts, order = pieces(signal, features.period), ORDER[signal.quantity]
     if order:
-        moving = motion(signal, problem, seen)
-        t, y = pieces[0].t, pieces[0].y
-        t, y, theta, omega = uniform(t, y, moving.everywhere[0], moving.everywhere[1])
-        return [Stretch(t[1] - t[0], t, y, theta, omega, sparse.csr_matrix((t.size, t.size)), order)]
-    found = []
-    for piece in pieces:
-        t, y = uniform(piece.t, piece.y)
+        smoothed = motion(signal, problem, features)
+        t, y, theta, omega = uniform(parts[0].t, parts[0].y, *smoothed.everywhere[:2])
+        return [Stretch(t[1] - t[0], y, theta, omega, sparse.csr_matrix((t.size, t.size)), order)]
+    stretches = []
+    for part in parts:
+        t, y = uniform(part.t, part.y)
         h = float(t[1] - t[0])
-        most = int(0.5 * seen.period / h)
-        half = kernel_half_width(h, seen.frequency, seen.amplitude * seen.frequency, sigma, most)
-        velocity = velocity_map(t.size, h, half)
-        found.append(Stretch(h, t, y, y, velocity @ y, velocity, 0))
-    return found
+        most, speed = int(0.5 * features.period / h), features.amplitude * features.frequency
+        velocity = velocity_map(t.size, h, kernel_half_width(h, features.frequency, speed, sigma, most))
+        stretches.append(Stretch(h, y, y, velocity @ y, velocity, 0))
+    return stretches
 
 
-def assembled(
-    stretches: list[Stretch], library: list[Candidate], problem: Problem, seen: Features, width: float
+def _assemble(
+    stretches: list[Stretch], library: list[Candidate], problem: Problem, features: Features, width: float
 ) -> Rows | None:
-    """The weak form of the library on test functions `width` s wide; None where none fits in."""
+    """Compute the weak form of the library on test functions `width` s wide; None if none fits into the record."""
     law, known = oscillator(problem).law, known_restoring(problem)
     inertia, columns, noise = [], [], []
-    nudge = 1e-4 * seen.amplitude
-    for one in stretches:
-        n = one.t.size
-        if n * one.h <= width:
+    nudge = 1e-4 * features.amplitude
+    for stretch in stretches:
+        n = stretch.y.size
+        if n * stretch.h <= width:
             continue
-        phi = weights(n, one.h, width, 0)
-        first = weights(n, one.h, width, 2 - one.order)
-        offset = law.linear_form(one.theta, known).offset
+        phi = weights(n, stretch.h, width, 0)
+        first = weights(n, stretch.h, width, 2 - stretch.order)
+        offset = law.linear_form(stretch.theta, known).offset
         through = first
-        if one.order == 0:
-            up, down = (law.linear_form(one.theta + d, known).offset for d in (nudge, -nudge))
+        if stretch.order == 0:
+            up, down = (law.linear_form(stretch.theta + d, known).offset for d in (nudge, -nudge))
             through = first + phi @ sparse.diags((up - down) / (2 * nudge))
-        values, maps = [], []
-        for candidate in library:
-            value, noise_map = _column(candidate, one, phi, width, seen)
-            values.append(value)
-            maps.append(noise_map)
-        inertia.append(first @ one.y + phi @ offset)
+        values, maps = zip(*(_column(candidate, stretch, phi, width, features) for candidate in library))
+        inertia.append(first @ stretch.y + phi @ offset)
         columns.append(np.column_stack(values))
         noise.append((sparse.csr_matrix(through), maps))
-    if not inertia:
-        return None
-    a, b = np.vstack(columns), np.concatenate(inertia)
-    return Rows(b, a, noise)
+    return Rows(np.concatenate(inertia), np.vstack(columns), noise) if inertia else None
 
 
 def _column(
-    candidate: Candidate, one: Stretch, phi: sparse.csr_matrix, width: float, seen: Features
+    candidate: Candidate, stretch: Stretch, phi: sparse.csr_matrix, width: float, features: Features
 ) -> tuple[np.ndarray, sparse.csr_matrix]:
-    """∫φ f for one candidate, (m,), and the map of the samples' noise into it, (m, n)."""
-    n, f = one.t.size, candidate.function
-    if candidate.damping == "viscous" and one.order < 2:
-        linear = 2.0 * weights(n, one.h, width, 1 - one.order)
-        return linear @ one.y, linear
-    values = _between(f, one) if candidate.jumps else f(one.theta, one.omega)
-    if one.order:
-        return phi @ values, sparse.csr_matrix(phi.shape)
-    d, through = 1e-3 * seen.amplitude, sparse.csr_matrix(phi.shape)
+    """Return ∫φ f for one candidate, (m,), and the map of the samples' noise into it, (m, n)."""
+    n, f, theta, omega = stretch.y.size, candidate.function, stretch.theta, stretch.omega
+    if candidate.damping == "viscous" and stretch.order < 2:
+        linear = 2.0 * weights(n, stretch.h, width, 1 - stretch.order)
+        return linear @ stretch.y, linear
+    values = _average(f, stretch) if candidate.jumps else f(theta, omega)
+    through = sparse.csr_matrix(phi.shape)
+    if stretch.order:
+        return phi @ values, through
+    d = 1e-3 * features.amplitude
     if candidate.damping is None:
-        by_theta = (f(one.theta + d, one.omega) - f(one.theta - d, one.omega)) / (2 * d)
+        by_theta = (f(theta + d, omega) - f(theta - d, omega)) / (2 * d)
         through = phi @ sparse.diags(by_theta)
     if not candidate.restoring:
-        d *= 10 * seen.frequency
-        by_omega = (f(one.theta, one.omega + d) - f(one.theta, one.omega - d)) / (2 * d)
-        through = through + phi @ sparse.diags(by_omega) @ one.velocity
+        d *= 10 * features.frequency
+        by_omega = (f(theta, omega + d) - f(theta, omega - d)) / (2 * d)
+        through = through + phi @ sparse.diags(by_omega) @ stretch.velocity
     return phi @ values, sparse.csr_matrix(through)
 
 
-def _between(f, one: Stretch) -> np.ndarray:
-    """Means of f over the cells around the samples, (n,): a jump counts where it is."""
+def _average(f: Callable[[np.ndarray, np.ndarray], np.ndarray], stretch: Stretch) -> np.ndarray:
+    """Return the means of f over the cells around the samples, (n,), so that a jump counts at its place."""
+    base = np.arange(stretch.y.size)
     part = (np.arange(SUBDIVIDED) + 0.5) / SUBDIVIDED - 0.5
-    at = np.clip(np.arange(one.t.size)[:, None] + part, 0, one.t.size - 1)
-    base = np.arange(one.t.size)
-    theta, omega = np.interp(at, base, one.theta), np.interp(at, base, one.omega)
-    return f(theta.ravel(), omega.ravel()).reshape(at.shape).mean(axis=1)
+    places = np.clip(base[:, None] + part, 0, base.size - 1)
+    theta, omega = np.interp(places, base, stretch.theta), np.interp(places, base, stretch.omega)
+    return f(theta.ravel(), omega.ravel()).reshape(places.shape).mean(axis=1)
 
 
 PLUGIN = WeakSindy()

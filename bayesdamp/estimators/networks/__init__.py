@@ -1,1 +1,1 @@
-"""Numerics that the methods which train a network share."""
+"""Networks, and the losses of the methods that train them; every module here needs torch."""

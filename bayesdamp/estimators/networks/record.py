@@ -1,4 +1,4 @@
-"""A record as a network is shown it: few enough samples, its own scales, and a phase that runs with its oscillation."""
+"""A record as networks use it: few enough samples, its own scales, and the phase of its oscillation."""
 
 from __future__ import annotations
 
@@ -8,62 +8,22 @@ import torch
 from bayesdamp.estimators.networks.training import REAL
 from bayesdamp.estimators.shared import ORDER, epsilon_of, noise_level, oscillator, start_parameters
 from bayesdamp.physics.arrays import slope_of
-from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Problem, Signal
 
 WITHIN = 1e-2
 """Step of differences by the velocity, as a share of the width of a switch."""
-
-
-class Forces:
-    """Forces per inertia, rad/s², at n angles or velocities.
-
-    free: names of the restoring parameters that are sought; known: the values of the others.
-    """
-
-    def __init__(
-        self, osc: Oscillator, known: dict[str, float], free: tuple[str, ...], epsilon: float
-    ) -> None:
-        self._osc, self._free, self._epsilon = osc, free, epsilon
-        self._known = {name: known[name] for name in osc.law.parameters if name not in free}
-
-    def restoring(self, theta: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """F_rest (n,), its slope by θ (n,), and its derivatives by the free parameters (n, k)."""
-        law, p = self._osc.law, {**self._known, **dict(zip(self._free, values.tolist(), strict=True))}
-        by = [
-            slope_of(lambda v, name=name: law.force(theta, {**p, name: v}), np.full(theta.size, p[name]))
-            for name in self._free
-        ]
-        return law.force(theta, p), law.slope(theta, p), np.array(by).reshape(-1, theta.size).T
-
-    def shapes(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Damping force per unit of each coefficient and its slope by θ̇, both (n, terms)."""
-        still = np.zeros_like(omega)
-        switches = self._osc.switches and self._epsilon > 0
-        step = WITHIN * self._epsilon if switches else None
-        pairs = [
-            (
-                t.force(still, omega, self._epsilon),
-                slope_of(lambda v, t=t: t.force(still, v, self._epsilon), omega, step),
-            )
-            for t in self._osc.terms
-        ]
-        values, slopes = zip(*pairs, strict=True)
-        return np.column_stack(values), np.column_stack(slopes)
-
-
 MOST_SAMPLES = 1500
 PER_CYCLE = 40.0
-"""Means are not taken over more than this part of a cycle: the mean of a sinusoid is then 0.1 % small."""
+"""Means are taken over no more than this part of a cycle: the mean of a sinusoid is then 0.1 % small."""
 
 
-def thinned(signal: Signal, seen: Features, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """(t, y), about `most` samples or fewer: means of neighbours where there is noise, else some of them."""
+def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return (t, y) with about `most` samples or fewer: means of neighbours if there is noise, else a selection."""
     t, y = signal.t, signal.y
-    size = float(np.abs(seen.turning_amplitudes).max())
+    size = float(np.abs(features.turning_amplitudes).max())
     if t.size > most and noise_level(signal) > 1e-5 * size:
-        group = min(-(-t.size // most), max(1, int(seen.samples_per_cycle / PER_CYCLE)))
+        group = min(-(-t.size // most), max(1, int(features.samples_per_cycle / PER_CYCLE)))
         blocks = t.size // group
         times = t[: blocks * group].reshape(blocks, group)
         whole = times[:, -1] - times[:, 0] <= 1.5 * (group - 1) * float(np.median(np.diff(t)))
@@ -72,23 +32,25 @@ def thinned(signal: Signal, seen: Features, most: int) -> tuple[np.ndarray, np.n
     return t[rows], y[rows]
 
 
-class Scaled:
+class ScaledRecord:
     """A record and its oscillator in the record's scales: the amplitude a and the angular frequency w.
 
     t, recorded: samples, (n,) each. y: the samples about the rest, in amplitudes. base: all parameters but damping.
-    coefficients, restoring: names of what is sought. given, begin: which of angle and velocity at the start are known,
+    ratios: equivalent damping ratio per unit of each coefficient.
+    coefficients, restoring: names of the unknowns. given, begin: which of angle and velocity at the start are known,
     and their values in amplitudes.
     """
 
-    def __init__(self, signal: Signal, problem: Problem, seen: Features) -> None:
+    def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
         osc, known = oscillator(problem), problem.system.known
-        self.base = start_parameters(signal, problem, seen)
-        self.a, self.w, self.order = seen.amplitude, seen.frequency, ORDER[signal.quantity]
-        self.rest = seen.rest if self.order == 0 else osc.equilibrium(self.base)
+        self.base = start_parameters(signal, problem, features)
+        self.a, self.w, self.order = features.amplitude, features.frequency, ORDER[signal.quantity]
+        self.rest = features.rest if self.order == 0 else osc.equilibrium(self.base)
+        self.ratios = [term.ratio_per_unit(self.a, self.w) for term in osc.terms]
         self.coefficients = osc.coefficients
         self.restoring = tuple(name for name in osc.law.parameters if name not in known)
-        self.forces = Forces(osc, self.base, self.restoring, epsilon_of(problem, seen))
-        self.t, self.recorded = thinned(signal, seen, MOST_SAMPLES)
+        self._osc, self._epsilon = osc, epsilon_of(problem, features)
+        self.t, self.recorded = thin_record(signal, features, MOST_SAMPLES)
         middle = self.rest if self.order == 0 else 0.0
         self.y = torch.from_numpy((self.recorded - middle) / (self.a * self.w**self.order))
         wanted = [(known.get("theta0"), self.rest, self.a), (known.get("omega0"), 0.0, self.a * self.w)]
@@ -96,23 +58,49 @@ class Scaled:
         scaled = [(v - zero) / unit for v, zero, unit in wanted if v is not None]
         self.begin = torch.tensor(scaled, dtype=REAL)
 
+    def restoring_force(
+        self, theta: np.ndarray, values: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return F_rest, rad/s², at angles (n,), its slope by θ (n,), and its derivatives by `restoring` (n, k).
+
+        values (k,): of the unknown restoring parameters.
+        """
+        law = self._osc.law
+        p = {name: self.base[name] for name in law.parameters} | dict(zip(self.restoring, values.tolist()))
+        by = [
+            slope_of(lambda v, name=name: law.force(theta, {**p, name: v}), np.full(theta.size, p[name]))
+            for name in self.restoring
+        ]
+        return law.force(theta, p), law.slope(theta, p), np.array(by).reshape(-1, theta.size).T
+
+    def damping_shapes(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the damping force per unit of each coefficient and its slope by θ̇, both (n, terms)."""
+        still = np.zeros_like(omega)
+        step = WITHIN * self._epsilon if self._osc.switches and self._epsilon > 0 else None
+        values, slopes = [], []
+        for term in self._osc.terms:
+            values.append(term.force(still, omega, self._epsilon))
+            slopes.append(slope_of(lambda v, t=term: t.force(still, v, self._epsilon), omega, step))
+        return np.column_stack(values), np.column_stack(slopes)
+
 
 class Phase:
     """The phase of a record in rad, growing by π from each crossing of the midline to the next.
 
-    A polynomial in time: of degree 3 where the crossings span most of the record, so that it follows a
-    frequency that drifts with the amplitude, else a straight line.
+    It is a polynomial in time: of degree 3 if the crossings span most of the record, so that it follows a frequency
+    that drifts with the amplitude, else a straight line.
     """
 
-    def __init__(self, signal: Signal, seen: Features) -> None:
-        at, count = seen.crossing_times, seen.crossing_times.size
-        span = (at[-1] - at[0]) / (signal.t[-1] - signal.t[0]) if count else 0.0
+    def __init__(self, signal: Signal, features: Features) -> None:
+        crossings, count = features.crossing_times, features.crossing_times.size
+        span = (crossings[-1] - crossings[0]) / (signal.t[-1] - signal.t[0]) if count else 0.0
         if count >= 8 and span > 0.75:
-            weight = np.abs(seen.turning_amplitudes[1:] * seen.turning_amplitudes[:-1]) ** 0.5
-            self.line = np.polynomial.Polynomial.fit(at, np.pi * np.arange(count), 3, w=weight)
+            weight = np.abs(features.turning_amplitudes[1:] * features.turning_amplitudes[:-1]) ** 0.5
+            self.line = np.polynomial.Polynomial.fit(crossings, np.pi * np.arange(count), 3, w=weight)
         else:
-            self.line = np.polynomial.Polynomial([-seen.frequency * seen.turning_times[0], seen.frequency])
+            start = -features.frequency * features.turning_times[0]
+            self.line = np.polynomial.Polynomial([start, features.frequency])
 
     def jet(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """φ, φ̇, φ̈ at times t (n,), each (n,)."""
+        """Return φ, φ̇, φ̈ at times t (n,), each (n,)."""
         return self.line(t), self.line.deriv(1)(t), self.line.deriv(2)(t)

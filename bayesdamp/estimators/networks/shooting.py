@@ -8,10 +8,8 @@ from numpy.polynomial import Polynomial
 from torch import Tensor
 from torchdiffeq import odeint
 
-from bayesdamp.estimators.networks.jets import jets, slopes
-from bayesdamp.estimators.networks.record import Scaled
-from bayesdamp.estimators.networks.training import REAL, layers
-from bayesdamp.estimators.shared import oscillator
+from bayesdamp.estimators.networks.record import ScaledRecord
+from bayesdamp.estimators.networks.training import REAL, jets, layers, slopes
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Problem, Signal
 
@@ -29,7 +27,7 @@ QUINTIC = np.array(
 """Powers 0 to 5 of the share of a step, in the polynomials of value, slope and curvature at either end."""
 
 
-class Shooting(Scaled):
+class Shooting(ScaledRecord):
     """The loss of a learnt damping force as a sum of squares.
 
     Angles are in amplitudes A about the rest, times in 1/ω, forces in Aω². Unknown are the weights of the network, the
@@ -41,55 +39,51 @@ class Shooting(Scaled):
         self,
         signal: Signal,
         problem: Problem,
-        seen: Features,
+        features: Features,
         *,
         width: int,
         steps: int,
-        continuity: float,
+        continuity_weight: float,
         random: torch.Generator,
     ) -> None:
-        super().__init__(signal, problem, seen)
-        self.units = np.array(
-            [0.1 / term.ratio_per_unit(self.a, self.w) for term in oscillator(problem).terms]
-        )
+        super().__init__(signal, problem, features)
+        self.units = 0.1 / np.array(self.ratios)
         free = np.array([self.base[name] for name in self.restoring])
         self.free_units = np.maximum(np.abs(free), self.a)
 
         self.sizes = (1, width, width, 1)
         weights = layers(self.sizes, random, bias=0.5)
         self.count = weights.numel()
-        decay = np.log(max(seen.amplitude / seen.final_amplitude, 1.05)) / (self.w * signal.t[-1])
+        decay = np.log(max(features.amplitude / features.final_amplitude, 1.05)) / (self.w * signal.t[-1])
         self.force_unit = 2.0 * decay
 
         end = float(signal.t[-1]) * self.w
         self.segments = int(np.clip(round(end / np.pi), 2, MOST_SEGMENTS))
         length = end / self.segments
-        self.nodes = torch.linspace(
-            0.0, length, max(8, int(np.ceil(steps * length / (2 * np.pi)))) + 1, dtype=REAL
-        )
+        intervals = max(8, int(np.ceil(steps * length / (2 * np.pi))))
+        self.nodes = torch.linspace(0.0, length, intervals + 1, dtype=REAL)
 
-        self._place(self.t * self.w)
-        self.weight = (1.0 / self.t.size**0.5, continuity)
-        recorded = self.recorded / (self.a * self.w**self.order)
-        states = self._states(self.t * self.w, recorded, length)
+        # Each sample's segment, its step in there, and the weights of the nodes on either side.
+        s, step = self.t * self.w, float(self.nodes[1])
+        interval = np.clip((s / step).astype(int), 0, self.segments * intervals - 1)
+        self.segment = torch.from_numpy(interval // intervals)
+        self.step = torch.from_numpy(interval % intervals)
+        ends = [Polynomial(c).deriv(self.order) if self.order else Polynomial(c) for c in QUINTIC]
+        scale = step ** (np.array([0, 1, 2, 0, 1, 2]) - float(self.order))
+        dense = np.stack([end(s / step - interval) for end in ends], axis=1) * scale
+        self.dense = torch.from_numpy(dense).reshape(-1, 2, 3)
+
+        self.weight = (1.0 / self.t.size**0.5, continuity_weight)
+        states = self._first_states(s, self.recorded / (self.a * self.w**self.order), length)
         self.start = torch.cat(
             [weights, torch.tensor(free / self.free_units, dtype=REAL), states.reshape(-1)]
         )
         self.physical = self.count + free.size
         self.peak = float(self.a * self.w * states[:, 1].abs().max())
 
-    def _place(self, s: np.ndarray) -> None:
-        """Where each sample lies: its segment, its step in there, and the weights of the nodes on either side."""
-        step = float(self.nodes[1])
-        per = self.nodes.numel() - 1
-        at = np.clip((s / step).astype(int), 0, self.segments * per - 1)
-        weights = _hermite(s / step - at, step, self.order)
-        self.segment, self.step = torch.from_numpy(at // per), torch.from_numpy(at % per)
-        self.dense = torch.from_numpy(weights).reshape(-1, 2, 3)
-
-    def _states(self, s: np.ndarray, y: np.ndarray, length: float) -> Tensor:
-        """Angle and velocity at the start of each segment (segments, 2), from a sinusoid through the samples near."""
-        found = []
+    def _first_states(self, s: np.ndarray, y: np.ndarray, length: float) -> Tensor:
+        """Fit a sinusoid near the start of each segment; angle and velocity there, (segments, 2)."""
+        states = []
         for i in range(self.segments):
             tau = s - i * length
             near = np.argsort(np.abs(tau), kind="stable")
@@ -97,74 +91,61 @@ class Shooting(Scaled):
             columns = np.stack([np.cos(tau[near]), np.sin(tau[near]), np.ones(near.size)], axis=1)
             c, d, middle = np.linalg.lstsq(columns, y[near], rcond=1e-6)[0]
             at_rest = (middle - self.rest / self.a) if self.order == 0 else 0.0
-            found.append([(c + at_rest, d), (-d, c), (-c, -d)][self.order])
-        return torch.tensor(found, dtype=REAL)
+            states.append([(c + at_rest, d), (-d, c), (-c, -d)][self.order])
+        return torch.tensor(states, dtype=REAL)
 
     def _force(self, x: Tensor, v: Tensor) -> tuple[Tensor, Tensor]:
-        """f(v) and its slope, both (n,), in units of Aω²: odd in v."""
+        """Return f(v) and its slope, both (n,), in units of Aω²: odd in v."""
         both = torch.cat([v, -v])
         inputs = torch.stack([both, torch.ones_like(both)], dim=1)[:, :, None]
         value, slope = jets(x[: self.count], inputs, self.sizes).unbind(1)
         n = v.numel()
         return self.force_unit * (value[:n] - value[n:]) / 2, self.force_unit * (slope[:n] + slope[n:]) / 2
 
-    def _by_weights(self, x: Tensor, v: Tensor) -> Tensor:
-        """Derivatives of f(v) by the weights, (n, k)."""
-        by = slopes(x[: self.count], torch.cat([v, -v])[:, None, None], self.sizes)[:, 0]
-        return self.force_unit * (by[: v.numel()] - by[v.numel() :]) / 2
+    def _acceleration(self, x: Tensor, state: Tensor) -> Tensor:
+        """Return the acceleration and its tangents, (n, 1 + c), from angle and velocity and theirs, (n, 2, 1 + c).
 
-    def _acceleration(
-        self, x: Tensor, angle: Tensor, v: Tensor, tangents: Tensor | None
-    ) -> tuple[Tensor, Tensor]:
-        """The acceleration (n,), and its tangents (n, c) from those of the state (n, 2, c) where they are given.
-
-        Tangents are by the segment's start (2), the weights and the free restoring parameters.
+        Tangents are derivatives by the segment's start (2), the weights and the free restoring parameters; c may be 0.
         """
+        angle, v, tangents = state[:, 0, 0], state[:, 1, 0], state[:, :, 1:]
         values = x[self.count : self.physical].numpy() * self.free_units
-        force, slope, by = self.forces.restoring((self.rest + self.a * angle).numpy(), values)
+        force, slope, by = self.restoring_force((self.rest + self.a * angle).numpy(), values)
         learnt, steep = self._force(x, v)
         unit = self.a * self.w**2
-        acceleration = -torch.from_numpy(force / unit) - learnt
-        if tangents is None:
-            return acceleration, acceleration
-        moved = (
-            -torch.from_numpy(slope / self.w**2)[:, None] * tangents[:, 0] - steep[:, None] * tangents[:, 1]
-        )
-        moved[:, 2 : 2 + self.count] -= self._by_weights(x, v)
+        acceleration = (-torch.from_numpy(force / unit) - learnt)[:, None]
+        if tangents.shape[2] == 0:
+            return acceleration
+        stiff = torch.from_numpy(slope / self.w**2)
+        moved = -stiff[:, None] * tangents[:, 0] - steep[:, None] * tangents[:, 1]
+        by_weights = slopes(x[: self.count], torch.cat([v, -v])[:, None, None], self.sizes)[:, 0]
+        n = v.numel()
+        moved[:, 2 : 2 + self.count] -= self.force_unit * (by_weights[:n] - by_weights[n:]) / 2
         moved[:, 2 + self.count :] -= torch.from_numpy(by * self.free_units / unit)
-        return acceleration, moved
+        return torch.cat([acceleration, moved], dim=1)
 
-    def _solve(self, x: Tensor, with_tangents: bool) -> tuple[Tensor, Tensor | None]:
-        """Angle, velocity, acceleration at the nodes (segments, nodes, 3), and their tangents (…, 3, c)."""
-        states = x[self.physical :].reshape(self.segments, 2)
+    def _solve(self, x: Tensor, with_tangents: bool = False) -> tuple[Tensor, Tensor]:
+        """Return angle, velocity, acceleration at the nodes (segments, nodes, 3), and their tangents (…, 3, c)."""
         columns = 2 + self.physical if with_tangents else 0
         first = torch.zeros(self.segments, 2, 1 + columns, dtype=REAL)
-        first[:, :, 0] = states
+        first[:, :, 0] = x[self.physical :].reshape(self.segments, 2)
         if with_tangents:
             first[:, 0, 1] = first[:, 1, 2] = 1.0
 
         def rate(_: Tensor, state: Tensor) -> Tensor:
-            acceleration, moved = self._acceleration(
-                x, state[:, 0, 0], state[:, 1, 0], state[:, :, 1:] if with_tangents else None
-            )
-            below = acceleration[:, None]
-            return torch.stack(
-                [state[:, 1], torch.cat([below, moved], dim=1) if with_tangents else below], dim=1
-            )
+            return torch.stack([state[:, 1], self._acceleration(x, state)], dim=1)
 
-        solved = odeint(rate, first, self.nodes, method="rk4").transpose(0, 1)  # type: ignore[union-attr]
-        flat = solved.reshape(-1, 2, 1 + columns)
-        bent = rate(self.nodes[0], flat)[:, 1].reshape(*solved.shape[:2], 1, 1 + columns)
-        every = torch.cat([solved, bent], dim=2)
-        return every[..., 0], every[..., 1:] if with_tangents else None
+        path = odeint(rate, first, self.nodes, method="rk4").transpose(0, 1)  # type: ignore[union-attr]
+        flat = path.reshape(-1, 2, 1 + columns)
+        bent = rate(self.nodes[0], flat)[:, 1].reshape(*path.shape[:2], 1, 1 + columns)
+        every = torch.cat([path, bent], dim=2)
+        return every[..., 0], every[..., 1:]
 
     def _sampled(self, nodes: Tensor) -> Tensor:
-        """What is linear in the nodes' (angle, velocity, acceleration), at the samples."""
+        """Interpolate the nodes' (angle, velocity, acceleration), or their tangents, at the samples."""
         pair = torch.stack([nodes[self.segment, self.step], nodes[self.segment, self.step + 1]], dim=1)
-        weights = self.dense
-        return torch.einsum("nij,nij...->n...", weights, pair)
+        return torch.einsum("nij,nij...->n...", self.dense, pair)
 
-    def _joined(self, x: Tensor, nodes: Tensor) -> Tensor:
+    def _join(self, x: Tensor, nodes: Tensor) -> Tensor:
         states = x[self.physical :].reshape(self.segments, 2)
         data = self._sampled(nodes) - self.y
         gaps = (nodes[:-1, -1, :2] - states[1:]).reshape(-1)
@@ -172,14 +153,13 @@ class Shooting(Scaled):
         return torch.cat([self.weight[0] * data, self.weight[1] * gaps, self.weight[1] * begin])
 
     def residuals(self, x: Tensor) -> Tensor:
-        """Weighted misfit of the samples, gaps between segments, misfit of a known start, (n,)."""
-        return self._joined(x, self._solve(x, with_tangents=False)[0])
+        """Return the weighted misfit of the samples, gaps between segments, misfit of a known start, (n,)."""
+        return self._join(x, self._solve(x)[0])
 
-    def linearised(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """`residuals` (n,), and their Jacobian by the unknowns."""
+    def linearise(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Return `residuals` (n,), and their Jacobian by the unknowns."""
         nodes, tangents = self._solve(x, with_tangents=True)
-        assert tangents is not None
-        r = self._joined(x, nodes)
+        r = self._join(x, nodes)
         jacobian = torch.zeros(r.numel(), x.numel(), dtype=REAL)
         n, gaps = self.y.numel(), 2 * (self.segments - 1)
         local = self.weight[0] * self._sampled(tangents)
@@ -197,31 +177,27 @@ class Shooting(Scaled):
         return r, jacobian
 
     def force(self, x: Tensor, velocity: np.ndarray) -> np.ndarray:
-        """The learnt force, rad/s², at velocities in rad/s, (n,)."""
+        """Return the learnt force, rad/s², at velocities in rad/s, (n,)."""
         learnt, _ = self._force(x, torch.from_numpy(velocity / (self.a * self.w)))
         return (learnt * self.a * self.w**2).numpy()
 
-    def projected(self, x: Tensor) -> np.ndarray:
-        """Coefficients in units of the law that takes the power of the learnt force in each segment, least squares."""
-        velocity = (self._solve(x, with_tangents=False)[0][..., 1] * self.a * self.w).numpy()
+    def project(self, x: Tensor) -> np.ndarray:
+        """Project the learnt force on the damping terms; coefficients (terms,) in units.
+
+        The law takes the same power as the learnt force in each segment, by least squares.
+        """
+        velocity = (self._solve(x)[0][..., 1] * self.a * self.w).numpy()
         flat = velocity.reshape(-1)
-        shapes = self.forces.shapes(flat)[0] * self.units
+        shapes = self.damping_shapes(flat)[0] * self.units
         if not np.all(np.isfinite(flat)):
             return np.full(self.units.size, np.nan)
         power = (flat * self.force(x, flat)).reshape(velocity.shape).mean(axis=1)
         of_law = (flat[:, None] * shapes).reshape(*velocity.shape, -1).mean(axis=1)
         return np.linalg.lstsq(of_law, power, rcond=None)[0]
 
-    def found(self, x: Tensor) -> dict[str, float]:
-        """Free restoring parameters, and the trajectory's own theta0 and omega0."""
+    def free_values(self, x: Tensor) -> dict[str, float]:
+        """Return the free restoring parameters, and the trajectory's own theta0 and omega0."""
         values = x[self.count : self.physical].numpy() * self.free_units
         angle, velocity = x[self.physical : self.physical + 2].tolist()
         start = {"theta0": self.rest + self.a * angle, "omega0": self.a * self.w * velocity}
         return {**dict(zip(self.restoring, map(float, values))), **start}
-
-
-def _hermite(share: np.ndarray, step: float, derivative: int) -> np.ndarray:
-    """Weights of value, slope and curvature at either end of a step in a derivative at shares of it (n,), (n, 6)."""
-    ends = [Polynomial(c).deriv(derivative) if derivative else Polynomial(c) for c in QUINTIC]
-    scale = step ** (np.array([0, 1, 2, 0, 1, 2]) - float(derivative))
-    return np.stack([end(share) for end in ends], axis=1) * scale

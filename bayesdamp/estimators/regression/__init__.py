@@ -1,1 +1,1 @@
-"""Numerics that the methods which regress on candidate terms share."""
+"""Numerics that the methods share that regress on candidate terms."""

@@ -1,26 +1,34 @@
-"""The candidate terms of the paper's sections 3.4 and 3.12, and how a model's parameters are read off them."""
+"""The candidate terms of the paper's sections 3.4 and 3.12, what models of them predict, and their parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
-from bayesdamp.estimators.shared import known_restoring, oscillator, solved
+from bayesdamp.estimators.shared import epsilon_of, further_values, known_restoring, oscillator, solve
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Problem
 
 WRITTEN = {"viscous": "2θ̇", "coulomb": "tanh(θ̇/ε)", "quadratic": "θ̇|θ̇|"}
-"""How a damping term's shape is written; another term by its name."""
+"""How a damping term's shape is written; another term is written by its name."""
+STEPS = 100
+"""Steps of Runge and Kutta's method in a period."""
+TABLE = 4001
+"""Entries of the tables of forces, over twice the record's range of θ and θ̇."""
+NUDGE = 1e-3
+"""A coefficient is moved by this share of the force when derivatives are taken, a state by a tenth of that."""
 
 
 @dataclass(frozen=True)
 class Candidate:
     """One function of displacement and velocity, both (n,), in a library.
 
-    damping: name of the damping term whose shape it is. restoring: whether it
-    depends on θ alone. jumps: whether it jumps where the velocity changes sign.
+    damping: name of the damping term whose shape it is. restoring: whether it depends on θ alone. jumps: whether it
+    jumps where the velocity changes sign.
     """
 
     name: str
@@ -31,67 +39,168 @@ class Candidate:
 
 
 def candidates(
-    problem: Problem, epsilon: float, unit: str, scales: Mapping[str, float], mixed: bool = False
+    problem: Problem, features: Features, unit: str, *, sharp: bool = False, mixed: bool = False
 ) -> list[Candidate]:
-    """The library: damping shapes (the paper's and the problem's own), then functions of θ.
+    """Return the library: damping shapes (the paper's and the problem's own), then functions of θ.
 
-    epsilon: width of friction's switch in rad/s, 0 for the sign. A record in metres has no cos θ and sin θ.
-    scales: what terms take that is no parameter. mixed: also θ̇² and θθ̇, which multiply noise with noise.
+    Parameters
+    ----------
+    problem
+        The damping terms, and what is known of the system.
+    features
+        Features of the record.
+    unit
+        Unit of the displacement; a record in metres has no cos θ and sin θ.
+    sharp
+        Whether friction is written as sign(θ̇), without the width of its switch.
+    mixed
+        Whether θ̇² and θθ̇, which multiply noise with noise, are included.
     """
-    found = []
+    epsilon = 0.0 if sharp else epsilon_of(problem, features)
+    arguments = further_values(problem, features)
+    library = []
     for name in dict.fromkeys((*PAPER_TERMS, *problem.damping)):
         term = TERMS.get(name)
         written = "sign(θ̇)" if name == "coulomb" and epsilon == 0.0 else WRITTEN.get(name, name)
-        further = [scales[n] for n in term.further]
+        further = [arguments[n] for n in term.further]
         shape = lambda x, v, term=term, q=further: np.asarray(term.force(x, v, epsilon, *q))  # noqa: E731
-        found.append(Candidate(written, shape, damping=name, jumps=term.switches and epsilon == 0.0))
-    only: list[tuple[str, Callable[[np.ndarray], np.ndarray]]] = [
-        ("1", np.ones_like),
-        ("θ", lambda x: x),
-        ("cos θ", np.cos),
-        ("sin θ", np.sin),
-        ("θ²", lambda x: x**2),
-        ("θ³", lambda x: x**3),
-    ]
-    for name, f in only:
+        library.append(Candidate(written, shape, damping=name, jumps=term.switches and epsilon == 0.0))
+    of_angle: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+        "1": np.ones_like,
+        "θ": lambda x: x,
+        "cos θ": np.cos,
+        "sin θ": np.sin,
+        "θ²": lambda x: x**2,
+        "θ³": lambda x: x**3,
+    }
+    for name, f in of_angle.items():
         if unit == "rad" or name not in ("cos θ", "sin θ"):
-            found.append(Candidate(name, lambda x, v, f=f: f(x), restoring=True))
+            library.append(Candidate(name, lambda x, v, f=f: f(x), restoring=True))
     if mixed:
-        found.append(Candidate("θ̇²", lambda x, v: v**2))
-        found.append(Candidate("θθ̇", lambda x, v: x * v))
-    return found
+        library.append(Candidate("θ̇²", lambda x, v: v**2))
+        library.append(Candidate("θθ̇", lambda x, v: x * v))
+    return library
 
 
 def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> dict[str, float]:
-    """The free restoring parameters whose law is nearest to a found force beyond what is known of it.
+    """Return the free restoring parameters whose law is nearest to an estimated force.
 
-    theta, force: displacements and the found force there less the known part, each (n,).
+    theta, force: displacements and the estimated force there less its known part, each (n,).
     """
     form = oscillator(problem).law.linear_form(theta, known_restoring(problem))
     if form.columns.shape[1] == 0:
         return {}
-    return form.decode(solved(form.columns, force, 1e-12))
+    return form.decode(solve(form.columns, force, 1e-12))
 
 
 def damping_values(
     problem: Problem, library: list[Candidate], x: np.ndarray, stderr: np.ndarray
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return the problem's damping coefficients and their standard errors by name, from those of the library, (p,)."""
-    index = {one.damping: i for i, one in enumerate(library) if one.damping}
+    index = {candidate.damping: i for i, candidate in enumerate(library) if candidate.damping}
     terms = oscillator(problem).terms
     values, errors = ({t.parameter: float(each[index[t.name]]) for t in terms} for each in (x, stderr))
     return values, errors
 
 
-def judged(library: list[Candidate], selected: np.ndarray, model: np.ndarray) -> str:
-    """ok where a sparse regression selects the model's damping terms and nothing that the model does not have, or
-    a sentence. selected: (p,) of bool; model: what it may select, (p,) of bool."""
-    names = [one.name for one in library]
-    kept = ", ".join(n for n, s in zip(names, selected) if s) or "nothing"
-    missing = [n for n, one, m, s in zip(names, library, model, selected) if one.damping and m and not s]
-    strange = [n for n, m, s in zip(names, model, selected) if s and not m]
-    said = [f"leaves out the model's {' and '.join(missing)}"] if missing else []
-    said += [f"the model has no {' or '.join(strange)}"] if strange else []
-    return (
-        f"the sparse regression selects {kept}: it {'; '.join(said)}".replace("it the", "the") if said else OK
+def judge(library: list[Candidate], selected: np.ndarray, model: np.ndarray) -> str:
+    """Return ok if a sparse regression selects the model's damping terms and nothing else, or a sentence.
+
+    selected: the terms (p,) that it selects, of bool; model: those that it may select, (p,) of bool.
+    """
+    names = [candidate.name for candidate in library]
+    of_damping = np.array([candidate.damping is not None for candidate in library])
+    missing = [names[i] for i in np.flatnonzero(of_damping & model & ~selected)]
+    strange = [names[i] for i in np.flatnonzero(selected & ~model)]
+    faults = [f"it leaves out the model's {' and '.join(missing)}"] if missing else []
+    faults += [f"the model has no {' or '.join(strange)}"] if strange else []
+    terms = ", ".join(names[i] for i in np.flatnonzero(selected)) or "nothing"
+    return f"the sparse regression selects {terms}: {'; '.join(faults)}" if faults else OK
+
+
+@dataclass(frozen=True)
+class RecordToPredict:
+    """What models have to predict: y (n,) at times t (n,), the order-th derivative of the displacement.
+
+    theta, omega (n,): the smoothed state; known: the force that is known, of angles (m,); period in s.
+    """
+
+    t: np.ndarray
+    y: np.ndarray
+    order: int
+    theta: np.ndarray
+    omega: np.ndarray
+    known: Callable[[np.ndarray], np.ndarray]
+    period: float
+
+
+def residual_squares(
+    record: RecordToPredict, library: list[Candidate], x: np.ndarray, unit: np.ndarray, floor: float
+) -> np.ndarray:
+    """Return the sum of squares (m,) that each of the models x (m, p) leaves of the record, at its best nearby.
+
+    The start of each, and those of its coefficients that are not zero, move by one step of Gauss and Newton: an
+    error of the regression is not an error of the model. unit (p,): coefficients that make a noticeable force.
+    floor: a residual of a smaller root mean square counts as this one.
+    """
+    size = np.array([np.ptp(record.theta) / 2, np.abs(record.omega).max()])
+    start = np.array([record.theta[0], record.omega[0]])
+    points = np.column_stack([np.tile(start, (len(x), 1)), x])
+    steps = np.diag(np.r_[0.1 * NUDGE * size, NUDGE * unit])
+    moves = [steps[np.r_[True, True, coefficients != 0]] for coefficients in x]
+    moved = np.vstack([points, *(point + move for point, move in zip(points, moves))])
+    curves = predict(record, library, moved[:, 2:], moved[:, :2])
+    ends = np.cumsum([len(x), *map(len, moves)])[:-1]
+    squares = []
+    for curve, others in zip(curves.T, np.split(curves, ends, axis=1)[1:]):
+        by = others - curve[:, None]
+        scale = np.maximum(np.linalg.norm(by, axis=0), 1e-300)
+        left = record.y - curve
+        left = left - by / scale @ np.linalg.lstsq(by / scale, left, rcond=1e-10)[0]
+        squares.append(float(left @ left))
+    return np.maximum(squares, record.t.size * floor**2)
+
+
+def predict(
+    record: RecordToPredict, library: list[Candidate], x: np.ndarray, start: np.ndarray
+) -> np.ndarray:
+    """Return the recorded quantity (n, m) as models x (m, p) predict it from states start (m, 2)."""
+    t, theta, omega = record.t, record.theta, record.omega
+    middle, half = (theta.max() + theta.min()) / 2, np.ptp(theta)
+    angles = middle + half * np.linspace(-1, 1, TABLE)
+    fastest = 2 * float(np.abs(omega).max())
+    speeds, rest = fastest * np.linspace(-1, 1, TABLE), np.zeros(TABLE)
+    damping = np.array([candidate.damping is not None for candidate in library])
+    values = np.column_stack(
+        [c.function(rest, speeds) if c.damping else c.function(angles, rest) for c in library]
     )
+    restoring = record.known(angles)[:, None] + values[:, ~damping] @ x[:, ~damping].T
+    resisting = values[:, damping] @ x[:, damping].T
+    every = np.arange(x.shape[0])
+
+    def read(table: np.ndarray, share: np.ndarray) -> np.ndarray:
+        place = np.clip((share + 1) * ((TABLE - 1) / 2), 0, TABLE - 1.001)
+        i = place.astype(int)
+        part = place - i
+        return table[i, every] * (1 - part) + table[i + 1, every] * part
+
+    def slope(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return -read(restoring, (q - middle) / half) - read(resisting, v / fastest)
+
+    count = max(int(np.ceil((t[-1] - t[0]) / record.period * STEPS)), 8)
+    h = (t[-1] - t[0]) / count
+    q, v = start[:, 0].copy(), start[:, 1].copy()
+    path = np.empty((3, count + 1, x.shape[0]))
+    for i in range(count + 1):
+        a1 = slope(q, v)
+        path[:, i] = q, v, a1
+        v2 = v + h / 2 * a1
+        a2 = slope(q + h / 2 * v, v2)
+        v3 = v + h / 2 * a2
+        a3 = slope(q + h / 2 * v2, v3)
+        v4 = v + h * a3
+        a4 = slope(q + h * v3, v4)
+        q, v = q + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    nodes = np.linspace(t[0], t[-1], count + 1)
+    rate = path[record.order + 1] if record.order < 2 else np.gradient(path[2], h, axis=0, edge_order=2)
+    return np.asarray(CubicHermiteSpline(nodes, path[record.order], rate)(t))

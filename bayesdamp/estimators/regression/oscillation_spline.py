@@ -1,4 +1,4 @@
-"""A smoothing spline for oscillations: rough is only what changes amplitude and phase faster than linearly."""
+"""A smoothing spline for oscillations: it penalises amplitudes and phases that change faster than linearly."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bayesdamp.types import Refusal
 
 DEGREE = 7
 KNOTS_PER_PERIOD = 16.0
-"""Many more than the record tells: the penalty smooths, not the knots."""
+"""Many more than the record determines: the penalty smooths, not the knots."""
 DECADES = np.arange(-8.0, 6.0)
 """Logarithms to base ten of the penalties that are tried first."""
 PROBES = 32
@@ -24,17 +24,17 @@ OUTLIER = 6.0
 
 
 class OscillationSpline:
-    """min Σ(y − x)² + λ ∫(Lx)², L = D(D² + ω²)², λ by generalised cross-validation.
+    """The spline with min Σ(y − x)² + λ ∫(Lx)², L = D(D² + ω²)², λ by generalised cross-validation.
 
     L is zero for a constant and for oscillations at ω whose amplitude and phase are linear in time (splines for
     a differential operator: Heckman and Ramsay, Canadian Journal of Statistics 28, 2000, 241). Derivatives are
-    the spline's. On runs of samples between gaps, their clocks uniform or not, one λ serves all.
+    the spline's. The record may have gaps and an uneven clock; one λ serves all its pieces.
 
-    t (n,): times of all runs; coefficients: of all runs' B-splines; log_penalty; freedom: trace of the smoother.
+    pieces: times of each piece between gaps in s, n in all; y (n,): the recorded quantity; period in s.
+    coefficients: of all pieces' B-splines; log_penalty: log₁₀ λ; freedom: trace of the smoother.
     """
 
     def __init__(self, pieces: Sequence[np.ndarray], y: np.ndarray, period: float) -> None:
-        """pieces: times of each run in s, n in all; y (n,): what was recorded; period in s."""
         self.knots = [_knots(t, period) for t in pieces]
         self._designs = [
             sparse.csr_matrix(sparse.block_diag([_design(k, t, d) for k, t in zip(self.knots, pieces)]))
@@ -56,24 +56,24 @@ class OscillationSpline:
             self._choose(y)
 
     def __call__(self, order: int) -> np.ndarray:
-        """The order-th derivative of the smoothed record at all samples, (n,); order 0 to 2."""
+        """Return the order-th derivative of the smoothed record at all samples, (n,); order 0 to 2."""
         return self._designs[order] @ self.coefficients
 
     def curve(self, i: int = 0) -> BSpline:
-        """The spline of run i."""
+        """Return the spline of piece i."""
         start = sum(k.size - DEGREE - 1 for k in self.knots[:i])
         knots = self.knots[i]
         return BSpline(knots, self.coefficients[start : start + knots.size - DEGREE - 1], DEGREE)
 
     def smoothed(self, x: np.ndarray) -> np.ndarray:
-        """What the smoothing makes of other values at the same samples, (n,) to (n,)."""
-        return self._designs[0] @ self._solved(self._designs[0].T @ (self._weight * x))
+        """Smooth other values at the same samples, (n,) to (n,)."""
+        return self._designs[0] @ self._solve(self._designs[0].T @ (self._weight * x))
 
     def adjoint(self, weights: np.ndarray, order: int) -> np.ndarray:
-        """g (n,) with g·y = weights·(order-th derivative of the smoothed y), weights (n,)."""
-        return self._weight * (self._designs[0] @ self._solved(self._designs[order].T @ weights))
+        """Return g (n,) with g·y = weights·(order-th derivative of the smoothed y), weights (n,)."""
+        return self._weight * (self._designs[0] @ self._solve(self._designs[order].T @ weights))
 
-    def _solved(self, right: np.ndarray) -> np.ndarray:
+    def _solve(self, right: np.ndarray) -> np.ndarray:
         return cho_solve_banded((self._factor, True), right)
 
     def _choose(self, y: np.ndarray) -> None:
@@ -86,8 +86,8 @@ class OscillationSpline:
                 self._factor = cholesky_banded(gram + 10.0**decade * self._penalty, lower=True)
             except LinAlgError:
                 return np.inf
-            self.coefficients = self._solved(right)
-            self.freedom = float(np.sum(self._solved(probes) * probes)) / PROBES
+            self.coefficients = self._solve(right)
+            self.freedom = float(np.sum(self._solve(probes) * probes)) / PROBES
             left = self._weight * (y - b @ self.coefficients)
             return float(left @ left) / max(1.0 - self.freedom / count, 1e-3) ** 2
 
@@ -98,13 +98,13 @@ class OscillationSpline:
         best = minimize_scalar(
             score, bounds=(near - 1, near + 1), method="bounded", options={"xatol": 0.02, "maxiter": 20}
         )
-        at = float(best.x)  # pyright: ignore[reportAttributeAccessIssue]
-        self.log_penalty = at if score(at) <= min(scores) else near
+        decade = float(best.x)  # pyright: ignore[reportAttributeAccessIssue]
+        self.log_penalty = decade if score(decade) <= min(scores) else near
         score(self.log_penalty)
 
 
 def _knots(t: np.ndarray, period: float) -> np.ndarray:
-    """Uniform knots over a run, no more than one for two samples."""
+    """Return uniform knots over a piece, no more than one for two samples."""
     duration = float(t[-1] - t[0])
     spacing = max(period / KNOTS_PER_PERIOD, 2.2 * duration / (t.size - 1))
     inner = np.linspace(t[0], t[-1], max(2, round(duration / spacing)) + 1)
@@ -112,7 +112,7 @@ def _knots(t: np.ndarray, period: float) -> np.ndarray:
 
 
 def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
-    """Coefficients to the order-th derivative at x (n,), (n, coefficients)."""
+    """Return the map from coefficients to the order-th derivative at x (n,), (n, coefficients)."""
     size = knots.size - DEGREE - 1
     down = sparse.identity(size, format="csr")
     for d in range(order):
@@ -126,7 +126,7 @@ def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
 
 
 def _penalty(knots: np.ndarray, frequency: float) -> sparse.csr_matrix:
-    """∫(Lx)² as a quadratic form of the coefficients, L in units of frequency⁵."""
+    """Return ∫(Lx)² as a quadratic form of the coefficients, L in units of frequency⁵."""
     nodes, weights = np.polynomial.legendre.leggauss(DEGREE + 1)
     ends = knots[DEGREE : knots.size - DEGREE]
     half = np.diff(ends)[:, None] / 2
@@ -138,5 +138,5 @@ def _penalty(knots: np.ndarray, frequency: float) -> sparse.csr_matrix:
 
 
 def _band(matrix: sparse.csr_matrix) -> np.ndarray:
-    """The lower band of a symmetric matrix as LAPACK has it, (DEGREE + 1, size)."""
+    """Return the lower band of a symmetric matrix in the layout of LAPACK, (DEGREE + 1, size)."""
     return np.array([np.r_[matrix.diagonal(-k), np.zeros(k)] for k in range(DEGREE + 1)])

@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.estimators.regression.library import candidates
-from bayesdamp.estimators.regression.prediction import Record, left_over, predicted
+from bayesdamp.estimators.regression.library import (
+    RecordToPredict,
+    candidates,
+    predict,
+    residual_squares,
+)
+from bayesdamp.estimators.shared import checked_features
 from tests.estimators.truths import pendulum
 
 TRUTH = {"zeta": 0.04, "mu_c": 0.05}
@@ -21,10 +26,12 @@ def record():
     (angle, problem), (velocity, _), (acceleration, _) = (
         pendulum(TRUTH, samples=1500, quantity=q) for q in ("angle", "velocity", "acceleration")
     )
-    library = candidates(problem, 0.1, "rad", {})
+    library = candidates(problem, checked_features(angle), "rad")
     period = 2 * np.pi / np.sqrt(20.0)
     curves = angle.y, velocity.y, acceleration.y
-    return [Record(angle.t, y, i, angle.y, velocity.y, known, period) for i, y in enumerate(curves)], library
+    return [
+        RecordToPredict(angle.t, y, i, angle.y, velocity.y, known, period) for i, y in enumerate(curves)
+    ], library
 
 
 def model(library, zeta=0.04, mu_c=0.05):
@@ -35,7 +42,7 @@ def test_a_model_predicts_its_own_record(record):
     records, library = record
     x = np.stack([model(library), model(library, zeta=0.05)])
     for one in records:
-        curves = predicted(one, library, x, np.tile([0.3, 0.0], (2, 1)))
+        curves = predict(one, library, x, np.tile([0.3, 0.0], (2, 1)))
         size = np.abs(one.y).max()
         assert np.abs(curves[:, 0] - one.y).max() < 1e-3 * size
         # Negative control: another coefficient does not.
@@ -45,7 +52,7 @@ def test_a_model_predicts_its_own_record(record):
 def test_an_error_of_the_regression_is_not_one_of_the_model(record):
     (angle, *_), library = record
     unit = np.array([0.5 * abs(c) if c else 1.0 for c in model(library)])
-    right, near, wrong = left_over(
+    right, near, wrong = residual_squares(
         angle, library, np.stack([model(library), model(library, 0.042, 0.048), model(library, 0.09, 0.0)]),
         unit, 0.0,
     ) / angle.t.size  # fmt: skip

@@ -1,1 +1,0 @@
-"""Numerics that the methods which search by evolution share."""

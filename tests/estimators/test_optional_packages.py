@@ -1,0 +1,84 @@
+"""Packages that only some estimators need: without them these estimators refuse, and all else works."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.estimators import ESTIMATORS, names_for_all, parse_options, run
+from bayesdamp.estimators._protocol import optional_package
+from bayesdamp.types import Refusal
+from tests.estimators.truths import pendulum
+
+NEEDS = {
+    "pinn": ["torch"],
+    "neural_ode": ["torch", "torchdiffeq"],
+    "rnn": ["torch"],
+    "sindy": ["pysindy"],
+    "symbolic_regression": ["pyoperon"],
+    "topological": ["gudhi"],
+}
+PACKAGES = sorted({package for packages in NEEDS.values() for package in packages})
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def missing(package):
+    return f'this estimator needs {package}; install it with: pip install "bayesdamp[paper]"'
+
+
+@pytest.mark.parametrize(("name", "package"), [(n, p) for n, packages in NEEDS.items() for p in packages])
+def test_a_missing_package_is_a_refusal_that_says_what_to_type(name, package, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    signal, problem = pendulum({"zeta": 0.05}, samples=500)
+    line = missing(package)
+    estimator = ESTIMATORS.get(name)
+    with pytest.raises(Refusal) as raised:
+        estimator.initial(signal, problem, parse_options(name, None), None)
+    assert str(raised.value) == line
+    initial, refined = run(name, signal, problem, seed=1)
+    assert initial.outcome == line
+    assert refined.outcome == f"no initial estimate to refine: {line}"
+
+
+def test_a_fault_inside_a_package_is_not_a_missing_package(tmp_path, monkeypatch):
+    """Negative control: a package that is installed, but lacks one of its own, is a fault to be seen."""
+    (tmp_path / "half_installed.py").write_text("import a_package_that_nobody_has\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ModuleNotFoundError, match="a_package_that_nobody_has"):
+        optional_package("half_installed")
+
+
+PROGRAM = """
+import sys
+
+class Missing:
+    def find_spec(name, path=None, target=None):
+        if name.partition(".")[0] in PACKAGES:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Missing)
+from bayesdamp.estimators import ESTIMATORS, names_for_all, parse_options, run
+from bayesdamp.estimators._protocol import table
+from tests.estimators.truths import pendulum
+
+table([ESTIMATORS.get(name) for name in names_for_all()], ["viscous", "power"])
+signal, problem = pendulum({"zeta": 0.05}, samples=500)
+for name in names_for_all():
+    options = {"generations": 2} if name == "genetic" else None
+    parse_options(name, options)
+    print(name, run(name, signal, problem, options=options, stages=["initial"], seed=1)[0].outcome)
+"""
+
+
+def test_without_the_packages_all_else_works():
+    """Names, options and the table of terms need none of the packages, and the other estimators run."""
+    program = f"PACKAGES = {PACKAGES}\n{PROGRAM}"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    outcomes = dict(line.split(" ", 1) for line in done.stdout.splitlines())
+    assert set(outcomes) == set(names_for_all())
+    for name, outcome in outcomes.items():
+        assert outcome == (missing(NEEDS[name][0]) if name in NEEDS else "ok")
