@@ -126,10 +126,10 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
     ("changes", "said"),
     [
         ({"posteriors": chain(outcome="not converged: R̂ of ζ is 1.03.")}, "NUTS: not converged: R̂ of ζ is 1.03."),
-        ({"posteriors": chain(at=0.052)}, "NUTS contradicts the answer: its ζ is 2.0 of the answer's standard"),
+        ({"posteriors": chain(at=0.052)}, "NUTS contradicts the answer: its ζ differs by 2.0 of the answer's standard"),
         (
             {"evidence": evidence(coulomb=0.7, viscous=0.3)},
-            "Importance sampling puts Coulomb first, with probability 0.70, which contradicts the answer.",
+            "Importance sampling ranks Coulomb first, with probability 0.70, which contradicts the answer.",
         ),
         (
             {
@@ -157,7 +157,7 @@ def test_a_check_that_contradicts_the_answer_says_so(changes: dict, said: str) -
     assert any(said in one for one in failed)
 
 
-def test_what_takes_laws_to_hold_exactly_contradicts_no_answer_with_deviations() -> None:
+def test_a_check_that_assumes_exact_laws_does_not_contradict_an_answer_with_deviations() -> None:
     """Control: with the same assumptions the same tables contradict it."""
     tables = {
         "posteriors": chain(at=0.052),
@@ -167,8 +167,8 @@ def test_what_takes_laws_to_hold_exactly_contradicts_no_answer_with_deviations()
     about = verdict(deviation=Interval(0.02, 0.0, 0.04))
     passed, failed = checked(run_of(about, **tables))
     assert failed == []
-    assert "If the laws held exactly: Importance sampling puts Coulomb first" in " ".join(passed)
-    assert "take the laws to hold exactly" in passed[-1]
+    assert "If the laws held exactly: Importance sampling ranks Coulomb first" in " ".join(passed)
+    assert "assume that the laws hold exactly" in passed[-1]
     assert len(checked(run_of(verdict(), **tables))[1]) == 3
     assert len(checked(run_of(about, under_law=True, **tables))[1]) == 2  # exact fits are not compared there
 
@@ -203,7 +203,7 @@ def test_no_law_is_compared_where_none_is_the_answer() -> None:
     run = run_of(verdict(law_free=True), **tables)
     passed, failed = checked(run)
     assert failed == []
-    assert [one.startswith("No law of damping describes this record") for one in passed] == [True]
+    assert [one.startswith("No damping law describes this record") for one in passed] == [True]
     assert Checks(run, "a").table() is None
 
 

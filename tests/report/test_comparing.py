@@ -9,7 +9,13 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.report import render
-from bayesdamp.report.results.comparing import CATEGORIES, category, compared, true_models, value
+from bayesdamp.report.results.estimators import (
+    CATEGORIES,
+    category_of,
+    compare_estimators,
+    printed_error,
+    true_models,
+)
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import series
 from bayesdamp.store import TABLES, write_json, write_table
@@ -62,7 +68,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_errors_are_those_under_the_model_of_the_truth(folder):
-    found = compared(Run(folder))
+    found = compare_estimators(Run(folder))
     assert found.signals == ["viscous-base", "coulomb-base"]
     assert found.methods == ["topological", "least_squares", "genetic"]
     assert found.errors["genetic", "viscous-base", "initial"] == pytest.approx(4.0)
@@ -78,13 +84,13 @@ def test_errors_are_those_under_the_model_of_the_truth(folder):
     ("printed", "number"), [("~0", 0.0), ("77.6", 77.6), ("0.0004", 0.0004), ("", math.nan)]
 )
 def test_printed_errors(printed, number):
-    assert value(printed) == pytest.approx(number, nan_ok=True)
+    assert printed_error(printed) == pytest.approx(number, nan_ok=True)
 
 
 def test_categories_are_the_papers():
     assert [len(v) for v in CATEGORIES.values()] == [3, 6, 2]
-    assert category("koopman") == "classical"
-    assert category("mine") == "others"
+    assert category_of("koopman") == "classical"
+    assert category_of("mine") == "others"
 
 
 def test_series_follow_one_factor(folder):
@@ -104,7 +110,7 @@ def test_series_follow_one_factor(folder):
 
 def test_both_sections_are_in_the_report(folder):
     page = render(folder).read_text(encoding="utf-8")
-    assert "The estimators compared" in page
+    assert "Comparison of the estimators" in page
     assert "Errors against noise" in page
     assert {"estimates-viscous-base-viscous.svg", "sweep-viscous-noise.svg"} <= {
         p.name for p in (folder / "figures").iterdir()

@@ -22,7 +22,7 @@ def test_an_empty_run_says_so(tmp_path):
     claim(tmp_path)
     write_json(tmp_path / "run.json", {})
     words = Page(render(tmp_path).read_text()).words
-    assert "holds no signal yet" in words
+    assert "does not contain a signal yet" in words
 
 
 def without(folder: Path, *kinds: str) -> None:
@@ -36,7 +36,7 @@ def without(folder: Path, *kinds: str) -> None:
     [
         (["estimates.csv"], ["estimate"], "No estimator ran in this study."),
         (["posteriors.csv"], ["posterior"], "No posterior was sampled in this study."),
-        (["evidence.csv"], ["evidence"], "Which damping it is was not decided: no evidence was computed."),
+        (["evidence.csv"], ["evidence"], "The damping was not identified: no evidence was computed."),
         (["fits.csv"], ["mode"], "No model was fitted in this study."),
         ([], ["signal"], "The record is not in this folder."),
         ([], ["mode"], "No fit of viscous + Coulomb is stored."),
@@ -93,7 +93,7 @@ def test_a_refusal_is_shown(maker):
     maker.store.write(CellResult("mode/sim/0/viscous", "k", {}, {}, "not applicable: a record without noise"))
     words = Page(render(folder).read_text()).words
     assert "No fit of viscous: not applicable: a record without noise" in words
-    assert "1 task ended with a sentence instead of a result" in words
+    assert "1 task ended without a result" in words
 
 
 def test_poor_evidence_is_not_to_be_believed(maker):
@@ -120,7 +120,7 @@ def test_methods_that_disagree_are_named(maker):
     assert found.method == "bridge"
     assert next(iter(found.shares["importance"])) == "viscous+coulomb"
     said = [check.text for check in Checks(run, "sim").all() if check.fails]
-    assert any(one.startswith("Importance sampling puts viscous + Coulomb first") for one in said)
+    assert any(one.startswith("Importance sampling ranks viscous + Coulomb first") for one in said)
 
 
 def test_a_folder_that_is_no_run(tmp_path):

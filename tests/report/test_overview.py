@@ -13,9 +13,8 @@ from rich.console import Console
 
 from bayesdamp.report import render
 from bayesdamp.report.figures.curves import overview
-from bayesdamp.report.results.answers import answers
-from bayesdamp.report.results.estimates import estimates_of
-from bayesdamp.report.results.overview import common_amplitude, ratio_of, short_names
+from bayesdamp.report.results.answers import answers, common_amplitude, ratio_of, short_names
+from bayesdamp.report.results.estimators import estimates_of
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections.estimates import inside
 from bayesdamp.report.terminal import conclude
@@ -114,7 +113,7 @@ def test_a_first_record_without_a_damping_ratio_has_its_line(folder: Path) -> No
     store.write(CellResult(name, "key", {**store.read(name).meta, "verdict": none.to_dict()}, {}))
     out = io.StringIO()
     conclude(folder, Console(file=out, width=120))
-    assert re.search(r"^ *1 +no free decay", out.getvalue(), re.MULTILINE), out.getvalue()
+    assert re.search(r"^ *1 +not a free decay", out.getvalue(), re.MULTILINE), out.getvalue()
     assert "7.02 deg" in out.getvalue().replace("\n", " "), "in the unit of those that have one"
 
 

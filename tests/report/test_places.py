@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bayesdamp.report.results.places import ahead, interval, places
-from bayesdamp.report.results.sweeping import Series
+from bayesdamp.report.results.sweeping import Series, ahead, interval, places
 
 RNG = np.random.default_rng(5)
 
