@@ -58,5 +58,5 @@ def test_places_are_ranges():
         "worst": {i: 30 * some[i % 5] for i in range(50)},
     }
     each = {(m, "initial"): [own] for m, own in errors.items()}
-    found = Series("viscous", "noise", [1.0], ["s"], {}, {}, [math.nan], each)
+    found = Series("viscous", "noise", [1.0], {}, {}, [math.nan], each)
     assert places(found, "initial", 0) == {"best": (1, 1), "few": (2, 3), "many": (2, 3), "worst": (4, 4)}

@@ -16,7 +16,6 @@ from bayesdamp.store.files import read_description
 from bayesdamp.types import InputError, candidate_name
 from bayesdamp.units import Unit, unit_named
 from bayesdamp.verdict import files
-from bayesdamp.verdict.types import Verdict
 
 Row = dict[str, Any]
 _NUMBERS = ("sd_noise", "sd_law", "deviation", "deviation_low", "deviation_high", "unexplained_pct")
@@ -64,10 +63,10 @@ class Run:
             raise InputError(f"{path}: not a file that a run wrote; run the study again") from None
 
     @classmethod
-    def of_cells(cls, info: Row, cells: Sequence[CellResult], verdicts: Sequence[Verdict] = ()) -> Self:
+    def of_cells(cls, info: Row, cells: Sequence[CellResult]) -> Self:
         """Return a run of results in memory, without a folder."""
         run = cls.__new__(cls)
-        run.info, run.drawings, run.verdicts = info, Drawings(None), list(verdicts)
+        run.info, run.drawings, run.verdicts = info, Drawings(None), []
         run.estimates, run.posteriors, run.evidence, run.fits = [], [], [], []
         run._read = {cell.name: cell for cell in cells}
         run._places = {name: Place.of(name) for name in run._read}

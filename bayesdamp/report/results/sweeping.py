@@ -38,8 +38,6 @@ class Series:
         The damping and the factor.
     values
         Of the factor, ascending.
-    signals
-        The signal at each value.
     errors
         (method, stage) to the root mean square error at each value, in per cent of the truth.
     answers
@@ -53,7 +51,6 @@ class Series:
     model: str
     factor: str
     values: list[float]
-    signals: list[str]
     errors: dict[tuple[str, str], list[float]]
     answers: dict[tuple[str, str], list[tuple[int, int]]]
     bounds: list[float]
@@ -127,7 +124,6 @@ def _series(run: Run, model: str, factor: str, signals: list[str], values: list[
         model,
         factor,
         values,
-        signals,
         {key: [rms(own.values()) for own in errors] for key, errors in each.items()},
         {
             key: [(len(own), tried[(*key, s)]) for own, s in zip(errors, signals)]

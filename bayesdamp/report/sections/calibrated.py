@@ -119,7 +119,12 @@ def _model(run: Run, result: Mapping[str, Any], rows: Sequence[dict[str, str]], 
     )
     figure = run.drawings.add(f"ranks-{model}", caption, lambda: _ranks(names, counts, result))
     covered = rows_of(rows, model=model, check="coverage")
-    shares = {(r["parameter"], r["method"], r["level"]): _share(r) for r in covered}
+    shares: dict[tuple[str, str, str], str] = {}
+    for row in covered:
+        star = " *" * (row["verdict"] == "wrong")
+        without = f" ({row['without']} without)" if int(row["without"] or 0) else ""
+        text = f"{100 * float(row['value']):.1f}{star}{without}" if row["value"] else fmt.NONE
+        shares[row["parameter"], row["method"], row["level"]] = text
     columns: dict[str, Callable[[str], str]] = {"parameter": lambda name: words.symbol(name).text}
     for method, level in dict.fromkeys((r["method"], r["level"]) for r in covered):
         columns[f"{words.method(method)} {100 * float(level):g} %"] = lambda name, own=(method, level): (
@@ -127,14 +132,6 @@ def _model(run: Run, result: Mapping[str, Any], rows: Sequence[dict[str, str]], 
         )
     caption = "Share of intervals that contain the true value, in per cent; * where the check failed"
     return stack(heading(words.model(model)), figure, Table.of(names, columns, caption=caption))
-
-
-def _share(row: Mapping[str, str]) -> str:
-    if not row["value"]:
-        return fmt.NONE
-    star = " *" if row["verdict"] == "wrong" else ""
-    without = f" ({row['without']} without)" if int(row["without"] or 0) else ""
-    return f"{100 * float(row['value']):.1f}{star}{without}"
 
 
 def _tests(rows: Sequence[dict[str, str]]) -> Table:

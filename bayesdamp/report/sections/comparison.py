@@ -85,12 +85,21 @@ def _errors(run: Run, comparison: EstimatorComparison) -> Table:
         lines.append(Line(cells))
     caption = "Errors in per cent of the truth: the method's own estimate, then the trajectory fit that starts there"
     caption += ", then the published error." if published else "."
-    posteriors = [_posterior(run, signal) if published else None for signal in comparison.signals]
+    posteriors: list[Row] = []
+    differences: list[tuple[str, int]] = []
+    for signal in comparison.signals if published else ():
+        model = true_models(run)[signal]
+        parameter = damping_parameters(run).get(model)
+        row = posterior_of(run, signal, model, parameter) if parameter else None
+        true = truth(run, signal, row["parameter"]) if row else math.nan
+        limits = fmt.NONE
+        if row and math.isfinite(true) and true:
+            percent = (f"{100 * (row[q] / true - 1):+.2f}" for q in ("q2.5", "q97.5"))
+            limits = " to ".join(percent).replace("-", "−")
+        posteriors += [row] if row else []
+        differences.append((limits, len(headers)))
     foot: list[tuple[str, int]] = []
-    if any(posteriors):
-        differences = [
-            (_difference(run, s, row), len(headers)) for s, row in zip(comparison.signals, posteriors)
-        ]
+    if posteriors:
         foot = [("posterior, 95 %", 2), *differences, ("", len(headers))]
         caption += (
             " Last line: the difference of the posterior's 95 % interval from the truth, in per cent, for a record "
@@ -103,7 +112,6 @@ def _errors(run: Run, comparison: EstimatorComparison) -> Table:
     values = [
         f"{words.symbol(row['parameter']).text} {row['q2.5']:.5g} to {row['q97.5']:.5g} {row['unit']} ({row['signal']})"
         for row in posteriors
-        if row
     ]
     return Table(
         ["method", "category", *headers * len(groups)],
@@ -114,19 +122,6 @@ def _errors(run: Run, comparison: EstimatorComparison) -> Table:
         foot,
         [f"95 % intervals of the posteriors: {'; '.join(values)}."] if values else [],
     )
-
-
-def _posterior(run: Run, signal: str) -> Row | None:
-    model = true_models(run)[signal]
-    parameter = damping_parameters(run).get(model)
-    return posterior_of(run, signal, model, parameter) if parameter else None
-
-
-def _difference(run: Run, signal: str, row: Row | None) -> str:
-    value = math.nan if row is None else truth(run, signal, row["parameter"])
-    if row is None or not math.isfinite(value) or not value:
-        return fmt.NONE
-    return " to ".join(f"{100 * (row[q] / value - 1):+.2f}".replace("-", "−") for q in ("q2.5", "q97.5"))
 
 
 def _times(comparison: EstimatorComparison) -> Table:

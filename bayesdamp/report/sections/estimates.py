@@ -208,8 +208,13 @@ def _further_results(run: Run, signal: str, model: str) -> list[object]:
             if stage.details:
                 by_method[cell.place.method] = stage.details
     parts: list[object] = []
-    damping = [Line([words.method(m), _terms(d)]) for m, d in by_method.items() if "selected" in d]
-    damping += [Line([words.method(m), str(d["chosen"])]) for m, d in by_method.items() if "chosen" in d]
+    damping = []
+    for method, d in by_method.items():
+        if "selected" in d:
+            pairs = zip(d["selected"], d.get("coefficients") or [math.nan] * len(d["selected"]))
+            terms = " + ".join(f"{fmt.number(c, 4)}·{name}" for name, c in pairs) or "none"
+            damping.append([words.method(method), terms])
+    damping += [[words.method(m), str(d["chosen"])] for m, d in by_method.items() if "chosen" in d]
     if damping:
         caption = (
             "The structure of the damping that each method chose: the terms of a sparse regression, or the expression "
@@ -227,15 +232,15 @@ def _further_results(run: Run, signal: str, model: str) -> list[object]:
             table = Table(["length", "relative error", "expression"], lines, (2,))
             parts.append(folded(f"The Pareto front of {words.method(method)}", table))
         parts.append(_drawn(run, signal, model, method, details))
-        rest = [Line([k.replace("_", " "), _plain(v)]) for k, v in details.items() if _is_plain(k, v)]
+        rest = [
+            [name.replace("_", " "), _plain(value)]
+            for name, value in details.items()
+            if name not in TABULATED
+            and (isinstance(value, (str, int, float)) or (isinstance(value, list) and len(value) <= 3))
+        ]
         if rest:
             parts.append(folded(f"Settings that {words.method(method)} used", Table(["", ""], rest, (0, 1))))
     return [Markup("<h4>Further results of the methods</h4>"), stack(*parts)] if parts else []
-
-
-def _terms(details: Details) -> str:
-    pairs = zip(details["selected"], details.get("coefficients") or [math.nan] * len(details["selected"]))
-    return " + ".join(f"{fmt.number(c, 4)}·{name}" for name, c in pairs) or "none"
 
 
 def _drawn(run: Run, signal: str, model: str, method: str, details: Details) -> Markup | str:
@@ -253,11 +258,6 @@ def _drawn(run: Run, signal: str, model: str, method: str, details: Details) -> 
         )
         return run.drawings.add(f"force-{name}", caption, draw)
     return ""
-
-
-def _is_plain(name: str, value: object) -> bool:
-    short = isinstance(value, list) and len(value) <= 3
-    return name not in TABULATED and (isinstance(value, (str, int, float)) or short)
 
 
 def _plain(value: object) -> str:

@@ -90,6 +90,11 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
         return []
     sampled = [r for r in rows if math.isfinite(r["mean"])]
     parts: list[Table | Markup] = []
+
+    def kind(r: Row) -> str:
+        poor = r["rhat"] > 1.01 or r["ess_bulk"] < 400 or r["ess_tail"] < 400 or bool(r["divergences"])
+        return "alert" if poor else ""
+
     if sampled:
         order = [r["parameter"] for r in sampled]
         columns = dict(COLUMNS)
@@ -111,7 +116,7 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
                 " Without R̂: independent draws from an approximation, with the ESS of importance weights."
             )
         sampled.sort(key=lambda r: order.index(r["parameter"]))
-        parts.append(Table.of(sampled, columns, (0, 1, 2), caption, _kind))
+        parts.append(Table.of(sampled, columns, (0, 1, 2), caption, kind))
     sentences = {(r["sampler"], r["outcome"]) for r in rows if r["outcome"] != OK}
     for cell in run.cells("posterior", signal, repeat, model):
         without = PosteriorContent.of(cell).without
@@ -122,12 +127,6 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
     for sampler, sentence in sorted(sentences):
         parts.append(Markup('<p class="quiet">{}: {}</p>').format(words.method(sampler), sentence))
     return parts
-
-
-def _kind(r: Row) -> str:
-    """Mark rows whose diagnostics are poor."""
-    poor = r["rhat"] > 1.01 or r["ess_bulk"] < 400 or r["ess_tail"] < 400 or bool(r["divergences"])
-    return "alert" if poor else ""
 
 
 def _repeats(run: Run, signal: str, model: str) -> Table:
