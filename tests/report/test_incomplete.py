@@ -36,7 +36,7 @@ def without(folder: Path, *kinds: str) -> None:
     [
         (["estimates.csv"], ["estimate"], "No estimator ran in this study."),
         (["posteriors.csv"], ["posterior"], "No posterior was sampled in this study."),
-        (["evidence.csv"], ["evidence"], "The damping was not identified: no evidence was computed."),
+        (["evidence.csv"], ["evidence"], "No verdict on the damping: no evidence was computed."),
         (["fits.csv"], ["mode"], "No model was fitted in this study."),
         ([], ["signal"], "The record is not in this folder."),
         ([], ["mode"], "No fit of viscous + Coulomb is stored."),

@@ -124,7 +124,7 @@ def _why_none(run: Run, signal: str) -> str:
         return f"Damping was assumed to be {words.model(models[0])}; no other model was compared."
     if not why and not ranking(run, signal, repeat):
         why = "no evidence was computed"
-    return f"The damping was not identified{': ' * bool(why)}{why}."
+    return f"No verdict on the damping: {why}." if why else "No verdict on the damping was computed."
 
 
 def _numbers(v: Verdict) -> list[tuple[str, str]]:
@@ -174,8 +174,8 @@ def _views(run: Run, answer: RecordAnswer) -> list[object]:
         columns: dict[str, Callable[[Coefficient], str]] = {
             "parameter": lambda c: words.symbol(c.name).text,
             "value (95 %)": lambda c: fmt.with_interval(c.value, c.low, c.high),
-            "sd from noise": lambda c: f"{c.sd_noise:.2g}",
-            "sd from the law": lambda c: f"{c.sd_law:.2g}",
+            "sd from noise": lambda c: fmt.number(c.sd_noise, 2),
+            "sd from the law": lambda c: fmt.number(c.sd_law, 2),
             "unit": lambda c: words.unit(c.unit),
         }
         caption = f"Coefficients of {words.model(v.damping)} damping; restoring law: {words.law(v.restoring)}"
@@ -191,9 +191,9 @@ def _candidates(answer: RecordAnswer, unit: str, scale: float) -> Table:
     columns: dict[str, Callable[[WeighedCandidate], str]] = {
         "damping": lambda r: words.model(r.damping),
         "restoring law": lambda r: words.law(r.restoring),
-        "log Bayes factor": lambda r: f"{log[id(r)] - top:.1f}",
-        "log Bayes factor under exact laws": lambda r: f"{r.exact - top_exact:.1f}",
-        f"rms residual, {unit}": lambda r: "" if r.rms is None else f"{scale * r.rms:.3g}",
+        "log Bayes factor": lambda r: fmt.fixed(log[id(r)] - top, 1),
+        "log Bayes factor under exact laws": lambda r: fmt.fixed(r.exact - top_exact, 1),
+        f"rms residual, {unit}": lambda r: "" if r.rms is None else fmt.number(scale * r.rms, 3),
     }
     ranked = sorted(rows, key=lambda r: -log[id(r)])
     return Table.of(ranked, columns, (0, 1), "Log Bayes factors relative to the best model, in nats")

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup, escape
 
 from bayesdamp import formatting as fmt
@@ -52,7 +53,7 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
         ]
     elif any(a.candidates for a in answers(run)):
         sampled = any(run.cells("sampled", signal) for signal in run.signals)
-        more = "; the most probable model was also sampled" if sampled else ""
+        more = "; the most probable ones were also sampled" if sampled else ""
         sentences.append(f"The models were compared by closed-form approximations about each best fit{more}.")
     if run.info.get("seed") is not None:
         sentences.append(f"All random numbers are determined by the seed {run.info['seed']}.")
@@ -118,7 +119,7 @@ def _signals(run: Run) -> Table | str:
     def samples(signal: str) -> tuple[str, str]:
         """Return the number of samples and the duration."""
         answer, cell = answer_of(run, signal), run.cell("signal", signal, run.repeats(signal)[0])
-        t = cell.arrays.get("t", ()) if cell else ()
+        t = cell.arrays.get("t", np.empty(0)) if cell else np.empty(0)
         if answer is not None and answer.envelope is not None:
             w, t = answer.verdict.window, answer.arrays["t"]
             count, duration = answer.envelope.samples, w.stop - w.start if w else float(t[-1] - t[0])

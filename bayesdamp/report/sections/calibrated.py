@@ -83,25 +83,29 @@ def _claim(result: Mapping[str, Any]) -> str:
 
 
 def _records(result: Mapping[str, Any]) -> Table:
-    Item = tuple[str, Mapping[str, Any]]
+    """Return how many records of each model count, and why others do not."""
+    counts: Mapping[str, Mapping[str, Any]] = result["counts"]
 
-    def doubted(item: Item) -> str:
-        bad = {s: sum(n for o, n in own.items() if o != OK) for s, own in item[1]["samplers"].items()}
+    def doubted(model: str) -> str:
+        bad = {s: sum(n for o, n in own.items() if o != OK) for s, own in counts[model]["samplers"].items()}
         return "; ".join(f"{words.method(sampler)}: {count}" for sampler, count in bad.items())
 
-    def refused(item: Item) -> str:
-        reasons = sorted(item[1]["refused"].items(), key=lambda x: -x[1])
+    def refused(model: str) -> str:
+        reasons = sorted(counts[model]["refused"].items(), key=lambda x: -x[1])
         return "; ".join(f"{n}: {reason}" for reason, n in reasons) or fmt.NONE
 
-    columns: dict[str, Callable[[Item], str]] = {
-        "model": lambda item: words.model(item[0]),
-        "records tried": lambda item: str(item[1]["tried"]),
-        "records that count": lambda item: str(item[1]["counted"]),
+    def time(model: str) -> str:
+        return fmt.duration(sum(counts[model]["seconds"].values()) / max(counts[model]["tried"], 1))
+
+    columns: dict[str, Callable[[str], str]] = {
+        "model": words.model,
+        "records tried": lambda model: str(counts[model]["tried"]),
+        "records that count": lambda model: str(counts[model]["counted"]),
         "of these unreliable by the sampler's diagnostics": doubted,
-        "time each": lambda item: fmt.duration(sum(item[1]["seconds"].values()) / max(item[1]["tried"], 1)),
+        "time each": time,
         "not counted": refused,
     }
-    return Table.of(result["counts"].items(), columns, (0, 5))
+    return Table.of(counts, columns, (0, 5))
 
 
 def _model(run: Run, result: Mapping[str, Any], rows: Sequence[dict[str, str]], model: str) -> Markup:

@@ -31,9 +31,9 @@ class FitQualitySection(SignalSection):
     lead = (
         "The autocorrelation of the residual at lag one shows whether neighbouring samples are independent, as for "
         "white noise. The stability over sub-records is the change of a coefficient when only half of the record is "
-        "used, in standard deviations that are expected by chance. Up to about three it can be chance; above that, "
-        "this change limits the accuracy, not the width of the posterior. The predictive p is the share of records, "
-        "simulated from the model, that fit worse than this one."
+        "used, in units of the standard deviation that is expected by chance. Up to about three it can be chance; "
+        "above that, this change limits the accuracy, not the width of the posterior. The predictive p is the share of "
+        "records, simulated from the model, that fit worse than this one."
     )
     nothing = "No model was fitted in this study."
 

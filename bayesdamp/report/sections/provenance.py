@@ -68,15 +68,14 @@ def _timing(seconds: Mapping[str, float]) -> list[object]:
     kinds: dict[str, list[float]] = {}
     for name, s in known.items():
         kinds.setdefault(Place.of(name).kind, []).append(s)
-    columns: dict[str, Callable[[tuple[str, list[float]]], str]] = {
-        "stage": lambda row: row[0],
-        "tasks": lambda row: str(len(row[1])),
-        "sum": lambda row: fmt.duration(sum(row[1])),
-        "longest": lambda row: fmt.duration(max(row[1])),
+    kinds["all"] = list(known.values())
+    columns: dict[str, Callable[[str], str]] = {
+        "stage": str,
+        "tasks": lambda kind: str(len(kinds[kind])),
+        "sum": lambda kind: fmt.duration(sum(kinds[kind])),
+        "longest": lambda kind: fmt.duration(max(kinds[kind])),
     }
-    table = Table.of(
-        [*kinds.items(), ("all", list(known.values()))], columns, caption="Time, summed over workers"
-    )
+    table = Table.of(kinds, columns, caption="Time, summed over workers")
     longest = sorted(known, key=lambda name: -known[name])[:20]
     tasks = Table(["task", "time"], [[name, fmt.duration(known[name])] for name in longest])
     return [table, folded(f"The {len(longest)} longest tasks", tasks)]

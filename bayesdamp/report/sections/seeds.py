@@ -117,7 +117,7 @@ def _searches(mode: ModeContent) -> Table:
         "starting point": lambda c: _listing((c.seed, *c.same)),
         "start: nats below the mode": lambda c: below(c.start),
         "sds from the mode": lambda c: fmt.number(c.distance, 3),
-        "likelihoods": lambda c: str(c.evaluations),
+        "likelihood evaluations": lambda c: str(c.evaluations),
         "ended in": ended,
         "end: nats below the mode": lambda c: fmt.nats(max(mode.log_posterior - c.end, 0.0)),
     }

@@ -136,16 +136,16 @@ def _halves(run: Run, signal: str, models: list[str], ranked: EvidenceRanking | 
     # A density that is not reliable is not stored.
     densities = [h.log_predictive for h in halves.values() if math.isfinite(h.log_predictive)]
     highest = max(densities, default=math.nan)
-    columns: dict[str, Callable[[tuple[str, HalfContent]], str]] = {
-        "model": lambda half: words.model(half[0]),
-        "log Bayes factor": lambda half: fmt.nats(whole.get(half[0])),
-        "from the first half": lambda half: fmt.nats(logs[half[0]] - best, half[1].evidence.stderr),
-        "error / expected": lambda half: fmt.number(half[1].rms / half[1].expected, 3),
-        "inside 95 %": lambda half: f"{100 * half[1].coverage:.0f} %",
-        "log predictive density": lambda half: fmt.nats(
-            half[1].log_predictive - highest, half[1].log_predictive_stderr
+    columns: dict[str, Callable[[str], str]] = {
+        "model": words.model,
+        "log Bayes factor": lambda m: fmt.nats(whole.get(m)),
+        "from the first half": lambda m: fmt.nats(logs[m] - best, halves[m].evidence.stderr),
+        "error / expected": lambda m: fmt.number(halves[m].rms / halves[m].expected, 3),
+        "inside 95 %": lambda m: f"{100 * halves[m].coverage:.0f} %",
+        "log predictive density": lambda m: fmt.nats(
+            halves[m].log_predictive - highest, halves[m].log_predictive_stderr
         ),
-        "diagnostic": lambda half: half[1].evidence.diagnostic,
+        "diagnostic": lambda m: halves[m].evidence.diagnostic,
     }
     caption = (
         "Results from the first half of the record alone: the log Bayes factors, and how well each model predicts the "
@@ -153,10 +153,10 @@ def _halves(run: Run, signal: str, models: list[str], ranked: EvidenceRanking | 
         "log density of the second half given the first, relative to the best (nats)."
     )
 
-    def kind(half: tuple[str, HalfContent]) -> str:
-        return "" if half[1].evidence.outcome == OK else "alert"
+    def kind(model: str) -> str:
+        return "" if halves[model].evidence.outcome == OK else "alert"
 
-    return Table.of(halves.items(), columns, (0, 6), caption, kind)
+    return Table.of(halves, columns, (0, 6), caption, kind)
 
 
 def _ratios(run: Run, signal: str, ranked: EvidenceRanking) -> Table | None:

@@ -16,7 +16,7 @@ from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.sections import Section
 from bayesdamp.report.style import colour
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents import JointCandidate, JointContent, PopulationContent
+from bayesdamp.store.contents import JointContent, PopulationContent
 from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 from bayesdamp.verdict.thresholds import CAP
@@ -147,29 +147,31 @@ def _joint(run: Run, cell: CellResult) -> list[object]:
 
 def _candidates(joint: JointContent) -> Table:
     """Return the damping models of a joint fit, the most probable first."""
-    Item = tuple[str, JointCandidate]
-    logs = {c: -np.inf if r.log_evidence is None else r.log_evidence for c, r in joint.candidates.items()}
-    ranked = sorted(joint.candidates.items(), key=lambda item: -logs[item[0]])
+    rows = joint.candidates
+    logs = {c: -np.inf if r.log_evidence is None else r.log_evidence for c, r in rows.items()}
+    ranked = sorted(rows, key=lambda model: -logs[model])
 
-    def size(item: Item, name: str) -> str:
-        if name not in item[1].summary:
+    def size(model: str, name: str) -> str:
+        if name not in rows[model].summary:
             return fmt.NONE
-        own = item[1].summary[name]
-        return f"{fmt.with_error(own['mean'], own['sd'])} {words.unit(item[1].units[name])}"
+        own = rows[model].summary[name]
+        return f"{fmt.with_error(own['mean'], own['sd'])} {words.unit(rows[model].units[name])}"
 
-    def kind(item: Item) -> str:
-        return "best" if item[0] == joint.best else "" if item[1].outcome == OK else "quiet"
+    def factor(model: str) -> str:
+        unknown = rows[model].log_evidence is None
+        return fmt.NONE if unknown else fmt.nats(logs[model] - logs[joint.best])
 
-    columns: dict[str, Callable[[Item], str]] = {
-        "damping model": lambda item: words.model(item[0]),
-        "probability": lambda item: _capped(item[1].probability),
-        "log Bayes factor": lambda item: (
-            fmt.NONE if item[1].log_evidence is None else fmt.nats(logs[item[0]] - logs[joint.best])
-        ),
+    def kind(model: str) -> str:
+        return "best" if model == joint.best else "" if rows[model].outcome == OK else "quiet"
+
+    columns: dict[str, Callable[[str], str]] = {
+        "damping model": words.model,
+        "probability": lambda model: _capped(rows[model].probability),
+        "log Bayes factor": factor,
     }
-    for name in dict.fromkeys(n for _, r in ranked for n in r.summary):
+    for name in dict.fromkeys(n for model in ranked for n in rows[model].summary):
         columns[words.symbol(name).text] = partial(size, name=name)
-    columns["outcome"] = lambda item: item[1].outcome
+    columns["outcome"] = lambda model: rows[model].outcome
     caption = (
         "All records together. The probabilities are those of the answer on the specimen; the coefficients are the "
         "specimen's (mean ± sd)."
