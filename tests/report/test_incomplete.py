@@ -32,7 +32,7 @@ def without(folder: Path, *kinds: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("missing", "cells", "said"),
+    ("missing", "cells", "text"),
     [
         (["estimates.csv"], ["estimate"], "No estimator ran in this study."),
         (["posteriors.csv"], ["posterior"], "No posterior was sampled in this study."),
@@ -52,12 +52,12 @@ def without(folder: Path, *kinds: str) -> None:
         ),
     ],
 )
-def test_what_is_missing_is_said(maker, missing, cells, said):
+def test_what_is_missing_is_said(maker, missing, cells, text):
     folder = maker.make()
     for name in missing:
         (folder / name).unlink()
     without(folder, *cells)
-    assert said in Page(render(folder).read_text()).words
+    assert text in Page(render(folder).read_text()).words
 
 
 def test_a_comparison_of_envelopes_by_an_earlier_version_is_one_line(tmp_path):
@@ -75,10 +75,10 @@ def test_a_run_of_another_version_is_one_line(maker):
     with store.lock():
         cell = store.read("mode/sim/0/viscous")
         store.write(replace(cell, meta={**cell.meta, "climbs": [{"seed": "prior 1"}]}))
-    with pytest.raises(InputError, match="another version of bayesdamp") as told:
+    with pytest.raises(InputError, match="another version of bayesdamp") as error:
         render(folder)
-    assert str(folder) in str(told.value)
-    assert "\n" not in str(told.value)
+    assert str(folder) in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def test_a_damaged_cell_is_missing_not_fatal(maker):
@@ -115,12 +115,12 @@ def test_methods_that_disagree_are_named(maker):
     for row in run.evidence:
         if row["method"] == "importance":
             row["probability"] = 1 - row["probability"]
-    found = ranking(run, "sim", 0)
-    assert found
-    assert found.method == "bridge"
-    assert next(iter(found.shares["importance"])) == "viscous+coulomb"
-    said = [check.text for check in Checks(run, "sim").all() if check.fails]
-    assert any(one.startswith("Importance sampling ranks viscous + Coulomb first") for one in said)
+    ranked = ranking(run, "sim", 0)
+    assert ranked
+    assert ranked.method == "bridge"
+    assert next(iter(ranked.shares["importance"])) == "viscous+coulomb"
+    text = [check.text for check in Checks(run, "sim").all() if check.fails]
+    assert any(sentence.startswith("Importance sampling ranks viscous + Coulomb first") for sentence in text)
 
 
 def test_a_folder_that_is_no_run(tmp_path):

@@ -217,16 +217,16 @@ def test_other_forms_of_damping_are_in_a_table(maker_of) -> None:
 
 def test_what_one_has_to_know_of_the_reading_is_on_the_page_and_on_the_terminal(maker_of) -> None:
     folder = maker_of(signals=("bench",), repeats={"bench": 1}, models=("viscous+coulomb", "viscous")).make()
-    said = "it swings by 80 turns to either side."
+    warning = "it swings by 80 turns to either side."
     for warned in (False, True):
         printed = io.StringIO()
         conclude(folder, Console(file=printed, width=200))
-        assert (f"Beware: {said}" in printed.getvalue()) == warned
+        assert (f"Beware: {warning}" in printed.getvalue()) == warned
         assert (
-            f"Warning from reading the record: {said}" in Page(render(folder).read_text()).words
+            f"Warning from reading the record: {warning}" in Page(render(folder).read_text()).words
         ) == warned
         info = json.loads((folder / "run.json").read_text())
-        info["signals"]["bench"]["warnings"] = [said]
+        info["signals"]["bench"]["warnings"] = [warning]
         (folder / "run.json").write_text(json.dumps(info))
 
 
@@ -268,7 +268,7 @@ def test_the_likeliest_four_of_few_signals_are_drawn_and_the_best_of_many(maker_
 
 
 def test_what_was_asked_names_dampings_and_laws_once() -> None:
-    made = SimpleNamespace(
+    run = SimpleNamespace(
         models=["viscous", "coulomb", "viscous@linear", "coulomb@linear", "viscous@duffing"],
         info={},
         under_law=False,
@@ -277,8 +277,8 @@ def test_what_was_asked_names_dampings_and_laws_once() -> None:
         about=lambda name: {"restoring": ["linear", "duffing"]},
     )
     system = {"restoring": "linear", "known": {}, "free": {"cubic": None}}
-    first, second, *_ = _sentences(made, {"signals": [{"name": "a", "system": system}]})  # type: ignore[arg-type]
+    first, second, *_ = _sentences(run, {"signals": [{"name": "a", "system": system}]})  # type: ignore[arg-type]
     assert first == "2 damping models were compared: viscous and Coulomb."
     assert second == "Restoring force: linear or Duffing."
-    made.about = lambda name: {"restoring": ["linear"]}
-    assert "Unknown" in _sentences(made, {"signals": [{"name": "a", "system": system}]})[1]  # type: ignore[arg-type]
+    run.about = lambda name: {"restoring": ["linear"]}
+    assert "Unknown" in _sentences(run, {"signals": [{"name": "a", "system": system}]})[1]  # type: ignore[arg-type]
