@@ -51,7 +51,8 @@ def _topological_works_on_springs(runs: Runs) -> Judgement:
     errors = {d: initial_error("topological", d, restoring="linear") for d in TRUTH}
     printed = initial_error("topological", "viscous", AS_PRINTED, restoring="linear")
     measured = (
-        f"Linear spring, as first published: {_listing(errors)}; by the paper's formula: {printed:.3g} %."
+        f"Linear spring, as first published: {_listing(errors)}. With the paper's formula, the viscous error "
+        f"is {printed:.3g} %."
     )
     good = max(errors.values()) < 5 and math.isfinite(printed)
     return Judgement(
