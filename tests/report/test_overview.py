@@ -133,7 +133,7 @@ def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Pa
     low, high = estimates.posterior
     assert low < 0.0501 < high
     count = sum(low <= value <= high for value in estimates.refined.values())
-    assert f"{count} of the 11 trajectory fits" in inside([estimates])
+    assert f"{count} of 11 trajectory fits" in inside([estimates])
     assert np.isnan(estimates_of(run, "bench", "viscous")[0].truth)
 
 

@@ -121,7 +121,7 @@ def inside(estimates: Sequence[CoefficientEstimates]) -> str:
             if e.posterior is not None and e.source == e.signal
             for value in getattr(e, stage).values()
         ]
-        counts += [f"{sum(values)} of the {len(values)} {name}"] if values else []
+        counts += [f"{sum(values)} of {len(values)} {name}"] if values else []
     return f"{fmt.listing(counts)} are in the posterior's 95 % interval." if counts else ""
 
 

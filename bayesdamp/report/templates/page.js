@@ -59,12 +59,12 @@ const shut = new Set();
 addEventListener("beforeprint", () => {
   for (const one of document.querySelectorAll("details:not([open])")) { shut.add(one); one.open = true; }
 });
-addEventListener("afterprint", () => { for (const one of shut) one.open = false; shut.clear(); });
+addEventListener("afterprint", () => { for (const details of shut) details.open = false; shut.clear(); });
 
 /** A link into a folded part opens it. */
 function reveal() {
   const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
-  for (let one = target; one; one = one.parentElement) if (one.tagName === "DETAILS") one.open = true;
+  for (let node = target; node; node = node.parentElement) if (node.tagName === "DETAILS") node.open = true;
   if (target) target.scrollIntoView();
 }
 addEventListener("hashchange", reveal);
