@@ -15,10 +15,8 @@ from matplotlib.figure import Figure
 from scipy.signal import find_peaks, hilbert, savgol_filter
 
 import bayesdamp as bd
-from bayesdamp.report.figures.errors import sweep
-from bayesdamp.report.figures.estimators import against
-from bayesdamp.report.results.comparing import CATEGORIES, true_models
-from bayesdamp.report.results.estimates import estimates_of
+from bayesdamp.report.figures.estimators import against, sweep
+from bayesdamp.report.results.estimators import CATEGORIES, estimates_of, true_models
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import series
 from bayesdamp.report.style import FAINT, INK, QUIET, RC, colour, dash

@@ -69,7 +69,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "validation.reports": NEUTRAL
     | {"calibrate", "interface", "pipeline", "records", "store", "report", "verdict", "validation"},
     "validation.truth": NEUTRAL | {"validation.truth"},
-    "validation": NEUTRAL | {"report.markdown", "store", "verdict.types", "validation"},
+    "validation": NEUTRAL | {"report.markup", "store", "verdict.types", "validation"},
     "interface": NEUTRAL
     | {
         "physics", "records", "config", "estimators", "inference", "store", "verdict", "report", "interface",

@@ -1,15 +1,9 @@
-"""The claims of the paper, each with a measurement that bears on it."""
+"""The claims of the paper, each with a measurement that supports or contradicts it."""
 
-from bayesdamp.claims import accuracy, coulomb, noise, times, topology
+from bayesdamp.claims import accuracy, mechanisms
 from bayesdamp.claims.judge import Claim, Judgement, judged, written
 
-CLAIMS: tuple[Claim, ...] = (
-    *topology.CLAIMS,
-    *coulomb.CLAIMS,
-    *accuracy.CLAIMS,
-    *noise.CLAIMS,
-    *times.CLAIMS,
-)
+CLAIMS: tuple[Claim, ...] = (*mechanisms.CLAIMS, *accuracy.CLAIMS, *accuracy.IN_NOISE, *accuracy.TIMES)
 """All claims, by subject."""
 
 __all__ = ["CLAIMS", "Claim", "Judgement", "judged", "written"]

@@ -1,16 +1,16 @@
-"""Small measurements on the paper's pendulums, computed when they are asked for."""
+"""Small measurements on the paper's pendulums, computed when a claim needs them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from bayesdamp.estimators import run
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.restoring import LAWS
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import Estimate, Problem, Signal, System
@@ -27,9 +27,8 @@ SEED = 20260101
 def record(
     damping: str, restoring: str = "horizontal_pendulum", epsilon: float = 0.1
 ) -> tuple[Signal, Problem]:
-    """The paper's record of a damping, 5,000 samples over 10 s without noise; the problem of finding it."""
+    """Return the paper's record of a damping, 5,000 samples over 10 s without noise, and its estimation problem."""
     law = PENDULUM if restoring == "horizontal_pendulum" else SPRING
-    assert set(law) == set(LAWS.get(restoring).parameters)
     known = {**law, **START, "epsilon": epsilon}
     osc = Oscillator((damping,), restoring)
     truth = {**known, TERMS.get(damping).parameter: TRUTH[damping]}
@@ -45,31 +44,41 @@ def initial(
     options: Mapping[str, object] | None = None,
     *,
     restoring: str = "horizontal_pendulum",
-    made: float = 0.1,
-    epsilon: float = 0.1,
+    simulated: float = 0.1,
+    assumed: float = 0.1,
 ) -> Estimate:
-    """A method's own estimate. made, epsilon: the width of friction's switch in the record, and as it is told."""
-    signal, problem = record(damping, restoring, made)
-    if epsilon != made:
-        problem = Problem(problem.damping, System(restoring, {**problem.system.known, "epsilon": epsilon}))
+    """Return a method's own estimate on the paper's record.
+
+    Parameters
+    ----------
+    method, damping, options, restoring
+        The estimator with its options, and the record.
+    simulated
+        Friction's width ε in the record.
+    assumed
+        Friction's width ε that the estimator gets.
+    """
+    signal, problem = record(damping, restoring, simulated)
+    if assumed != simulated:
+        problem = Problem(problem.damping, System(restoring, {**problem.system.known, "epsilon": assumed}))
     return run(method, signal, problem, options=options, stages=("initial",), seed=SEED)[0]
 
 
 def error(estimate: Estimate, damping: str) -> float:
-    """Per cent of the truth; nan where the method has no answer."""
+    """Return an estimate's error in per cent of the truth; nan if there is no answer."""
     value = estimate.values.get(TERMS.get(damping).parameter, np.nan)
     return 100 * abs(value / TRUTH[damping] - 1)
 
 
 def initial_error(
-    method: str, damping: str, options: Mapping[str, object] | None = None, **record: object
+    method: str, damping: str, options: Mapping[str, object] | None = None, **record: Any
 ) -> float:
-    """The error of a method's own estimate, per cent."""
-    return error(initial(method, damping, options, **record), damping)  # type: ignore[arg-type]
+    """Return the error of a method's own estimate in per cent. The arguments are those of `initial`."""
+    return error(initial(method, damping, options, **record), damping)
 
 
 def period_drift(damping: str) -> float:
-    """How far the period moves over a record, per cent: the largest difference of its halves' mean periods."""
+    """Return the relative difference, in per cent, of the mean periods in the two halves of the record."""
     signal, _ = record(damping)
     crossings = features(signal).crossing_times
     periods = crossings[2:] - crossings[:-2]

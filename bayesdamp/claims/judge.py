@@ -1,27 +1,28 @@
-"""A claim, what was measured, and the verdict; and all of them as a page."""
+"""A claim, its measurement and its verdict, and all of them as a page."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-from bayesdamp.report.markdown import table
-from bayesdamp.report.results.comparing import Comparison, compared
+from bayesdamp.report.markup import markdown_table
+from bayesdamp.report.results.estimators import EstimatorComparison, compare_estimators
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import Series, series
 
-Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be told"]
+Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be judged"]
 """*Better than claimed*: so far below a printed figure that it does not confirm it."""
 FAR = 10.0
-"""Factor by which a figure that is below the printed one no longer confirms it."""
+"""Factor by which an error below the printed one no longer confirms it."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What was measured, in a sentence or two with its numbers, and what that says of the claim."""
+    """The verdict on a claim, and the measurement in a sentence or two."""
 
     verdict: Verdict
     measured: str
@@ -29,65 +30,80 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Runs:
-    """The runs that claims are judged by: the folder of `paper`, None where there is none, those of `noise`."""
+    """The runs by which claims are judged.
+
+    Attributes
+    ----------
+    paper
+        Folder of the study `paper`; None if there is none.
+    noise
+        Folders of the studies `noise*`.
+    """
 
     paper: Path | None = None
     noise: tuple[Path, ...] = ()
 
     @cached_property
-    def compared(self) -> Comparison | None:
-        """The clean pendulums of the paper."""
-        return compared(Run(self.paper)) if self.paper else None
+    def compared(self) -> EstimatorComparison | None:
+        """The comparison of the estimators on the paper's pendulums without noise."""
+        return compare_estimators(Run(self.paper)) if self.paper else None
 
     @cached_property
     def along_noise(self) -> list[Series]:
-        """Errors at several levels of noise."""
+        """Errors at several noise levels."""
         return [s for folder in self.noise for s in series(Run(folder)) if s.factor == "noise"]
 
 
 @dataclass(frozen=True)
 class Claim:
-    """text: in our words; where: in the paper; judge: measures and judges."""
+    """A claim of the paper.
+
+    Attributes
+    ----------
+    text
+        In our words.
+    where
+        Section, table or figure of the paper.
+    judge
+        Measures and judges.
+    """
 
     text: str
     where: str
     judge: Callable[[Runs], Judgement]
 
 
-NO_RUN = Judgement("cannot be told", "The run that would tell is not here.")
+NO_RUN = Judgement("cannot be judged", "The run that this claim needs is missing.")
 
 
-def on_clean(judge: Callable[[Comparison], Judgement]) -> Callable[[Runs], Judgement]:
-    """Make a judge of the clean pendulums one of runs, which cannot tell where these are not among them."""
+def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Callable[[Runs], Judgement]:
+    """Turn a judge of the comparison on clean records into a judge of runs; without the comparison it gives NO_RUN."""
     return lambda runs: judge(runs.compared) if runs.compared else NO_RUN
 
 
 def judged(claims: Iterable[Claim], runs: Runs) -> list[tuple[Claim, Judgement]]:
-    """Every claim with its judgement, in order."""
+    """Judge every claim, in order."""
     return [(claim, claim.judge(runs)) for claim in claims]
 
 
-def written(found: Iterable[tuple[Claim, Judgement]], runs: Runs | None = None) -> str:
-    """The page, in Markdown, with the runs that it judges by."""
-    found = list(found)
-    counts = {v: sum(j.verdict == v for _, j in found) for v in dict.fromkeys(j.verdict for _, j in found)}
-    cells = [(c.text, c.where, j.measured, f"**{j.verdict}**") for c, j in found]
+def written(judgements: Iterable[tuple[Claim, Judgement]], runs: Runs) -> str:
+    """Return the page in Markdown, with the runs by which it judges."""
+    judgements = list(judgements)
+    counts = Counter(judgement.verdict for _, judgement in judgements)
+    cells = [(c.text, c.where, j.measured, f"**{j.verdict}**") for c, j in judgements]
     lines = [
         "# The paper's claims, measured",
         "",
-        f"Of {len(found)} claims: "
-        + ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-        + ".",
+        f"Of {len(judgements)} claims: {', '.join(f'{count} {verdict}' for verdict, count in counts.items())}.",
         "",
-        "Made by `bayesdamp claims`. Errors are in per cent of the truth; *initial* is what a method finds by itself,",
-        "*refined* the trajectory fit that starts there. *Better than claimed* is a figure more than ten times",
-        "below the printed one, in time more than three: it does not confirm the claim, it is another figure.",
+        "Written by `bayesdamp claims`. Errors are in per cent of the truth: *initial* is the method's own estimate,",
+        "*refined* is the trajectory fit that starts there. *Better than claimed* means that an error is more than ten",
+        "times, or a time more than three times, below the printed one; such a figure does not confirm the claim.",
         "",
-        table(("claim", "where", "measured", "verdict"), cells),
+        markdown_table(("claim", "where", "measured", "verdict"), cells),
     ]
-    for folder in (runs.paper, *runs.noise) if runs else ():
+    for folder in (runs.paper, *runs.noise):
         if folder is not None:
-            info = Run(folder).info
-            code = str(info.get("revision") or "an unknown revision")
-            lines += ["", f"Judged by the run `{folder.name}` beside this page, made by {code}."]
+            code = str(Run(folder).info.get("revision") or "an unknown revision")
+            lines += ["", f"Judged by the run `{folder.name}` next to this page, computed by {code}."]
     return "\n".join(lines) + "\n"

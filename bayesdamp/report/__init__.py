@@ -1,4 +1,4 @@
-"""The report of a run's folder: it draws and words what the store holds, and computes no statistics."""
+"""The report of a run's folder: draw and describe what the store contains, without computing any statistics."""
 
 from bayesdamp.report.render import render
 

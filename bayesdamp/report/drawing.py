@@ -1,4 +1,4 @@
-"""Figures on disk as SVG and PNG, and inside the report."""
+"""Save figures as SVG and PNG, and embed them in the report."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
@@ -20,52 +20,69 @@ from bayesdamp.report.style import RC
 from bayesdamp.store import write_bytes
 
 PHONE = 640
-"""Width in CSS pixels up to which a page is a phone's, as in style.css."""
+"""Largest page width in CSS pixels that counts as a phone, as in style.css."""
 SVG = 80_000
-"""Bytes up to which a figure stands in the page as SVG: beyond are those with thousands of samples."""
+"""Largest size in bytes of an SVG in the page; figures with thousands of samples are larger."""
 NARROW, LEGIBLE = 440, 0.8
-"""Width in CSS pixels from which a figure scrolls sideways on a phone, and the share of its size below which letters
-cannot be read."""
+"""Width in CSS pixels above which a figure scrolls sideways on a phone, and the scale below which its letters
+are too small to read."""
 COLOURS = 64
-"""A figure has few colours and their shades: a PNG with a palette is a quarter of one without."""
+"""Colours of a PNG's palette. A figure has few colours and their shades, and a palette makes the file four times
+smaller."""
 
 
 class Drawings:
-    """Where a report's figures go: into the page, and into a folder where there is one."""
+    """Put a report's figures into the page, and into a folder if there is one."""
 
     def __init__(self, folder: Path | None) -> None:
         self.folder = folder
         self.names: list[str] = []
 
     def add(self, name: str, caption: str, draw: Callable[..., Figure], narrow: bool = False) -> Markup:
-        """Draw under the common style, save `name`.svg and `name`.png, and give the HTML that shows it.
+        """Draw a figure in the common style, save it as SVG and PNG, and return the HTML that shows it.
 
-        narrow: whether `draw` takes narrow=True, for a phone, in the page only; else a phone scrolls a wide figure
-        sideways.
+        Parameters
+        ----------
+        name
+            Name of the files; characters that a file name should not contain are replaced.
+        caption
+            Text below the figure.
+        draw
+            Returns the figure.
+        narrow
+            Whether `draw` accepts narrow=True, which gives a second figure for phones, in the page only. Otherwise
+            a wide figure scrolls sideways on a phone.
+
+        Returns
+        -------
+        Markup
+            The HTML, with the figure embedded.
         """
         name = re.sub(r"[^A-Za-z0-9_.=+-]+", "-", name)
         with mpl.rc_context(RC):
             figure = draw()
-            svg, png, webp = _saved(figure)
-            small = _saved(draw(narrow=True)) if narrow else None
+            svg, png, webp = _encode(figure)
+            small = _encode(draw(narrow=True)) if narrow else None
         if self.folder is not None:
             write_bytes(self.folder / f"{name}.svg", svg)
             write_bytes(self.folder / f"{name}.png", png)
         self.names.append(name)
         width = round(figure.get_figwidth() * 100)
-        size = f"width:{width}px;--least:{round(LEGIBLE * width)}px"
-        picture = f'<img src="{_embedded(svg, png, webp)}" alt="{escape(caption)}" style="{size}">'
+        picture = Markup('<img src="{}" alt="{}" style="width:{}px;--least:{}px">').format(
+            _data_url(svg, png, webp), caption, width, round(LEGIBLE * width)
+        )
         if small:
-            source = f'<source media="screen and (max-width: {PHONE}px)" srcset="{_embedded(*small)}">'
-            picture = f"<picture>{source}{picture}</picture>"
-        scrolls = ' class="wide"' if width > NARROW and not small else ""
-        caption = f"<figcaption>{escape(caption)}</figcaption>"
-        return Markup(f"<figure{scrolls}><div>{picture}</div>{caption}</figure>")
+            source = f'<source media="screen and (max-width: {PHONE}px)" srcset="{_data_url(*small)}">'
+            picture = Markup(f"<picture>{source}{picture}</picture>")
+        scrolls = Markup(' class="wide"' if width > NARROW and not small else "")
+        return Markup("<figure{}><div>{}</div><figcaption>{}</figcaption></figure>").format(
+            scrolls, picture, caption
+        )
 
     def show(self, name: str, caption: str, png: bytes, embed: bool) -> Markup:
-        """Save a figure that was drawn before as `name`.png, and give the HTML that shows it.
+        """Save a figure that is already a PNG, and return the HTML that shows it.
 
-        embed: whether the page holds it, and not only a link to the file.
+        `embed` says whether the page contains the figure; otherwise it links to the file.
         """
         source = f"figures/{name}.png"
         if self.folder is not None:
@@ -77,15 +94,18 @@ class Drawings:
         return Markup("<figure>{}<figcaption>{}</figcaption></figure>").format(picture, caption)
 
 
-def _embedded(svg: bytes, png: bytes, webp: bytes) -> str:
-    """SVG, sharp at every size; where that is long, the smallest, so that the page opens fast."""
-    kinds = [("svg+xml", svg), ("png", png), ("webp", webp)]
-    kind, data = kinds[0] if len(svg) <= SVG else min(kinds, key=lambda one: len(one[1]))
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+def _data_url(svg: bytes, png: bytes, webp: bytes) -> str:
+    """Return the SVG as a URL, because it is sharp at every size; if it is long, the smallest of the three."""
+    kinds = {"svg+xml": svg, "png": png, "webp": webp}
+    kind = "svg+xml" if len(svg) <= SVG else min(kinds, key=lambda name: len(kinds[name]))
+    return f"data:image/{kind};base64,{base64.b64encode(kinds[kind]).decode()}"
 
 
-def _saved(figure: Figure) -> tuple[bytes, bytes, bytes]:
-    """SVG, PNG and WebP. Laid out once and printed directly: `savefig` would draw and lay out anew for each."""
+def _encode(figure: Figure) -> tuple[bytes, bytes, bytes]:
+    """Return a figure as SVG, PNG and WebP.
+
+    It is laid out once and printed directly, because `savefig` would lay it out and draw it for each format.
+    """
     figure.set_dpi(150)
     canvas = FigureCanvasAgg(figure)
     layout = figure.get_layout_engine()
@@ -93,35 +113,29 @@ def _saved(figure: Figure) -> tuple[bytes, bytes, bytes]:
         layout.execute(figure)
         figure.set_layout_engine("none")
     canvas.draw()
-    drawn = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-    svg = io.BytesIO()
+    pixels = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    svg, png, webp = io.BytesIO(), io.BytesIO(), io.BytesIO()
     FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": "bayesdamp"})
-    return _short(_renamed(svg.getvalue().decode())).encode(), *_with_palette(drawn)
-
-
-def _with_palette(drawn: Image.Image) -> tuple[bytes, bytes]:
-    """PNG and WebP of a drawing, without loss but for the number of its colours."""
-    # Maximum coverage keeps the colour of a thin line, which a median cut gives to the shades of a broad one.
+    # Maximum coverage keeps the colour of a thin line, which a median cut would give to the shades of a broad one.
     method, dither = Image.Quantize.MAXCOVERAGE, Image.Dither.NONE
-    few = drawn.quantize(COLOURS, method=method, dither=dither)
-    png, webp = io.BytesIO(), io.BytesIO()
+    few = pixels.quantize(COLOURS, method=method, dither=dither)
     few.save(png, "PNG")
     few.convert("RGB").save(webp, "WEBP", lossless=True, quality=50, method=3)
-    return png.getvalue(), webp.getvalue()
+    return _tidy(svg.getvalue().decode()).encode(), png.getvalue(), webp.getvalue()
 
 
-def _short(svg: str) -> str:
-    """Paths to a hundredth of a point."""
+def _tidy(svg: str) -> str:
+    """Make an SVG reproducible and shorter.
+
+    Matplotlib names marks after memory addresses, which are replaced by numbers. Paths are rounded to a hundredth of
+    a point.
+    """
+    marks = dict.fromkeys(re.findall(r'id="([a-z][0-9a-f]{10})"', svg))
+    names = {mark: f"mark{i}" for i, mark in enumerate(marks)}
+    svg = re.sub(r"\b[a-z][0-9a-f]{10}\b", lambda match: names.get(match[0], match[0]), svg)
     number = re.compile(r"-?\d+\.\d{3,}")
     return re.sub(
         r' d="[^"]*"',
-        lambda d: number.sub(lambda found: f"{float(found[0]):.2f}".rstrip("0").rstrip("."), d[0]),
+        lambda path: number.sub(lambda x: f"{float(x[0]):.2f}".rstrip("0").rstrip("."), path[0]),
         svg,
     )
-
-
-def _renamed(svg: str) -> str:
-    """Number the marks that matplotlib names after memory addresses, so that a report is reproducible."""
-    marks = dict.fromkeys(re.findall(r'id="([a-z][0-9a-f]{10})"', svg))
-    names = {mark: f"mark{i}" for i, mark in enumerate(marks)}
-    return re.sub(r"\b[a-z][0-9a-f]{10}\b", lambda found: names.get(found[0], found[0]), svg)

@@ -1,14 +1,19 @@
-"""The look of every figure, and one colour a model (Okabe and Ito's palette for colour-blind readers)."""
+"""The style of every figure, one colour for each model, and what several figures draw in the same way.
+
+The colours are Okabe and Ito's palette for colour-blind readers.
+"""
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import Any
+from pathlib import Path
 
+import numpy as np
+from matplotlib import rc_params_from_file
+from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
-from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from bayesdamp.types import candidate_parts
 
@@ -16,40 +21,11 @@ INK = "#222222"
 QUIET = "#8a8a8a"
 FAINT = "#d9d9d9"
 
-WIDTH = 9.6
-"""Width of a full figure in inches; the report shows it at its natural size."""
+WIDTH, NARROW = 9.6, 4.3
+"""Width of a full figure and of a figure for a phone, in inches; the report shows them at their natural size."""
 
-RC: dict[Any, Any] = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 9.0,
-    "mathtext.fontset": "dejavusans",
-    "axes.titlesize": 9.5,
-    "axes.titlelocation": "left",
-    "axes.labelsize": 9.0,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": QUIET,
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.formatter.useoffset": False,
-    "axes.unicode_minus": True,
-    "xtick.color": QUIET,
-    "ytick.color": QUIET,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
-    "legend.fontsize": 8.5,
-    "legend.frameon": False,
-    "figure.constrained_layout.use": True,
-    "figure.facecolor": "white",
-    "savefig.facecolor": "white",
-    "lines.linewidth": 1.2,
-    "lines.solid_capstyle": "round",
-    "svg.fonttype": "path",
-    "svg.hashsalt": "bayesdamp",
-}
+RC = rc_params_from_file(Path(__file__).parent / "templates" / "figures.mplstyle", use_default_template=False)
+"""The style sheet of all figures."""
 
 _MODELS = {
     frozenset({"viscous"}): ("#0072B2", "-"),
@@ -61,15 +37,22 @@ _MODELS = {
     frozenset({"viscous", "coulomb", "quadratic"}): ("#000000", "-"),
 }
 _OTHERS = ("#7F3C8D", "#80BA5A", "#A5AA99", "#8C564B")
+"""Colours of models with damping terms that are not part of the package."""
+PALER = 0.45
+"""Share of the way to white by which each further candidate of one damping sum is paler."""
+LETTERS, MARK = 12.5, 7
+"""Letters per inch of a legend, and the length of an entry's line and gap in letters."""
+HOLE = 20.0
+"""Sampling intervals (medians) above which a gap is drawn as a hole."""
 
 
 def colour(model: str) -> str:
-    """The colour of a model; models with terms that do not ship share four further colours."""
+    """Return the colour of a model; models with terms of a user share four further colours."""
     return _look(model)[0]
 
 
 def dash(model: str) -> str:
-    """The line style of a model, for readers without colour."""
+    """Return the line style of a model, for readers who do not see its colour."""
     return _look(model)[1]
 
 
@@ -78,43 +61,38 @@ def _look(model: str) -> tuple[str, str]:
     return known or (_OTHERS[sum(model.encode()) % len(_OTHERS)], ":")
 
 
-PALER = 0.45
-"""By which share of the way to white a sum's next candidate is paler than the one before."""
-
-
 def looks(models: Iterable[str]) -> dict[str, tuple[str, str]]:
-    """Colour and line style of each of the candidates in one figure: those of one damping sum under several restoring
-    laws have its colour, ever paler."""
-    found: dict[str, tuple[str, str]] = {}
+    """Return the colour and line style of each candidate in one figure.
+
+    Candidates with the same damping sum under several restoring laws have one colour, each paler than the last.
+    """
+    styles: dict[str, tuple[str, str]] = {}
     before: Counter[frozenset[str]] = Counter()
     for model in models:
         terms = frozenset(candidate_parts(model)[0].split("+"))
         ink = (1.0 - PALER) ** before[terms]
         red, green, blue = (1.0 - ink * (1.0 - part) for part in to_rgb(colour(model)))
-        found[model] = to_hex((red, green, blue)), dash(model)
+        styles[model] = to_hex((red, green, blue)), dash(model)
         before[terms] += 1
-    return found
-
-
-LETTERS, MARK = 12.5, 7
-"""Letters to an inch of a legend, and for how many an entry's line and gap stand."""
-
-
-ROW = 0.17
-"""Inches that a legend's row takes."""
-
-
-def legend_above(figure: Figure, most: int = 3) -> None:
-    """The first axes' legend above the figure, which grows by its rows beyond two."""
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    columns = legend_columns(labels, figure.get_figwidth(), most)
-    more = math.ceil(len(labels) / columns) - 2
-    if more > 0:
-        figure.set_figheight(figure.get_figheight() + more * ROW)
-    figure.legend(handles, labels, loc="outside upper left", ncols=columns)
+    return styles
 
 
 def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
-    """How many columns of a legend a figure has room for. width: of the figure, in inches."""
+    """Return how many columns, at most `most`, a legend has in a figure of this width in inches."""
     longest = max(map(len, labels), default=1)
     return max(1, min(len(labels), most, int(LETTERS * width / (longest + MARK))))
+
+
+def broken(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the line through t and y, each (n,), with a nan at each hole between the times `sampled`, (m,)."""
+    gaps = np.diff(sampled)
+    begins = sampled[:-1][gaps > HOLE * np.median(gaps)] if gaps.size else sampled[:0]
+    places = np.searchsorted(t, begins, side="right")
+    return np.insert(t, places, begins), np.insert(np.asarray(y, float), places, np.nan)
+
+
+def plain(ax: Axes) -> None:
+    """Label a logarithmic axis of amplitudes with plain numbers instead of powers of ten."""
+    for set_formatter in (ax.xaxis.set_major_formatter, ax.xaxis.set_minor_formatter):
+        set_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.xaxis.set_minor_locator(LogLocator(subs=(2, 4, 6)))

@@ -1,4 +1,4 @@
-"""What a comparison says on the terminal: the answer of each record as soon as it is there, and how it ended."""
+"""Print a comparison on the terminal: the answer of each record as soon as it is available, and the final result."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.text import Text
 
-from bayesdamp.report.results.answers import answers, specimens
+from bayesdamp.report.results.answers import answers, overview_table, specimens
 from bayesdamp.report.results.checks import sampled_words
-from bayesdamp.report.results.overview import overview_table
 from bayesdamp.report.results.run import Run
 from bayesdamp.types import OK
 from bayesdamp.units import unit_named
@@ -26,7 +25,7 @@ from bayesdamp.verdict.words import energy_of
 
 
 class Lasting(Console):
-    """A console that goes on without a word where what reads it has closed it: the run and its report are for later."""
+    """A console that becomes silent when its reader closes it, so that the run and its report still finish."""
 
     def on_broken_pipe(self) -> None:
         """Print nothing more."""
@@ -37,46 +36,50 @@ class Lasting(Console):
 
 
 class Told:
-    """Tells each record's verdict as it comes, and then what sampling its motions made of it."""
+    """Print each record's verdict when it arrives, and later whether MCMC sampling confirms it.
+
+    Parameters
+    ----------
+    console
+        Where to print.
+    units
+        Unit of each record's displacement, by the record's name; the verdict's own unit for other records.
+    """
 
     def __init__(self, console: Console, units: Mapping[str, str] | None = None) -> None:
-        """units: of each record's displacement, by its name; else the verdict's own."""
         self.console, self._units = console, units or {}
         self.first: dict[str, Verdict] = {}
-        self._begun = False
 
     def __call__(self, verdict: Verdict) -> None:
-        """Tell of a record's verdict: the first in full, and of a later one whether it confirms that."""
-        before = self.first.setdefault(verdict.record, verdict)
-        if before is verdict:
-            if self._begun:
-                self.console.print()
-            self._begun = True
-            answered(self._shown(verdict), self.console)
-            return
-        free = before.law_free and verdict.law_free  # what is measured without a law is not sampled
-        if free or verdict.grade is Grade.NO_FREE_DECAY or verdict.quantity == "envelope":
-            return
-        found = agreement(before, verdict)
-        self.console.print(Text(sampled_words(found)), soft_wrap=True)
-        if not found.confirms:
-            self.console.print()
-            answered(self._shown(verdict), self.console)
-
-    def _shown(self, verdict: Verdict) -> Verdict:
+        """Print a record's first verdict in full, and of a later one whether it confirms the first."""
         unit = self._units.get(verdict.record)
-        return in_unit(verdict, unit_named(unit)) if unit else verdict
+        converted = in_unit(verdict, unit_named(unit)) if unit else verdict
+        before = self.first.get(verdict.record)
+        if before is None:
+            if self.first:
+                self.console.print()
+            self.first[verdict.record] = verdict
+            print_verdict(converted, self.console)
+            return
+        both_without_law = before.law_free and verdict.law_free  # then no motions are sampled
+        if both_without_law or verdict.grade is Grade.NO_FREE_DECAY or verdict.quantity == "envelope":
+            return
+        comparison = agreement(before, verdict)
+        self.console.print(Text(sampled_words(comparison)), soft_wrap=True)
+        if not comparison.confirms:
+            self.console.print()
+            print_verdict(converted, self.console)
 
 
-def answered(verdict: Verdict, console: Console) -> None:
+def print_verdict(verdict: Verdict, console: Console) -> None:
     """Print a verdict: its sentence, the damping ratio against amplitude, the remarks."""
     console.print(Text.assemble((f"{verdict.record}: ", "bold"), verdict.sentence), soft_wrap=True)
     if verdict.decay_rate:
         console.print(decay_table(verdict.decay_rate, verdict.quality_factor_at).rich())
     elif verdict.damping_ratio:
         console.print(ratios_table(verdict.damping_ratio).rich())
-        for said in energy_of(verdict):
-            console.print(Text(said), soft_wrap=True)
+        for sentence in energy_of(verdict):
+            console.print(Text(sentence), soft_wrap=True)
     if verdict.modes:
         console.print(modes_table(verdict.modes, verdict.motion).rich())
     for remark in verdict.remarks:
@@ -84,20 +87,18 @@ def answered(verdict: Verdict, console: Console) -> None:
 
 
 def conclude(folder: Path, console: Console) -> None:
-    """Print how sampling changed what was said, what one has to know of the records, and where the report is."""
+    """Print the specimens' verdicts, a table of the records, warnings, and the path of the report."""
     run = Run(folder)
-    found = answers(run)
-    said = {a.signal for a in found}
-    for together in specimens(run):
+    available = answers(run)
+    for verdict in specimens(run):
         console.print()
-        answered(together, console)
-    if len(found) > 1:
+        print_verdict(verdict, console)
+    if len(available) > 1:
         console.print()
-        console.print(
-            overview_table(found, brief=True).rich(box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0))
-        )
+        table = overview_table(available, brief=True)
+        console.print(table.rich(box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0)))
     for signal in run.signals:
-        if signal not in said:
+        if signal not in {answer.signal for answer in available}:
             cell = run.cell("answer", signal, run.repeats(signal)[0])
             outcome = cell.outcome if cell is not None else str(run.about(signal).get("outcome", OK))
             why = "" if outcome == OK else f": {outcome.rstrip('.')}"
@@ -108,7 +109,7 @@ def conclude(folder: Path, console: Console) -> None:
 
 
 def beware(folder: Path, console: Console) -> None:
-    """Print what one has to know of the records of a run."""
+    """Print the warnings about the records of a run."""
     run = Run(folder)
     for signal in run.signals:
         whose = f"{signal}: " if len(run.signals) > 1 else ""

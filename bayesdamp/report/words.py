@@ -1,4 +1,4 @@
-"""Numbers, units and names as a reader wants them."""
+"""Write the names of parameters, models, methods and units for a reader."""
 
 from __future__ import annotations
 
@@ -16,44 +16,46 @@ _SYMBOLS = {
         "equivalent damping ratio", "equivalent damping ratio", "equivalent viscous damping ratio"
     ),
     "log_decrement": Symbol("logarithmic decrement", "logarithmic decrement", "logarithmic decrement"),
-    "half_life": Symbol("half-life", "half-life", "time in which the amplitude halves"),
+    "half_life": Symbol("half-life", "half-life", "time in which the amplitude falls to half"),
     "energy_fraction": Symbol(
-        "specific damping capacity", "specific damping capacity", "share of the energy lost in a cycle"
+        "specific damping capacity",
+        "specific damping capacity",
+        "share of the energy that is lost in a cycle",
     ),
     "energy_lost": Symbol("energy lost in a cycle", "energy lost in a cycle", "energy lost in a cycle"),
     "viscous_coefficient": Symbol("viscous coefficient", "viscous coefficient", "inertia times 2ζ"),
     "coulomb_torque": Symbol("friction", "friction", "inertia times μc"),
     "quadratic_coefficient": Symbol("quadratic coefficient", "quadratic coefficient", "inertia times μq"),
 }
-"""Of the noise, and of what follows from parameters."""
+"""Symbols of the noise's parameters and of derived quantities."""
 
 
 def symbol(parameter: str) -> Symbol:
-    """How a parameter is written; one without a symbol keeps its name."""
+    """Return how a parameter is written; a parameter without a symbol keeps its name."""
     named = parameter_symbol(parameter) or _SYMBOLS.get(parameter)
     return named or Symbol(parameter, parameter, meaning_of(parameter))
 
 
 def axis(parameter: str, units: str) -> str:
-    """A figure's axis label: the symbol over its unit."""
-    shown = unit(units)
-    if not shown:
-        return symbol(parameter).math
-    return f"{symbol(parameter).math} / {f'({shown})' if '/' in shown else shown}"
+    """Return a figure's axis label: the symbol and its unit."""
+    label, raised = symbol(parameter).math, unit(units)
+    if not raised:
+        return label
+    return f"{label} / ({raised})" if "/" in raised else f"{label} / {raised}"
 
 
 _PROPER = {"coulomb": "Coulomb", "duffing": "Duffing"}
 
 
 def model(name: str) -> str:
-    """A candidate in words: `viscous+coulomb` is viscous + Coulomb, `coulomb@linear` Coulomb (linear)."""
+    """Return a candidate in words: `viscous+coulomb` is viscous + Coulomb, `coulomb@linear` Coulomb (linear)."""
     damping, restoring = candidate_parts(name)
-    said = " + ".join(own_words(t) or _PROPER.get(t, t.replace("_", " ")) for t in damping.split("+"))
-    return f"{said} ({law(restoring)})" if restoring else said
+    terms = " + ".join(own_words(term) or law(term) for term in damping.split("+"))
+    return f"{terms} ({law(restoring)})" if restoring else terms
 
 
 def law(name: str) -> str:
-    """A restoring law in words."""
+    """Return a restoring law in words."""
     return _PROPER.get(name, name.replace("_", " "))
 
 
@@ -71,10 +73,10 @@ def method(name: str) -> str:
 
 
 def stage(name: str) -> str:
-    """A stage of an estimator in words."""
+    """Return a stage of an estimator in words."""
     return {"initial": "own estimate", "refined": "trajectory fit"}.get(name, name)
 
 
 def unit(text: str) -> str:
-    """A unit with its powers raised."""
+    """Return a unit with raised exponents."""
     return text.replace("^2", "²").replace("^3", "³").replace("s2", "s²").replace("**2", "²")

@@ -8,16 +8,19 @@ import sys
 import pytest
 
 from bayesdamp.claims import CLAIMS, Claim, Judgement, judged, written
+from bayesdamp.claims.accuracy import PRINTED, verdict_of
 from bayesdamp.claims.bench import initial_error, period_drift, record
-from bayesdamp.claims.coulomb import _regression
 from bayesdamp.claims.judge import Runs
-from bayesdamp.claims.times import PRINTED, verdict_of
-from bayesdamp.claims.topology import _fails, _unit
+from bayesdamp.claims.mechanisms import (
+    _nonlinearity_is_the_cause,
+    _regression_is_accurate,
+    _topological_fails,
+)
 
 NONE = Runs()
 
 
-def test_every_claim_is_said_once_and_has_a_place():
+def test_every_claim_occurs_once_and_has_a_place():
     assert len({c.text for c in CLAIMS}) == len(CLAIMS) > 30
     assert all(c.where for c in CLAIMS)
 
@@ -27,9 +30,9 @@ def test_the_topological_failure_is_a_unit():
     assert initial_error("topological", "viscous", {"variant": "as_printed"}) == pytest.approx(
         77.67, abs=0.05
     )
-    assert _fails(NONE).verdict == "does not hold"
-    assert _unit(NONE).verdict == "does not hold"
-    assert "77.6" in _unit(NONE).measured
+    assert _topological_fails(NONE).verdict == "does not hold"
+    assert _nonlinearity_is_the_cause(NONE).verdict == "does not hold"
+    assert "77.6" in _nonlinearity_is_the_cause(NONE).measured
 
 
 def test_the_period_hardly_moves():
@@ -46,7 +49,7 @@ def test_records_are_the_papers():
 
 def test_without_a_run_a_claim_about_it_cannot_be_told():
     of_runs = [c for c in CLAIMS if c.where == "Table 3"]
-    assert {c.judge(NONE).verdict for c in of_runs} == {"cannot be told"}
+    assert {c.judge(NONE).verdict for c in of_runs} == {"cannot be judged"}
 
 
 def test_printed_times():
@@ -58,7 +61,7 @@ def test_printed_times():
     ("own", "method", "verdict"),
     [
         (90.0, "pinn", "holds"), (30.0, "pinn", "holds"), (130.0, "pinn", "does not hold"),
-        (1.5, "koopman", "better than claimed"), (0.01, "sindy", "holds"), (float("nan"), "sindy", "cannot be told"),
+        (1.5, "koopman", "better than claimed"), (0.01, "sindy", "holds"), (float("nan"), "sindy", "cannot be judged"),
     ],
 )  # fmt: skip
 def test_a_time_is_judged_on_both_sides(own: float, method: str, verdict: str):
@@ -66,7 +69,7 @@ def test_a_time_is_judged_on_both_sides(own: float, method: str, verdict: str):
 
 
 def test_an_error_far_below_the_printed_one_does_not_confirm_it():
-    assert _regression(NONE).verdict == "better than claimed"
+    assert _regression_is_accurate(NONE).verdict == "better than claimed"
 
 
 def test_the_page_counts_and_escapes():
@@ -74,7 +77,7 @@ def test_the_page_counts_and_escapes():
         Claim("a | b", "1", lambda _: Judgement("holds", "x")),
         Claim("c", "2", lambda _: Judgement("does not hold", "y")),
     ]
-    page = written(judged(claims, NONE))
+    page = written(judged(claims, NONE), NONE)
     assert "1 holds, 1 does not hold." in page
     assert "a \\| b" in page
     assert "**does not hold**" in page
@@ -82,10 +85,10 @@ def test_the_page_counts_and_escapes():
 
 def test_a_folder_without_a_run_is_refused(tmp_path):
     out = tmp_path / "claims.md"
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "bayesdamp.cli", "claims", "--paper", str(tmp_path), "--out", str(out)],
         capture_output=True, text=True, timeout=120,
     )  # fmt: skip
-    assert done.returncode == 2
-    assert "holds no run" in done.stderr
+    assert process.returncode == 2
+    assert "holds no run" in process.stderr
     assert not out.exists()

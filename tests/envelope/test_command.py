@@ -238,7 +238,7 @@ def test_the_page_is_made_anew_and_nothing_is_computed(tmp_path, capsys):
     (out / "verdict.json").write_text("[{}, 3]")
     capsys.readouterr()
     assert main(["report", str(out)]) == 2
-    assert "is not as a run wrote it" in capsys.readouterr().err
+    assert "not a file that a run wrote" in capsys.readouterr().err
 
 
 def test_a_users_own_files_are_not_replaced(tmp_path, capsys):

@@ -224,7 +224,7 @@ def test_a_law_that_contradicts_the_record_is_nowhere_on_its_page(tmp_path: Path
     text = re.sub("<[^>]+>", " ", result.report(tmp_path / "page.html").read_text(encoding="utf-8"))
     assert "contradicts this, so none is named" in text
     for said in (
-        "Coefficients under",
+        "Coefficients of",
         "Energy lost: ",
         "each law fitted alone",
         "fit of",
@@ -237,5 +237,5 @@ def test_a_law_that_contradicts_the_record_is_nowhere_on_its_page(tmp_path: Path
     assert not four[2].axison
     control = compared()
     page = re.sub("<[^>]+>", " ", control.report(tmp_path / "control.html").read_text(encoding="utf-8"))
-    assert "Coefficients under" in page
+    assert "Coefficients of" in page
     assert "is not drawn" not in page

@@ -112,11 +112,11 @@ def test_nested_sampling_agrees_with_importance() -> None:
 
 def test_the_page_has_them_and_says_what_is_not_computed() -> None:
     page = (ran() / "report.html").read_text(encoding="utf-8")
-    assert "The first half of the record alone" in page
+    assert "Results from the first half of the record alone" in page
     assert "A third check of nested pairs" in page
     assert "Other noise models are not computed under deviation" in page
     assert "NUTS, with white noise of the size that no deviation takes" in page
-    assert "All of it is of fits under laws that hold exactly" in page
+    assert "All these fits assume that the laws hold exactly" in page
     assert "o model fits" not in page  # which is what exact laws say
     assert f"sensitivity/swell/0/{SMALL}/noises" not in Store(ran()).names()
 

@@ -64,7 +64,7 @@ def test_one_noise_is_chosen_and_shown(tmp_path):
     assert all(c.mode == 0 for c in searches[:3])
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert 'id="noise"' in report
-    assert "noise model of the answer" in report
+    assert "The answer uses the noise model" in report
     assert 'id="seeds"' in report
 
 
@@ -72,7 +72,7 @@ def test_the_page_refers_to_no_choice_where_there_was_none(tmp_path):
     made = study(tmp_path, '"gaussian"')
     assert run_study(made, tmp_path / "out", workers=1) == 0
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "noise model of the answer" not in report
+    assert "The answer uses the noise model" not in report
     assert 'id="noise"' not in report
 
 

@@ -98,7 +98,12 @@ def test_the_population_has_a_row_for_mean_spread_and_each_specimen(run):
 
 def test_the_report_and_the_terminal_say_it(run):
     page = (run / "report.html").read_text(encoding="utf-8")
-    for text in ("Many records", "Repeats of a", "Over the specimens", "an encoder may be offset"):
+    for text in (
+        "Specimens with several records",
+        "Repeats of a",
+        "All specimens",
+        "an encoder may have an offset",
+    ):
         assert text in page
     made = Run(run)
     a, b = (joint_sentence(made, cell) for cell in made.cells("joint"))
@@ -106,9 +111,7 @@ def test_the_report_and_the_terminal_say_it(run):
     assert a.startswith("2 records together, if every law held exactly: the records")
     assert "the records differ in the size of their damping" in b
     assert "the records are compatible with one damping" in a
-    assert over.startswith(
-        "Over 3 specimens, all taken as viscous, if every law held exactly: ζ has the mean"
-    )
+    assert over.startswith("3 specimens, all with viscous damping, if every law held exactly: ζ has the mean")
 
 
 def test_cells_are_done_once(run, tmp_path, monkeypatch):

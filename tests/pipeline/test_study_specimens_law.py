@@ -112,12 +112,12 @@ def test_the_page_says_under_which_assumption() -> None:
     law, exact = (
         joint_sentence(run, run.cells("joint")[0]) for run in (Run(ran(d)) for d in ("law", "none"))
     )
-    assert "2 records together, laws holding approximately, each record with deviations of its own" in law
+    assert "2 records together, with laws that hold approximately and deviations of each record" in law
     assert "2 records together, if every law held exactly" in exact
     assert "does not fit" not in law
     page = (ran("law") / "report.html").read_text(encoding="utf-8")
-    assert "the sizes of these deviations are common to all records" in page
-    assert "Every law is taken to hold exactly" not in page
+    assert "The sizes of these deviations are common to all records" in page
+    assert "Every law is assumed to hold exactly" not in page
     assert "The joint fit takes the noise" not in page, "the study asks for Gaussian noise"
     assert "<h3>rep</h3>" in page
     assert "Summed over the restoring laws" not in page, "there is one"

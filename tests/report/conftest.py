@@ -111,7 +111,7 @@ class RunMaker:
         y = trajectory(kind, best, t)
         y = y + (0.0006 * noise if kind == "bench" else self.rng.normal(0, 0.003, t.size))
         arrays = {"t": t, "y": y}
-        seen = FeaturesSeen(
+        features = FeaturesSeen(
             rest=0.0,
             amplitude=0.3,
             final_amplitude=0.1,
@@ -121,7 +121,7 @@ class RunMaker:
             samples_per_cycle=140.0,
             roughness=0.001,
         )
-        meta: dict = {"features": asdict(seen)}
+        meta: dict = {"features": asdict(features)}
         if kind == "bench":
             before, after = np.full(520, y[0]), np.full(1300, 0.0088)
             raw = np.concatenate([before, y, after])
@@ -275,8 +275,8 @@ class RunMaker:
 
     def evidence(self, signal: str, repeat: int, model: str) -> None:
         kind = self.kind(signal)
-        found = {m: LOG_BAYES[kind][m] for m in self.models}
-        total = sum(math.exp(v) for v in found.values())
+        logs = {m: LOG_BAYES[kind][m] for m in self.models}
+        total = sum(math.exp(v) for v in logs.values())
         for method in ("importance", "bridge"):
             poor = method == "importance" and model == "viscous+coulomb" and kind == "sim"
             row = {
@@ -285,10 +285,10 @@ class RunMaker:
                 "model": model,
                 "restoring": "horizontal_pendulum",
                 "method": method,
-                "log_evidence": 29362.41 + found[model] + (0.02 if method == "bridge" else 0.0),
+                "log_evidence": 29362.41 + logs[model] + (0.02 if method == "bridge" else 0.0),
                 "stderr": 0.008,
-                "log_bayes_factor": found[model] - max(found.values()),
-                "probability": math.exp(found[model]) / total,
+                "log_bayes_factor": logs[model] - max(logs.values()),
+                "probability": math.exp(logs[model]) / total,
                 "diagnostic": "Pareto k 0.81: poor"
                 if poor
                 else "Pareto k 0.21"
@@ -376,7 +376,7 @@ def maker_type():
 @pytest.fixture
 def sketchy(monkeypatch):
     """Figures are composed but not drawn, for tests of the text."""
-    monkeypatch.setattr("bayesdamp.report.drawing._saved", lambda _: (b"<svg/>", b"png", b"webp"))
+    monkeypatch.setattr("bayesdamp.report.drawing._encode", lambda _: (b"<svg/>", b"png", b"webp"))
 
 
 @pytest.fixture

@@ -76,9 +76,9 @@ def probed(html: str, folder: Path, width: int) -> dict:
     frame = f'<iframe width="{width}" height="{HEIGHT}" style="border:0" srcdoc="{inside}"></iframe>'
     at.write_text(f'<!DOCTYPE html><meta charset="utf-8"><body>{frame}</body>', encoding="utf-8")
     dom = browse("--window-size=1400,1000", "--dump-dom", at.as_uri())
-    found = re.search(r'<pre id="probe">(.*?)</pre>', dom, re.DOTALL)
-    assert found, "the page's script did not run to its end"
-    return json.loads(found[1].replace("&gt;", ">").replace("&lt;", "<").replace("&amp;", "&"))
+    probes = re.search(r'<pre id="probe">(.*?)</pre>', dom, re.DOTALL)
+    assert probes, "the page's script did not run to its end"
+    return json.loads(probes[1].replace("&gt;", ">").replace("&lt;", "<").replace("&amp;", "&"))
 
 
 def pages(html: str, folder: Path, name: str) -> int:
@@ -95,16 +95,16 @@ def html(whole_run: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def found(html: str, tmp_path_factory) -> dict[int, dict]:
+def probes(html: str, tmp_path_factory) -> dict[int, dict]:
     folder = tmp_path_factory.mktemp("browser")
     return {width: probed(html, folder, width) for width in WIDTHS}
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_nothing_is_wider_than_the_window(found, width):
-    assert found[width]["width"] == width
-    assert found[width]["page"] <= width
-    assert found[width]["scrolled"] == 0
+def test_nothing_is_wider_than_the_window(probes, width):
+    assert probes[width]["width"] == width
+    assert probes[width]["page"] <= width
+    assert probes[width]["scrolled"] == 0
 
 
 def test_a_page_that_is_too_wide_is_seen(html, tmp_path):
@@ -114,38 +114,38 @@ def test_a_page_that_is_too_wide_is_seen(html, tmp_path):
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_figures_are_drawn_and_text_is_legible(found, width):
-    assert found[width]["figures"] > 5
-    assert found[width]["broken"] == 0
-    assert found[width]["smallest"] >= 12
+def test_figures_are_drawn_and_text_is_legible(probes, width):
+    assert probes[width]["figures"] > 5
+    assert probes[width]["broken"] == 0
+    assert probes[width]["smallest"] >= 12
 
 
-def test_words_in_tables_are_not_torn_into_letters(found, html, tmp_path):
+def test_words_in_tables_are_not_torn_into_letters(probes, html, tmp_path):
     """Negative control: words that may break anywhere, as those of the first column once did."""
-    assert found[390]["torn"] == []
+    assert probes[390]["torn"] == []
     anywhere = html.replace("overflow-wrap: break-word", "overflow-wrap: anywhere")
     assert anywhere != html
     assert len(probed(anywhere, tmp_path, 390)["torn"]) > 5
 
 
-def test_figures_shrink_no_further_than_their_letters_can_be_read_on_a_phone(found):
+def test_figures_shrink_no_further_than_their_letters_can_be_read_on_a_phone(probes):
     """Letters are 7 pt and more where drawn: four fifths of that are read at arm's length, two fifths are not."""
-    assert min(found[390]["scales"]) >= 0.75
+    assert min(probes[390]["scales"]) >= 0.75
 
 
-def test_tables_sort_and_filter(found):
-    one = found[1280]
-    assert one["up"] != one["down"]
-    assert sorted(one["up"]) == sorted(one["down"])
-    assert one["sort"] == "descending"
-    assert 0 < one["kept"] < one["rows"]
+def test_tables_sort_and_filter(probes):
+    probe = probes[1280]
+    assert probe["up"] != probe["down"]
+    assert sorted(probe["up"]) == sorted(probe["down"])
+    assert probe["sort"] == "descending"
+    assert 0 < probe["kept"] < probe["rows"]
 
 
-def test_all_that_is_folded_is_open_in_print(found, html, tmp_path):
-    one = found[1280]
-    assert one["folded"] > 3
-    assert one["printing"] == 0
-    assert one["after"] == one["folded"]
+def test_all_that_is_folded_is_open_in_print(probes, html, tmp_path):
+    probe = probes[1280]
+    assert probe["folded"] > 3
+    assert probe["printing"] == 0
+    assert probe["after"] == probe["folded"]
     printed = pages(html, tmp_path, "whole")
     shut = pages(re.sub(r"<details.*?</details>", "", html, flags=re.DOTALL), tmp_path, "shut")
     assert printed > 1.3 * shut

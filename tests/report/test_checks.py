@@ -29,8 +29,8 @@ def verdict(damping: str = "viscous", probability: float = 0.98, **changes: Any)
     """1 % at 0.2 rad, ζ = 0.05 ± 0.002."""
     ratio = DampingRatio(0.2, "rad", 0.01, 0.0002, 0.0004, 0.009, 0.011)
     zeta = Coefficient("zeta", 0.05, 0.001, 0.0, 0.048, 0.052, "1/s")
-    found = Verdict("a", Grade.EXACT, probability > 0.95, damping, probability, restoring="linear")
-    return replace(found, **{"damping_ratio": (ratio,), "coefficients": (zeta,), **changes})
+    result = Verdict("a", Grade.EXACT, probability > 0.95, damping, probability, restoring="linear")
+    return replace(result, **{"damping_ratio": (ratio,), "coefficients": (zeta,), **changes})
 
 
 def cell(kind: str, v: Verdict) -> CellResult:
@@ -62,7 +62,7 @@ def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **
     cells = {kind: cell(kind, v) for kind, v in given.pop("cells", {}).items()}
     cells |= {"answer": cell("answer", answer)} if answer else {}
     source = {"source": {"damping": truth.split("+")}} if truth else {}
-    found = {
+    result = {
         "signals": ["a"],
         "models": [],
         "estimates": [],
@@ -79,21 +79,21 @@ def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **
         "simulated": lambda _: bool(truth),
         "provenance": lambda _: SimpleNamespace(warnings=()),
     }
-    return cast(Run, SimpleNamespace(**{**found, **given}))
+    return cast(Run, SimpleNamespace(**{**result, **given}))
 
 
 def checked(run: Run) -> tuple[list[str], list[str]]:
     """The sentences of the checks that pass, and of those that fail."""
-    found = Checks(run, "a").all()
-    return [c.text for c in found if not c.fails], [c.text for c in found if c.fails]
+    result = Checks(run, "a").all()
+    return [c.text for c in result if not c.fails], [c.text for c in result if c.fails]
 
 
 def test_what_linear_models_gave_is_in_the_unit_of_the_record() -> None:
     other = verdict("viscous+stribeck"), verdict("viscous+coulomb")
-    (said,) = sampled(run_of(unit="deg", cells=dict(zip(("answer", "sampled"), other, strict=True))), "a")
-    assert "linear approximations alone gave" in said.text
-    assert f"at {math.degrees(0.2):.2g} deg" in said.text
-    assert "rad" not in said.text
+    (check,) = sampled(run_of(unit="deg", cells=dict(zip(("answer", "sampled"), other, strict=True))), "a")
+    assert "linear approximations alone gave" in check.text
+    assert f"at {math.degrees(0.2):.2g} deg" in check.text
+    assert "rad" not in check.text
     (same,) = sampled(run_of(cells={"answer": verdict(), "sampled": verdict()}), "a")
     assert same.text == "MCMC sampling confirms this result."
 
@@ -123,13 +123,13 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "text"),
     [
         ({"posteriors": chain(outcome="not converged: R̂ of ζ is 1.03.")}, "NUTS: not converged: R̂ of ζ is 1.03."),
-        ({"posteriors": chain(at=0.052)}, "NUTS contradicts the answer: its ζ is 2.0 of the answer's standard"),
+        ({"posteriors": chain(at=0.052)}, "NUTS contradicts the answer: its ζ differs by 2.0 of the answer's standard"),
         (
             {"evidence": evidence(coulomb=0.7, viscous=0.3)},
-            "Importance sampling puts Coulomb first, with probability 0.70, which contradicts the answer.",
+            "Importance sampling ranks Coulomb first, with probability 0.70, which contradicts the answer.",
         ),
         (
             {
@@ -151,13 +151,13 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
         ),
     ],
 )  # fmt: skip
-def test_a_check_that_contradicts_the_answer_says_so(changes: dict, said: str) -> None:
+def test_a_check_that_contradicts_the_answer_says_so(changes: dict, text: str) -> None:
     run = run_of(verdict(rivals=(Rival("coulomb", 0.02),)), **changes)
     _, failed = checked(run)
-    assert any(said in one for one in failed)
+    assert any(text in sentence for sentence in failed)
 
 
-def test_what_takes_laws_to_hold_exactly_contradicts_no_answer_with_deviations() -> None:
+def test_a_check_that_assumes_exact_laws_does_not_contradict_an_answer_with_deviations() -> None:
     """Control: with the same assumptions the same tables contradict it."""
     tables = {
         "posteriors": chain(at=0.052),
@@ -167,8 +167,8 @@ def test_what_takes_laws_to_hold_exactly_contradicts_no_answer_with_deviations()
     about = verdict(deviation=Interval(0.02, 0.0, 0.04))
     passed, failed = checked(run_of(about, **tables))
     assert failed == []
-    assert "If the laws held exactly: Importance sampling puts Coulomb first" in " ".join(passed)
-    assert "take the laws to hold exactly" in passed[-1]
+    assert "If the laws held exactly: Importance sampling ranks Coulomb first" in " ".join(passed)
+    assert "assume that the laws hold exactly" in passed[-1]
     assert len(checked(run_of(verdict(), **tables))[1]) == 3
     assert len(checked(run_of(about, under_law=True, **tables))[1]) == 2  # exact fits are not compared there
 
@@ -203,7 +203,7 @@ def test_no_law_is_compared_where_none_is_the_answer() -> None:
     run = run_of(verdict(law_free=True), **tables)
     passed, failed = checked(run)
     assert failed == []
-    assert [one.startswith("No law of damping describes this record") for one in passed] == [True]
+    assert [sentence.startswith("No damping law describes this record") for sentence in passed] == [True]
     assert Checks(run, "a").table() is None
 
 
@@ -229,31 +229,31 @@ def test_an_answer_that_rests_on_the_priors_width_says_so() -> None:
         def stored(kind: str, *parts: object) -> object:
             if kind != "sensitivity":
                 return answer if kind == "answer" else None
-            found = {"factors": np.array([0.1, 1.0, 10.0]), "log_evidence": np.array(logs[str(parts[2])])}
-            return SimpleNamespace(outcome="ok", arrays={**found, "trusted": np.ones(3, bool)})
+            result = {"factors": np.array([0.1, 1.0, 10.0]), "log_evidence": np.array(logs[str(parts[2])])}
+            return SimpleNamespace(outcome="ok", arrays={**result, "trusted": np.ones(3, bool)})
 
         run.cell = stored  # type: ignore[method-assign, assignment]
         return checked(run)[1]
 
-    (said,) = widths(40.0)
+    (text,) = widths(40.0)
     assert (
-        "with priors 0.10 times as wide, the probability of viscous is 0.71" in said
+        "with priors 0.10 times as wide, the probability of viscous is 0.71" in text
     )  # 0.99 / (0.99 + 0.01 * 40)
     assert widths(2.0) == []
 
 
 def test_the_priors_width_is_judged_over_all_laws() -> None:
     """A law that takes over from another at another width leaves its damping where it was."""
-    told = {"viscous@pendulum": 0.6, "viscous@linear": 0.39, "coulomb@linear": 0.01}
-    moved = {m: [s * np.log(20.0), 0.0, 0.0] for m, s in zip(told, (0, 1, 0), strict=True)}
-    run = run_of(verdict(), evidence=evidence(**told))
+    probabilities = {"viscous@pendulum": 0.6, "viscous@linear": 0.39, "coulomb@linear": 0.01}
+    moved = {m: [s * np.log(20.0), 0.0, 0.0] for m, s in zip(probabilities, (0, 1, 0), strict=True)}
+    run = run_of(verdict(), evidence=evidence(**probabilities))
     answer = run.cell("answer")
 
     def stored(kind: str, *parts: object) -> object:
         if kind != "sensitivity":
             return answer if kind == "answer" else None
-        found = {"factors": np.array([0.1, 1.0, 10.0]), "log_evidence": np.array(moved[str(parts[2])])}
-        return SimpleNamespace(outcome="ok", arrays={**found, "trusted": np.ones(3, bool)})
+        result = {"factors": np.array([0.1, 1.0, 10.0]), "log_evidence": np.array(moved[str(parts[2])])}
+        return SimpleNamespace(outcome="ok", arrays={**result, "trusted": np.ones(3, bool)})
 
     run.cell = stored  # type: ignore[method-assign, assignment]
     assert checked(run)[1] == []
@@ -263,10 +263,10 @@ def test_the_priors_width_is_judged_over_all_laws() -> None:
 
 def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     """With the factor halved, 0.6 to 0.4 for the sum becomes 0.3 to 0.4; sums over two laws are moved together."""
-    told = {"viscous+coulomb": 0.6, "viscous@linear": 0.3, "viscous@pendulum": 0.1}
-    found = ranking(run_of(evidence=evidence(**told)), "a", 0)
-    assert found is not None
-    shares = over_odds(found)
+    probabilities = {"viscous+coulomb": 0.6, "viscous@linear": 0.3, "viscous@pendulum": 0.1}
+    result = ranking(run_of(evidence=evidence(**probabilities)), "a", 0)
+    assert result is not None
+    shares = over_odds(result)
     assert list(shares) == [0.5 * FURTHER_TERM, FURTHER_TERM, 2 * FURTHER_TERM]
     lower, own, higher = shares.values()
     assert own == pytest.approx({"viscous+coulomb": 0.6, "viscous": 0.4})

@@ -9,7 +9,13 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.report import render
-from bayesdamp.report.results.comparing import CATEGORIES, category, compared, true_models, value
+from bayesdamp.report.results.estimators import (
+    CATEGORIES,
+    category_of,
+    compare_estimators,
+    printed_error,
+    true_models,
+)
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import series
 from bayesdamp.store import TABLES, write_json, write_table
@@ -62,15 +68,15 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_errors_are_those_under_the_model_of_the_truth(folder):
-    found = compared(Run(folder))
-    assert found.signals == ["viscous-base", "coulomb-base"]
-    assert found.methods == ["topological", "least_squares", "genetic"]
-    assert found.errors["genetic", "viscous-base", "initial"] == pytest.approx(4.0)
-    assert found.mean("genetic", "refined") == pytest.approx(0.01)
-    assert found.seconds["genetic", "initial"] == pytest.approx(2.0)  # two signals, two repeats
-    assert found.mean_published("genetic") == 0.0
-    assert math.isnan(found.mean_published("topological"))
-    assert found.times == {"genetic": "2–5 min"}
+    result = compare_estimators(Run(folder))
+    assert result.signals == ["viscous-base", "coulomb-base"]
+    assert result.methods == ["topological", "least_squares", "genetic"]
+    assert result.errors["genetic", "viscous-base", "initial"] == pytest.approx(4.0)
+    assert result.mean("genetic", "refined") == pytest.approx(0.01)
+    assert result.seconds["genetic", "initial"] == pytest.approx(2.0)  # two signals, two repeats
+    assert result.mean_published("genetic") == 0.0
+    assert math.isnan(result.mean_published("topological"))
+    assert result.times == {"genetic": "2–5 min"}
     assert true_models(Run(folder))["coulomb-half"] == "coulomb"
 
 
@@ -78,23 +84,23 @@ def test_errors_are_those_under_the_model_of_the_truth(folder):
     ("printed", "number"), [("~0", 0.0), ("77.6", 77.6), ("0.0004", 0.0004), ("", math.nan)]
 )
 def test_printed_errors(printed, number):
-    assert value(printed) == pytest.approx(number, nan_ok=True)
+    assert printed_error(printed) == pytest.approx(number, nan_ok=True)
 
 
 def test_categories_are_the_papers():
     assert [len(v) for v in CATEGORIES.values()] == [3, 6, 2]
-    assert category("koopman") == "classical"
-    assert category("mine") == "others"
+    assert category_of("koopman") == "classical"
+    assert category_of("mine") == "others"
 
 
 def test_series_follow_one_factor(folder):
-    found = series(Run(folder))
-    assert [(s.model, s.factor) for s in found] == [("viscous", "noise"), ("coulomb", "noise")]
-    assert found[0].values == list(LEVELS)
-    assert found[0].errors["genetic", "initial"] == pytest.approx([0.0, 2.0, 4.0, 8.0])
-    assert found[0].answers["genetic", "initial"] == [(2, 2)] * 4
-    assert math.isnan(found[0].bounds[0])
-    assert found[0].bounds[1:] == pytest.approx([0.1, 0.2, 0.4])
+    result = series(Run(folder))
+    assert [(s.model, s.factor) for s in result] == [("viscous", "noise"), ("coulomb", "noise")]
+    assert result[0].values == list(LEVELS)
+    assert result[0].errors["genetic", "initial"] == pytest.approx([0.0, 2.0, 4.0, 8.0])
+    assert result[0].answers["genetic", "initial"] == [(2, 2)] * 4
+    assert math.isnan(result[0].bounds[0])
+    assert result[0].bounds[1:] == pytest.approx([0.1, 0.2, 0.4])
     # Negative control: a signal that differs in its sampling too is in no series.
     run = Run(folder)
     for signal in run.study["signals"][1:3]:
@@ -104,7 +110,7 @@ def test_series_follow_one_factor(folder):
 
 def test_both_sections_are_in_the_report(folder):
     page = render(folder).read_text(encoding="utf-8")
-    assert "The estimators compared" in page
+    assert "Comparison of the estimators" in page
     assert "Errors against noise" in page
     assert {"estimates-viscous-base-viscous.svg", "sweep-viscous-noise.svg"} <= {
         p.name for p in (folder / "figures").iterdir()

@@ -28,9 +28,9 @@ def test_thinning_keeps_the_extremes():
     t = np.linspace(0, 100, 100_001)
     y = np.sin(40 * t)
     y[50_123] = 7.0
-    at, kept = thinned(t, y, 2000)
+    at, values = thinned(t, y, 2000)
     assert len(at) <= 2100
-    assert kept.max() == 7.0
+    assert values.max() == 7.0
     assert (at[0], at[-1]) == (t[0], t[-1])
     assert np.all(np.diff(at) > 0)
 
@@ -139,10 +139,10 @@ def test_one_sum_under_several_laws_is_told_apart():
     """The first has the sum's own colour, the others are ever paler; another sum is not touched. Negative control:
     colours of the sums alone are one."""
     names = ["coulomb@pendulum", "viscous@linear", "coulomb@linear", "coulomb@duffing"]
-    found = [looks(names)[name] for name in names]
-    assert found[0] == (colour("coulomb").lower(), dash("coulomb"))
-    assert found[1][0] == colour("viscous").lower()
-    first, _, second, third = (np.array(to_rgb(shade)) for shade, _ in found)
+    styles = [looks(names)[name] for name in names]
+    assert styles[0] == (colour("coulomb").lower(), dash("coulomb"))
+    assert styles[1][0] == colour("viscous").lower()
+    first, _, second, third = (np.array(to_rgb(shade)) for shade, _ in styles)
     assert np.all(second - first > -0.01)
     assert np.sum(second - first) > 0.3
     assert np.sum(third - second) > 0.2
@@ -176,7 +176,7 @@ def _farthest(shown: Image.Image) -> int:
     """How far, of 255, the line of a model is at most from its colour."""
     pixels = np.asarray(shown.convert("RGB")).reshape(-1, 3).astype(int)
     own = [np.array([round(255 * v) for v in to_rgb(colour(model))]) for model in _THIN]
-    return max(int(np.abs(pixels - one).max(axis=1).min()) for one in own)
+    return max(int(np.abs(pixels - ink).max(axis=1).min()) for ink in own)
 
 
 def test_few_colours_keep_those_of_thin_lines(tmp_path, monkeypatch):

@@ -22,7 +22,7 @@ def test_an_empty_run_says_so(tmp_path):
     claim(tmp_path)
     write_json(tmp_path / "run.json", {})
     words = Page(render(tmp_path).read_text()).words
-    assert "holds no signal yet" in words
+    assert "does not contain a signal yet" in words
 
 
 def without(folder: Path, *kinds: str) -> None:
@@ -32,11 +32,11 @@ def without(folder: Path, *kinds: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("missing", "cells", "said"),
+    ("missing", "cells", "text"),
     [
         (["estimates.csv"], ["estimate"], "No estimator ran in this study."),
         (["posteriors.csv"], ["posterior"], "No posterior was sampled in this study."),
-        (["evidence.csv"], ["evidence"], "Which damping it is was not decided: no evidence was computed."),
+        (["evidence.csv"], ["evidence"], "No verdict on the damping: no evidence was computed."),
         (["fits.csv"], ["mode"], "No model was fitted in this study."),
         ([], ["signal"], "The record is not in this folder."),
         ([], ["mode"], "No fit of viscous + Coulomb is stored."),
@@ -52,12 +52,12 @@ def without(folder: Path, *kinds: str) -> None:
         ),
     ],
 )
-def test_what_is_missing_is_said(maker, missing, cells, said):
+def test_what_is_missing_is_said(maker, missing, cells, text):
     folder = maker.make()
     for name in missing:
         (folder / name).unlink()
     without(folder, *cells)
-    assert said in Page(render(folder).read_text()).words
+    assert text in Page(render(folder).read_text()).words
 
 
 def test_a_comparison_of_envelopes_by_an_earlier_version_is_one_line(tmp_path):
@@ -75,10 +75,10 @@ def test_a_run_of_another_version_is_one_line(maker):
     with store.lock():
         cell = store.read("mode/sim/0/viscous")
         store.write(replace(cell, meta={**cell.meta, "climbs": [{"seed": "prior 1"}]}))
-    with pytest.raises(InputError, match="another version of bayesdamp") as told:
+    with pytest.raises(InputError, match="another version of bayesdamp") as error:
         render(folder)
-    assert str(folder) in str(told.value)
-    assert "\n" not in str(told.value)
+    assert str(folder) in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def test_a_damaged_cell_is_missing_not_fatal(maker):
@@ -93,7 +93,7 @@ def test_a_refusal_is_shown(maker):
     maker.store.write(CellResult("mode/sim/0/viscous", "k", {}, {}, "not applicable: a record without noise"))
     words = Page(render(folder).read_text()).words
     assert "No fit of viscous: not applicable: a record without noise" in words
-    assert "1 task ended with a sentence instead of a result" in words
+    assert "1 task ended without a result" in words
 
 
 def test_poor_evidence_is_not_to_be_believed(maker):
@@ -115,12 +115,12 @@ def test_methods_that_disagree_are_named(maker):
     for row in run.evidence:
         if row["method"] == "importance":
             row["probability"] = 1 - row["probability"]
-    found = ranking(run, "sim", 0)
-    assert found
-    assert found.method == "bridge"
-    assert next(iter(found.shares["importance"])) == "viscous+coulomb"
-    said = [check.text for check in Checks(run, "sim").all() if check.fails]
-    assert any(one.startswith("Importance sampling puts viscous + Coulomb first") for one in said)
+    ranked = ranking(run, "sim", 0)
+    assert ranked
+    assert ranked.method == "bridge"
+    assert next(iter(ranked.shares["importance"])) == "viscous+coulomb"
+    text = [check.text for check in Checks(run, "sim").all() if check.fails]
+    assert any(sentence.startswith("Importance sampling ranks viscous + Coulomb first") for sentence in text)
 
 
 def test_a_folder_that_is_no_run(tmp_path):

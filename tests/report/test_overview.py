@@ -13,9 +13,8 @@ from rich.console import Console
 
 from bayesdamp.report import render
 from bayesdamp.report.figures.curves import overview
-from bayesdamp.report.results.answers import answers
-from bayesdamp.report.results.estimates import estimates_of
-from bayesdamp.report.results.overview import common_amplitude, ratio_of, short_names
+from bayesdamp.report.results.answers import answers, common_amplitude, ratio_of, short_names
+from bayesdamp.report.results.estimators import estimates_of
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections.estimates import inside
 from bayesdamp.report.terminal import conclude
@@ -114,7 +113,7 @@ def test_a_first_record_without_a_damping_ratio_has_its_line(folder: Path) -> No
     store.write(CellResult(name, "key", {**store.read(name).meta, "verdict": none.to_dict()}, {}))
     out = io.StringIO()
     conclude(folder, Console(file=out, width=120))
-    assert re.search(r"^ *1 +no free decay", out.getvalue(), re.MULTILINE), out.getvalue()
+    assert re.search(r"^ *1 +not a free decay", out.getvalue(), re.MULTILINE), out.getvalue()
     assert "7.02 deg" in out.getvalue().replace("\n", " "), "in the unit of those that have one"
 
 
@@ -126,30 +125,30 @@ def test_names_are_shown_without_what_all_begin_with() -> None:
 
 def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Path) -> None:
     run = Run(whole_run)
-    one = estimates_of(run, "sim", "viscous")[0]
-    assert one.source == "sim"
-    assert one.truth == 0.05
-    assert len(one.own) == len(one.refined) == 11
-    assert one.posterior is not None
-    low, high = one.posterior
+    estimates = estimates_of(run, "sim", "viscous")[0]
+    assert estimates.source == "sim"
+    assert estimates.truth == 0.05
+    assert len(estimates.own) == len(estimates.refined) == 11
+    assert estimates.posterior is not None
+    low, high = estimates.posterior
     assert low < 0.0501 < high
-    count = sum(low <= value <= high for value in one.refined.values())
-    assert f"{count} of the 11 trajectory fits" in inside([one])
+    count = sum(low <= value <= high for value in estimates.refined.values())
+    assert f"{count} of 11 trajectory fits" in inside([estimates])
     assert np.isnan(estimates_of(run, "bench", "viscous")[0].truth)
 
 
 def test_records_are_compared_at_an_amplitude_that_all_pass(folder: Path) -> None:
-    found = answers(Run(folder))
-    shared = common_amplitude(found)
+    records = answers(Run(folder))
+    shared = common_amplitude(records)
     assert shared == pytest.approx(np.degrees(np.sqrt(0.05 * 0.3)))
-    rising = replace(found[0], arrays={**found[0].arrays, "ratio": 0.1 * found[0].arrays["amplitude"]})
+    rising = replace(records[0], arrays={**records[0].arrays, "ratio": 0.1 * records[0].arrays["amplitude"]})
     at = ratio_of(rising, shared)
     assert at is not None
     assert at.value == pytest.approx(0.1 * shared, rel=0.02), (
         "read off the curve, not the record's own middle"
     )
-    far = replace(found[1], arrays={**found[1].arrays, "amplitude": 100 * found[1].arrays["amplitude"]})
-    assert common_amplitude([found[0], far]) is None
-    own = ratio_of(found[0], None)
+    far = replace(records[1], arrays={**records[1].arrays, "amplitude": 100 * records[1].arrays["amplitude"]})
+    assert common_amplitude([records[0], far]) is None
+    own = ratio_of(records[0], None)
     assert own is not None
     assert own.amplitude == pytest.approx(np.degrees(0.2))

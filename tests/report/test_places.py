@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bayesdamp.report.results.places import ahead, interval, places
-from bayesdamp.report.results.sweeping import Series
+from bayesdamp.report.results.sweeping import Series, ahead, interval, places
 
 RNG = np.random.default_rng(5)
 
@@ -21,27 +20,27 @@ def errors(sd: float, count: int, rng: np.random.Generator = RNG) -> dict[int, f
 def test_intervals_hold_the_true_size(count: int):
     """Of 1,000 sets of normal errors 95 % would; Tukey's t is somewhat short for five. Chance of a false alarm 1e-4."""
     rng = np.random.default_rng(count)
-    held = np.mean(
+    share = np.mean(
         [low <= 2.0 <= high for low, high in (interval(errors(2.0, count, rng)) for _ in range(1000))]
     )
-    assert (0.88 if count == 5 else 0.91) < held < 0.985
+    assert (0.88 if count == 5 else 0.91) < share < 0.985
 
 
 @pytest.mark.parametrize("count", [5, 50])
 def test_the_same_method_is_seldom_ahead_of_itself(count: int):
     """Negative control: errors of one size, 1,000 times; 2.5 % would be said to be smaller."""
     rng = np.random.default_rng(count)
-    said = np.mean([ahead(errors(1.0, count, rng), errors(1.0, count, rng)) for _ in range(1000)])
-    assert said < 0.05
+    share = np.mean([ahead(errors(1.0, count, rng), errors(1.0, count, rng)) for _ in range(1000)])
+    assert share < 0.05
 
 
 def test_pairs_tell_apart_what_intervals_do_not():
     """Two methods that are off alike, one always by a tenth more."""
-    one = errors(1.0, 50)
-    other = {i: 1.1 * e for i, e in one.items()}
-    assert interval(one)[1] > interval(other)[0]
-    assert ahead(one, other)
-    assert not ahead(other, one)
+    errors_a = errors(1.0, 50)
+    errors_b = {i: 1.1 * e for i, e in errors_a.items()}
+    assert interval(errors_a)[1] > interval(errors_b)[0]
+    assert ahead(errors_a, errors_b)
+    assert not ahead(errors_b, errors_a)
 
 
 def test_few_repeats_say_nothing():
@@ -59,5 +58,5 @@ def test_places_are_ranges():
         "worst": {i: 30 * some[i % 5] for i in range(50)},
     }
     each = {(m, "initial"): [own] for m, own in errors.items()}
-    found = Series("viscous", "noise", [1.0], ["s"], {}, {}, [math.nan], each)
-    assert places(found, "initial", 0) == {"best": (1, 1), "few": (2, 3), "many": (2, 3), "worst": (4, 4)}
+    series = Series("viscous", "noise", [1.0], {}, {}, [math.nan], each)
+    assert places(series, "initial", 0) == {"best": (1, 1), "few": (2, 3), "many": (2, 3), "worst": (4, 4)}

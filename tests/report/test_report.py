@@ -16,8 +16,7 @@ from rich.console import Console
 from bayesdamp.report import render
 from bayesdamp.report.results.reading import coefficients, models_by_rank, models_kept
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections import SECTIONS, Section
-from bayesdamp.report.sections._layout import drawn
+from bayesdamp.report.sections import SECTIONS, Section, is_drawn
 from bayesdamp.report.sections.asked import _sentences
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json
@@ -61,13 +60,16 @@ def test_the_verdict_comes_first_and_warns(page):
     verdict = words.index(
         "Probability of viscous + Coulomb among the compared damping models, other forms left out: > 0.999 by bridge"
     )
-    assert verdict < words.index("What was asked")
+    assert verdict < words.index("Settings of the study")
     assert (
         "Probability of viscous among the compared damping models, other forms left out: 0.80 by bridge sampling"
         in words
     )
-    assert "Most probable by evidence in 2 repeats of this record: viscous in 2 (at least 0.80)." in words
-    assert "move by 4.1 of the standard deviations that chance allows them" in words
+    assert (
+        "Most probable by evidence in 2 repeats of this record: viscous in 2 (probability at least 0.80)."
+        in words
+    )
+    assert "change by 4.1 times the standard deviation that is expected by chance" in words
     assert "predictive p 0.0030" in words
     assert "not converged: R̂ of stiffness is 1.034" in words
     assert "ε was not given: 2 % of the peak velocity" in words
@@ -195,7 +197,7 @@ def test_draws_with_nan_are_not_drawn(maker):
 def test_what_methods_found_besides(maker):
     folder = maker.make()
     words = Page(render(folder).read_text()).words
-    assert "What the methods found besides" in words
+    assert "Further results of the methods" in words
     assert "0.05020·2θ̇ + 20.10·θ" in words
     assert "f(v) = 0.1·v" in words
     figures = {p.name for p in (folder / "figures").iterdir()}
@@ -210,21 +212,21 @@ def test_other_forms_of_damping_are_in_a_table(maker_of) -> None:
     rivals = [{"words": f"it is {x}", "log_bayes": b} for x, b in zip("abcde", (0.0, 1.0, -1.0, -1.2, -4.0))]
     store.write(replace(cell, meta={**cell.meta, "rivals": rivals}))
     words = Page(render(folder).read_text()).words
-    assert (
-        "what there might be beside it ln Bayes factor probability, against none it is b 1.00 0.73" in words
-    )
+    assert "additional form ln Bayes factor probability, against none it is b 1.00 0.73" in words
 
 
 def test_what_one_has_to_know_of_the_reading_is_on_the_page_and_on_the_terminal(maker_of) -> None:
     folder = maker_of(signals=("bench",), repeats={"bench": 1}, models=("viscous+coulomb", "viscous")).make()
-    said = "it swings by 80 turns to either side."
+    warning = "it swings by 80 turns to either side."
     for warned in (False, True):
         printed = io.StringIO()
         conclude(folder, Console(file=printed, width=200))
-        assert (f"Beware: {said}" in printed.getvalue()) == warned
-        assert (f"The record as it was read: {said}" in Page(render(folder).read_text()).words) == warned
+        assert (f"Beware: {warning}" in printed.getvalue()) == warned
+        assert (
+            f"Warning from reading the record: {warning}" in Page(render(folder).read_text()).words
+        ) == warned
         info = json.loads((folder / "run.json").read_text())
-        info["signals"]["bench"]["warnings"] = [said]
+        info["signals"]["bench"]["warnings"] = [warning]
         (folder / "run.json").write_text(json.dumps(info))
 
 
@@ -261,12 +263,12 @@ def test_the_likeliest_four_of_few_signals_are_drawn_and_the_best_of_many(maker_
         Run(maker_of(signals=[f"sim{i}" for i in range(n)], repeats={}, models=("viscous",)).make())
         for n in (4, 5)
     )
-    assert [drawn(few, place) for place in range(6)] == [True] * 4 + [False] * 2
-    assert [drawn(many, place) for place in range(6)] == [True] + [False] * 5
+    assert [is_drawn(few, place) for place in range(6)] == [True] * 4 + [False] * 2
+    assert [is_drawn(many, place) for place in range(6)] == [True] + [False] * 5
 
 
 def test_what_was_asked_names_dampings_and_laws_once() -> None:
-    made = SimpleNamespace(
+    run = SimpleNamespace(
         models=["viscous", "coulomb", "viscous@linear", "coulomb@linear", "viscous@duffing"],
         info={},
         under_law=False,
@@ -275,8 +277,8 @@ def test_what_was_asked_names_dampings_and_laws_once() -> None:
         about=lambda name: {"restoring": ["linear", "duffing"]},
     )
     system = {"restoring": "linear", "known": {}, "free": {"cubic": None}}
-    first, second, *_ = _sentences(made, {"signals": [{"name": "a", "system": system}]})  # type: ignore[arg-type]
-    assert first == "2 damping models were in play: viscous and Coulomb."
+    first, second, *_ = _sentences(run, {"signals": [{"name": "a", "system": system}]})  # type: ignore[arg-type]
+    assert first == "2 damping models were compared: viscous and Coulomb."
     assert second == "Restoring force: linear or Duffing."
-    made.about = lambda name: {"restoring": ["linear"]}
-    assert "To be found" in _sentences(made, {"signals": [{"name": "a", "system": system}]})[1]  # type: ignore[arg-type]
+    run.about = lambda name: {"restoring": ["linear"]}
+    assert "Unknown" in _sentences(run, {"signals": [{"name": "a", "system": system}]})[1]  # type: ignore[arg-type]

@@ -13,7 +13,7 @@ from tests.report.pages import Page
 
 
 @pytest.mark.parametrize(
-    ("seed", "said"),
+    ("seed", "text"),
     [
         (Seed("least_squares", "initial"), "least squares (own estimate)"),
         (Seed("least_squares", "refined"), "least squares (trajectory fit)"),
@@ -21,7 +21,7 @@ from tests.report.pages import Page
         (Seed("prior 1", drawn=True), "prior 1"),
     ],
 )
-def test_a_start_has_its_source_and_its_stage(maker, seed: Seed, said: str) -> None:
+def test_a_start_has_its_source_and_its_stage(maker, seed: Seed, text: str) -> None:
     folder = maker.make()
     store = Store(folder)
     with store.lock():
@@ -31,4 +31,4 @@ def test_a_start_has_its_source_and_its_stage(maker, seed: Seed, said: str) -> N
             "converged": True, "distance": 1.0, "mode": 0,
         }  # fmt: skip
         store.write(replace(cell, meta={**cell.meta, "climbs": [climb]}))
-    assert said.lower() in Page(render(folder).read_text()).words.lower()
+    assert text.lower() in Page(render(folder).read_text()).words.lower()

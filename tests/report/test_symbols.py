@@ -56,8 +56,8 @@ def test_a_term_without_a_symbol_is_named_by_its_own_parameter_and_words(tmp_pat
     (tmp_path / "own.py").write_text(plain, encoding="utf-8")
     use(read_modules([tmp_path / "own.py"]))
     try:
-        found = words.symbol("c_sticky")
-        assert (found.text, found.meaning) == ("c_sticky", "coefficient of sticky seal damping")
+        symbol = words.symbol("c_sticky")
+        assert (symbol.text, symbol.meaning) == ("c_sticky", "coefficient of sticky seal damping")
         assert words.model("viscous+sticky") == "viscous + sticky seal"
     finally:
         use(())
@@ -72,8 +72,8 @@ def test_what_is_no_parameter_of_the_oscillator(name):
 
 def test_indices_are_set_and_marks_of_html_stay_text():
     """In every cell of a table; a record's name may be any."""
-    made = Table(["<i>θs"], [Line(["<b>μc"])], caption="<u>F_damp", groups=[("<s>", 1)], foot=[("<q>", 1)])
-    shown = made.__html__()
-    for said in ("&lt;i&gt;θ<sub>s</sub>", "&lt;b&gt;μ<sub>c</sub>", "&lt;u&gt;F<sub>damp</sub>"):
-        assert said in shown
+    table = Table(["<i>θs"], [Line(["<b>μc"])], caption="<u>F_damp", groups=[("<s>", 1)], foot=[("<q>", 1)])
+    shown = table.__html__()
+    for text in ("&lt;i&gt;θ<sub>s</sub>", "&lt;b&gt;μ<sub>c</sub>", "&lt;u&gt;F<sub>damp</sub>"):
+        assert text in shown
     assert not [mark for mark in ("<i>", "<b>", "<u>", "<s>", "<q>") if mark in shown]

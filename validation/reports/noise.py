@@ -8,10 +8,9 @@ from pathlib import Path
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.markdown import table
-from bayesdamp.report.results.places import interval, places
+from bayesdamp.report.markup import markdown_table as table
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.results.sweeping import FACTORS, Series, series
+from bayesdamp.report.results.sweeping import FACTORS, Series, interval, places, series
 
 INITIAL, REFINED = "initial", "refined"
 

@@ -1,1 +1,1 @@
-"""The report's figures: functions from arrays to a matplotlib figure, one kind a file."""
+"""Draw the figures of a report."""

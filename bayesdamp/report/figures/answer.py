@@ -1,4 +1,4 @@
-"""The picture of an answer: record, damping ratio against amplitude, residual, energy lost in a cycle by term."""
+"""Draw an answer: record, damping ratio against amplitude, residual, and energy lost in a cycle by each term."""
 
 from __future__ import annotations
 
@@ -9,29 +9,37 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
-from bayesdamp.report.figures._panels import NARROW, broken, plain
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash
+from bayesdamp.report.style import FAINT, INK, NARROW, QUIET, WIDTH, broken, colour, dash, plain
 
 HEIGHT, PANEL = 6.2, 2.5
-"""Inches: of the figure, and of a panel where they stand below each other."""
+"""Inches: of the figure, and of a panel in the narrow figure."""
 FREE = "#c9b27c"
-"""The band of the damping curve without a law."""
+"""Colour of the band of the damping curve without a law."""
 
 
 def answer(
     arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str = "", narrow: bool = False
 ) -> Figure:
-    """Four panels, three where no law is drawn; arrays as `inference.deviation.picture` leaves them, unit: of the
-    displacement, recorded: of the record where that is another.
+    """Return a figure with four panels, or three if no law is drawn.
 
-    narrow: below each other, for a phone.
+    Parameters
+    ----------
+    arrays
+        As `inference.deviation.picture` returns them.
+    unit
+        Of the displacement.
+    damping
+        The damping sum whose fit is drawn.
+    recorded
+        Unit of the record if it differs from `unit`.
+    narrow
+        Whether the panels are below each other, for a phone.
     """
     panels = ("AB;CD", "A;B;C;D") if "fit" in arrays else ("AA;BD", "A;B;D")
     rows = panels[narrow].count(";") + 1
     figure = Figure(figsize=(NARROW, rows * PANEL + 0.7) if narrow else (WIDTH, HEIGHT))
-    found = figure.subplot_mosaic(panels[narrow])
-    axes = [found.get(one) for one in "ABCD"]
-    draw_answer(axes, arrays, unit, damping, recorded, narrow)
+    axes = figure.subplot_mosaic(panels[narrow])
+    draw_answer([axes.get(letter) for letter in "ABCD"], arrays, unit, damping, recorded, narrow)
     return figure
 
 
@@ -43,63 +51,64 @@ def draw_answer(
     recorded: str = "",
     narrow: bool = False,
 ) -> None:
-    """Draw the four panels on these axes: record, damping ratio, residual (nothing where no law is drawn), energy.
-    Arguments as those of `answer`."""
-    whole, ratio, left, energy = axes
+    """Draw the four panels on these axes: record, damping ratio, residual, energy.
+
+    The panel of the residual stays empty if no law is drawn. The other arguments are those of `answer`.
+    """
+    whole, ratio, rest, energy = axes
     assert whole is not None
     assert ratio is not None
     assert energy is not None
-    t = arrays["t"]
+    t, has_fit = arrays["t"], "fit" in arrays
     whole.plot(*broken(t, arrays["record"], t), color=FAINT, lw=1.8, label="record")
-    fitted = "fit" in arrays
-    if fitted:
+    if has_fit:
         fit = broken(t, arrays["fit"], t)
         whole.plot(*fit, color=colour(damping), lw=0.6, label=f"fit of {words.model(damping)}")
-    _finish(whole, "Record and fit" if fitted else "Record", "time / s", recorded or unit)
-    # Beside the title where there is room for a sum's name, else below.
-    place = ("upper center", (0.5, -0.2)) if narrow else ("lower right", (1.0, 1.0))
-    whole.legend(loc=place[0], bbox_to_anchor=place[1], ncols=2, borderaxespad=0.1, fontsize=7.5)
-    if left is not None and not fitted:
-        left.set_axis_off()
-    elif left is not None:
-        left.plot(*broken(t, arrays["residual"], t), color=INK, lw=0.5)
-        left.axhline(0.0, color=QUIET, lw=0.6)
-        _finish(left, "What the fit leaves", "time / s", recorded or unit)
+    title = "Record and fit" if has_fit else "Record"
+    whole.set(title=title, xlabel="time / s", ylabel=recorded or unit)
+    # Next to the title if there is room for a sum's name, otherwise below.
+    corner, anchor = ("upper center", (0.5, -0.2)) if narrow else ("lower right", (1.0, 1.0))
+    whole.legend(loc=corner, bbox_to_anchor=anchor, ncols=2, borderaxespad=0.1, fontsize=7.5)
+    if rest is not None and not has_fit:
+        rest.set_axis_off()
+    elif rest is not None:
+        rest.plot(*broken(t, arrays["residual"], t), color=INK, lw=0.5)
+        rest.axhline(0.0, color=QUIET, lw=0.6)
+        rest.set(title="Residual of the fit", xlabel="time / s", ylabel=recorded or unit)
     _ratios(ratio, arrays, unit)
     _energies(energy, arrays, unit)
 
 
 def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
-    measured = "ratio" not in arrays  # no law is the answer
+    """Draw the damping ratio against amplitude, with each law and with the ratio without a law."""
+    law_free = "ratio" not in arrays
     names = ("amplitude", "ratio", "low", "high")
-    names = ("free/amplitude", "free/ratio", "free/ratio_low", "free/ratio_high") if measured else names
+    if law_free:
+        names = ("free/amplitude", "free/ratio", "free/ratio_low", "free/ratio_high")
     at, value, low, high = (arrays[n] for n in names)
     ax.fill_between(at, 100 * low, 100 * high, color=QUIET, alpha=0.35, lw=0, label="95 % interval")
-    whose = "this record, without a law" if measured else "this record"
-    ax.plot(at, 100 * value, color=INK, lw=1.8, label=whose)
+    ax.plot(at, 100 * value, color=INK, lw=1.8, label="this record" + ", without a law" * law_free)
     top = 100 * float(np.max(high, initial=0.0, where=np.isfinite(high)))
-    if "free/amplitude" in arrays and not measured:
+    if "free/amplitude" in arrays and not law_free:
         free, low, high = (arrays[f"free/{n}"] for n in ("amplitude", "ratio_low", "ratio_high"))
         ax.fill_between(free, 100 * low, 100 * high, color=FREE, alpha=0.45, lw=0, label="without a law")
-    a = arrays["amplitude"]
-    laws = [name for name in sorted(arrays) if name.startswith("law/")]
+    a, laws = arrays["amplitude"], [name for name in sorted(arrays) if name.startswith("law/")]
     for name in laws:
-        sum_ = name.removeprefix("law/")
-        single = "+" not in sum_
-        ax.plot(
-            a, 100 * arrays[name], color=colour(sum_), ls=dash(sum_), lw=1.0 if single else 0.7, label=words.model(sum_)
-        )  # fmt: skip
-    ax.set_xscale("log")
-    ax.set_ylim(0, 1.35 * top or 1.0)  # in %: nothing may be lost
+        terms = name.removeprefix("law/")
+        width = 0.7 if "+" in terms else 1.0
+        look = {"color": colour(terms), "ls": dash(terms), "lw": width}
+        ax.plot(a, 100 * arrays[name], label=words.model(terms), **look)
+    title = "Equivalent damping ratio, " + ("and each law fitted alone" if laws else "measured without a law")
+    ax.set(title=title, xlabel=f"amplitude / {unit}", ylabel="%", xscale="log")
+    ax.set_ylim(0, 1.35 * top or 1.0)  # the top is 0 if nothing is lost
     plain(ax)
     ax.set_xlim(a.min(), a.max())
-    title = "Equivalent damping ratio, " + ("and each law fitted alone" if laws else "measured without a law")
-    _finish(ax, title, f"amplitude / {unit}", "%")
-    # Below: ten names over the curves would hide them.
+    # Below the axes, because ten names would hide the curves.
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=6.5, ncols=2, borderaxespad=0.1)
 
 
 def _energies(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
+    """Draw the energy lost in a cycle: by each term, or without a law."""
     a, lost = arrays["amplitude"], False
     for name, values in sorted(arrays.items()):
         if name.startswith("work/"):
@@ -110,17 +119,9 @@ def _energies(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
         a, values = arrays["free/amplitude"], arrays["free/lost"]
         ax.plot(a, values, color=INK, label="without a law")
         lost = bool(np.any(values > 0))
+    title = f"Energy lost in a cycle, {'by term' if by_term else 'without a law'}"
+    ax.set(title=title, xlabel=f"amplitude / {unit}", ylabel=f"{unit}²/s²")
     ax.set(xscale="log", yscale="log" if lost else "linear")
     plain(ax)
     ax.set_xlim(a.min(), a.max())
-    _finish(
-        ax,
-        f"Energy lost in a cycle, {'by term' if by_term else 'without a law'}",
-        f"amplitude / {unit}",
-        f"{unit}²/s²",
-    )
     ax.legend(loc="best")
-
-
-def _finish(ax: Axes, title: str, xlabel: str, ylabel: str) -> None:
-    ax.set(title=title, xlabel=xlabel, ylabel=ylabel)

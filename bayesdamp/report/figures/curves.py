@@ -1,7 +1,8 @@
-"""Draw damping and frequency against amplitude, and the exponent of the damping force."""
+"""Draw densities of draws, damping ratios of several records, and the exponent of the damping force."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import cycle
 
@@ -10,16 +11,35 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
-from bayesdamp.report.figures._panels import NARROW, plain
-from bayesdamp.report.style import INK, QUIET, WIDTH, colour, legend_above
+from bayesdamp.report.style import INK, NARROW, QUIET, WIDTH, colour, legend_columns, plain
 
 _BINS = 160
+INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+"""Colours of records or methods that are drawn together."""
+LEGEND_ROW = 0.17
+"""Height of a row of a legend, in inches."""
+MARKED = ((0.0, "Coulomb", "coulomb"), (1.0, "viscous", "viscous"), (2.0, "quadratic", "quadratic"))
+"""Exponents of laws, with their names and terms."""
+ENDS = (-0.12, 3.05)
+"""Ends of the exponent's axis; its prior is uniform between 0 and 3."""
+HEIGHT = 1.9
+"""Height of the exponent's figure, in inches."""
 
 
 def outline(draws: np.ndarray, reflected: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """A smooth density of draws, any shape: grid and height (highest 1), each of shape (bins,).
+    """Return a smooth density of draws.
 
-    reflected: the quantity cannot be negative; the density is reflected at zero rather than smeared across it.
+    Parameters
+    ----------
+    draws
+        Of any shape.
+    reflected
+        Whether the quantity cannot be negative; then the density is reflected at zero and ends there.
+
+    Returns
+    -------
+    tuple
+        Grid and density, whose maximum is 1, each (bins,).
     """
     flat = np.ravel(draws)
     flat = flat[np.isfinite(flat)]
@@ -37,38 +57,49 @@ def outline(draws: np.ndarray, reflected: bool = False) -> tuple[np.ndarray, np.
 
 
 def contours(
-    x: np.ndarray,
-    y: np.ndarray,
-    reflected: tuple[bool, bool] = (False, False),
-    masses: tuple[float, float] = (0.9, 0.5),
+    x: np.ndarray, y: np.ndarray, reflected: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[float]]:
-    """Grids of x and y, their smooth joint density (y, x), and its levels that enclose these masses.
+    """Return a smooth joint density of draws, and its levels that enclose 90 % and 50 % of them.
 
-    reflected: whether x and y cannot be negative, as in `outline`.
+    Parameters
+    ----------
+    x, y
+        Draws, of the same shape.
+    reflected
+        Whether x and y cannot be negative, as in `outline`.
+
+    Returns
+    -------
+    tuple
+        Grids of x and y, (80,) each, the density (y, x), and the two levels.
     """
     x, y = np.ravel(x), np.ravel(y)
     edges, modes = [], []
-    for values, positive in zip((x, y), reflected):
+    for values in (x, y):
         low, high = np.quantile(values, [0.001, 0.999])
         pad = 0.2 * (high - low) or 1e-12
-        reflect = positive and low - pad < 0
+        reflect = reflected and low - pad < 0
         edges.append(np.linspace(0.0 if reflect else low - pad, high + pad, 81))
         modes.append("reflect" if reflect else "constant")
     counts, *_ = np.histogram2d(x, y, bins=edges)
     smooth = gaussian_filter(counts, 2.6, mode=modes)  # pyright: ignore[reportArgumentType]
     order = np.sort(smooth.ravel())[::-1]
     mass = np.cumsum(order) / order.sum()
-    levels = [float(order[np.searchsorted(mass, m)]) for m in masses]
+    levels = [float(order[np.searchsorted(mass, m)]) for m in (0.9, 0.5)]
     centres = [0.5 * (e[1:] + e[:-1]) for e in edges]
     return centres[0], centres[1], smooth.T, levels
 
 
-INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
-
-
 def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
-    """Draw damping ratios of several records against amplitude (in `unit`): name to amplitude, ratio, low and high,
-    each (m,)."""
+    """Draw the damping ratios of several records against amplitude.
+
+    Parameters
+    ----------
+    curves
+        Record to amplitude, ratio and the ends of its interval, each (m,).
+    unit
+        Of the amplitudes.
+    """
     figure = Figure(figsize=(WIDTH, 3.4))
     ax = figure.subplots()
     few = len(curves) <= len(INKS)
@@ -82,23 +113,28 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
     plain(ax)
     ax.set_ylim(0, 130 * float(np.nanquantile(tops, 0.9)) or 1.0)
     if few:
-        legend_above(figure)
+        columns = legend_columns(list(curves), WIDTH, 3)
+        rows = math.ceil(len(curves) / columns)
+        figure.set_figheight(3.4 + max(rows - 2, 0) * LEGEND_ROW)
+        figure.legend(*ax.get_legend_handles_labels(), loc="outside upper left", ncols=columns)
     return figure
-
-
-MARKED = ((0.0, "Coulomb", "coulomb"), (1.0, "viscous", "viscous"), (2.0, "quadratic", "quadratic"))
-ENDS = (-0.12, 3.05)
-"""Of the axis: the exponent is uniform between 0 and 3 beforehand."""
-HEIGHT = 1.9
-"""Inches."""
 
 
 def exponent(
     draws: np.ndarray, interval: tuple[float, float, float], title: str, narrow: bool = False
 ) -> Figure:
-    """The posterior of the exponent from draws of it, (n,), with its median and 95 % interval below.
+    """Draw the posterior of the exponent, with its median and 95 % interval below.
 
-    interval: value, low, high; title: what it says; narrow: for a phone.
+    Parameters
+    ----------
+    draws
+        Of the exponent, (n,).
+    interval
+        Value, low, high.
+    title
+        Of the figure.
+    narrow
+        Whether it is for a phone.
     """
     figure = Figure(figsize=(NARROW if narrow else WIDTH, HEIGHT))
     draw_exponent(figure.subplots(), draws, interval, title)
@@ -112,7 +148,10 @@ def draw_exponent(
     title: str = "",
     marked: Sequence[tuple[float, str, str]] = MARKED,
 ) -> None:
-    """Draw it on these axes; without draws the interval alone. marked: exponents of laws, their names and terms."""
+    """Draw the exponent on these axes, as `exponent` does; without draws only its interval.
+
+    `marked` contains exponents of laws, their names and terms.
+    """
     value, low, high = interval
     for place, name, term in marked:
         ax.axvline(place, color=colour(term), lw=1.2, ls=(0, (4, 2)))

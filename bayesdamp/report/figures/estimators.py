@@ -1,4 +1,4 @@
-"""Draw estimates against the posterior, and what methods found besides: forces and eigenvalues."""
+"""Draw estimates against the posterior, errors along a factor, and further results of single methods."""
 
 from __future__ import annotations
 
@@ -13,17 +13,33 @@ from matplotlib.ticker import NullFormatter
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures._panels import ABREAST, NARROW, off_axis
-from bayesdamp.report.results.estimates import CoefficientEstimates
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour
+from bayesdamp.report.results.estimators import STAGES, CoefficientEstimates
+from bayesdamp.report.results.sweeping import FACTORS, Series
+from bayesdamp.report.style import FAINT, INK, NARROW, QUIET, WIDTH, colour
+
+ABREAST = 4
+"""Largest number of panels in a row; more would be too narrow for their labels."""
+REACH = 3.0
+"""Half the axis in half widths of the posterior's interval, which then fills the middle third."""
+ALONE = 0.06
+"""Half the axis without a posterior, as a share of the truth or of the median estimate."""
+ROW, ROW_PUBLISHED = 0.31, 0.40
+"""Inches for each method, with two and with three marks."""
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8C564B", "#7F3C8D", "#222222")
+_MARKS = "osD^vP*Xph<>"
+LOWEST, HIGHEST = 1e-7, 1e3
+"""Errors in per cent between which `sweep` draws."""
 
 
-def traces(found: Mapping[str, np.ndarray]) -> Figure:
-    """found: title to curve, shape (n,). Logarithmic where all values are positive and span two decades."""
-    columns = min(4, len(found))
-    rows = -(-len(found) // columns)
+def traces(curves: Mapping[str, np.ndarray]) -> Figure:
+    """Draw the progress of iterations: title to curve, (n,).
+
+    The axis is logarithmic if all values are positive and span two decades.
+    """
+    columns = min(4, len(curves))
+    rows = -(-len(curves) // columns)
     figure = Figure(figsize=(WIDTH * max(0.3, columns / 4), 1.6 * rows + 0.1))
-    for i, (title, curve) in enumerate(found.items()):
+    for i, (title, curve) in enumerate(curves.items()):
         ax = figure.add_subplot(rows, columns, i + 1)
         ax.plot(np.arange(len(curve)), curve, color=INK, lw=0.9)
         finite = curve[np.isfinite(curve)]
@@ -35,101 +51,108 @@ def traces(found: Mapping[str, np.ndarray]) -> Figure:
     return figure
 
 
-REACH = 3.0
-"""Half the axis, in half widths of the posterior's interval: it fills the middle third."""
-ALONE = 0.06
-"""The same without a posterior, as a share of the truth or of the middle estimate."""
-ROW, ROW_PUBLISHED = 0.31, 0.40
-"""Inches a method takes, with two and with three marks."""
+def against(
+    estimates: Sequence[CoefficientEstimates], abreast: int = ABREAST, narrow: bool = False
+) -> Figure:
+    """Draw a panel for each coefficient, with a line for each method; an arrow shows what is off the axis.
 
-
-def against(found: Sequence[CoefficientEstimates], abreast: int = ABREAST, narrow: bool = False) -> Figure:
-    """Draw a panel a coefficient, `abreast` in a row, with a line a method; what is off the axis is an arrow.
-
-    narrow: panels below each other, for a phone.
+    Parameters
+    ----------
+    estimates
+        The coefficients.
+    abreast
+        Number of panels in a row.
+    narrow
+        Whether the panels are below each other, for a phone.
     """
-    abreast = 1 if narrow else min(abreast, len(found))
-    methods = list(dict.fromkeys(m for one in found for m in one.methods))
-    published = any(one.published for one in found)
+    abreast = 1 if narrow else min(abreast, len(estimates))
+    methods = list(dict.fromkeys(m for e in estimates for m in e.methods))
+    published = any(e.published for e in estimates)
     height = (ROW_PUBLISHED if published else ROW) * len(methods) + 0.85
-    rows = -(-len(found) // abreast)
+    rows = -(-len(estimates) // abreast)
     figure = Figure(figsize=(WIDTH if abreast > 1 else NARROW, rows * height + 0.45))
     axes = list(figure.subplots(rows, abreast, sharey=True, squeeze=False).flat)
-    for spare in axes[len(found) :]:
+    for spare in axes[len(estimates) :]:
         spare.set_visible(False)
-    for ax, one in zip(axes, found):
-        _panel(ax, one, methods)
+    for ax, e in zip(axes, estimates):
+        _panel(ax, e, methods)
     axes[0].set_yticks(range(len(methods)), [words.method(m) for m in methods])
-    handles = _handles(found, published)
+    shade = colour(estimates[0].model) if len({e.model for e in estimates}) == 1 else QUIET
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], ls="", marker="o", ms=4.5, mfc="white", mec=shade, label="own estimate"),
+        Line2D([], [], ls="", marker="o", ms=4.5, mfc=shade, mec=shade, label=words.stage("refined")),
+    ]
+    if published:
+        handles.append(Line2D([], [], ls="", marker="|", ms=8, mec=INK, mew=1.2, label="published error"))
+    if any(e.posterior for e in estimates):
+        handles.append(Patch(color=shade, alpha=0.25, lw=0, label="posterior, 95 %"))
+    if any(np.isfinite(e.truth) for e in estimates):
+        handles.append(Line2D([], [], color=INK, lw=0.9, ls=(0, (2, 2)), label="truth"))
     figure.legend(handles=handles, loc="outside upper left", ncols=len(handles) if abreast > 1 else 2)
     return figure
 
 
-def _panel(ax: Axes, one: CoefficientEstimates, methods: Sequence[str]) -> None:
-    shade = colour(one.model)
-    low, high = _window(one)
-    if one.posterior is not None:
-        ax.axvspan(*one.posterior, color=shade, alpha=0.18, lw=0, zorder=0.2)
-    if np.isfinite(one.truth):
-        ax.axvline(one.truth, color=INK, lw=0.9, ls=(0, (2, 2)))
-    apart = 0.26 if one.published else 0.15
+def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
+    shade = colour(e.model)
+    low, high = _limits(e)
+    if e.posterior is not None:
+        ax.axvspan(*e.posterior, color=shade, alpha=0.18, lw=0, zorder=0.2)
+    if np.isfinite(e.truth):
+        ax.axvline(e.truth, color=INK, lw=0.9, ls=(0, (2, 2)))
+
+    def off_axis(text: str, left: bool, y: float) -> None:
+        ax.annotate(
+            f"◂ {text}" if left else f"{text} ▸",
+            (0.0 if left else 1.0, y),
+            xycoords=("axes fraction", "data"),
+            ha="left" if left else "right",
+            va="center",
+            fontsize=7,
+            color=QUIET,
+        )
+
+    apart = 0.26 if e.published else 0.15
     for row, method in enumerate(methods):
         ax.axhline(row, color=FAINT, lw=0.5, zorder=0.1)
-        own, refined = one.own.get(method, np.nan), one.refined.get(method, np.nan)
-        marks = [(own, "white", -apart), (refined, shade, 0.0 if one.published else apart)]
+        own, refined = e.own.get(method, np.nan), e.refined.get(method, np.nan)
+        marks = [(own, "white", -apart), (refined, shade, 0.0 if e.published else apart)]
         for value, face, shift in marks:
             if low <= value <= high:
                 ax.plot(value, row + shift, "o", ms=4.4, mfc=face, mec=shade, mew=1.0)
             elif np.isfinite(value):
-                off_axis(ax, fmt.number(value, 3), value < low, row + shift)
-        error = one.published.get(method, np.nan)
-        ends = [one.truth * (1 + sign * error / 100) for sign in (-1, 1)]
+                off_axis(fmt.number(value, 3), value < low, row + shift)
+        error = e.published.get(method, np.nan)
+        ends = [e.truth * (1 + sign * error / 100) for sign in (-1, 1)]
         if low <= ends[0] and ends[1] <= high:
             ax.plot(ends, [row + apart] * 2, "|", ms=7, mec=INK, mew=1.2)
         elif np.isfinite(error):
-            off_axis(ax, f"published ± {error:g} %", False, row + apart)
+            off_axis(f"published ± {error:g} %", False, row + apart)
     ax.set(
         xlim=(low, high),
         ylim=(len(methods) - 0.4, -0.6),
-        title=f"{one.signal}, {words.model(one.model)}" if one.signal != one.model else one.signal,
-        xlabel=words.axis(one.parameter, one.unit),
+        title=f"{e.signal}, {words.model(e.model)}" if e.signal != e.model else e.signal,
+        xlabel=words.axis(e.parameter, e.unit),
     )
     ax.locator_params(axis="x", nbins=4)
     ax.tick_params(axis="y", length=0)
     ax.spines["left"].set_visible(False)
 
 
-def _window(one: CoefficientEstimates) -> tuple[float, float]:
-    values = [*one.own.values(), *one.refined.values()]
-    middle = one.truth if np.isfinite(one.truth) else float(np.median(values))
-    if one.posterior is None:
-        reach = ALONE * abs(middle) or 1.0
-        return middle - reach, middle + reach
-    low, high = one.posterior
-    middle = 0.5 * (low + high)
-    reach = REACH * 0.5 * (high - low) or ALONE * abs(middle) or 1.0
-    if np.isfinite(one.truth):
-        reach = max(reach, 1.2 * abs(one.truth - middle))
+def _limits(e: CoefficientEstimates) -> tuple[float, float]:
+    """Return the ends of a coefficient's axis."""
+    middle = e.truth if np.isfinite(e.truth) else float(np.median([*e.own.values(), *e.refined.values()]))
+    reach = ALONE * abs(middle) or 1.0
+    if e.posterior is not None:
+        low, high = e.posterior
+        middle = 0.5 * (low + high)
+        reach = REACH * 0.5 * (high - low) or ALONE * abs(middle) or 1.0
+        if np.isfinite(e.truth):
+            reach = max(reach, 1.2 * abs(e.truth - middle))
     return middle - reach, middle + reach
 
 
-def _handles(found: Sequence[CoefficientEstimates], published: bool) -> list[Line2D | Patch]:
-    shade = colour(found[0].model) if len({one.model for one in found}) == 1 else QUIET
-    kinds: list[Line2D | Patch] = [
-        Line2D([], [], ls="", marker="o", ms=4.5, mfc="white", mec=shade, label="own estimate"),
-        Line2D([], [], ls="", marker="o", ms=4.5, mfc=shade, mec=shade, label=words.stage("refined")),
-    ]
-    if published:
-        kinds.append(Line2D([], [], ls="", marker="|", ms=8, mec=INK, mew=1.2, label="published error"))
-    if any(one.posterior for one in found):
-        kinds.append(Patch(color=shade, alpha=0.25, lw=0, label="posterior, 95 %"))
-    if any(np.isfinite(one.truth) for one in found):
-        kinds.append(Line2D([], [], color=INK, lw=0.9, ls=(0, (2, 2)), label="truth"))
-    return kinds
-
-
 def eigenvalues(real: Sequence[float], imaginary: Sequence[float], model: str) -> Figure:
-    """Of the generator, 1/s: decay to the left, rad/s upwards."""
+    """Draw the eigenvalues of a generator: real part in 1/s, imaginary part in rad/s."""
     figure = Figure(figsize=(4.6, 2.5))
     ax = figure.add_subplot()
     ax.axvline(0, color=FAINT, lw=0.8, zorder=0.5)
@@ -144,7 +167,19 @@ def eigenvalues(real: Sequence[float], imaginary: Sequence[float], model: str) -
 def force(
     velocity: Sequence[float], learnt: Sequence[float], law: Sequence[float], model: str, unit: str
 ) -> Figure:
-    """The learnt force over the velocities of the record, and the law with the coefficient read from it."""
+    """Draw a learnt damping force, and the law with the coefficient that was read from it.
+
+    Parameters
+    ----------
+    velocity
+        Of the record, (n,), in `unit` per s.
+    learnt, law
+        The forces, (n,), in `unit` per s².
+    model
+        For the colour.
+    unit
+        Of the displacement.
+    """
     figure = Figure(figsize=(4.6, 2.5))
     ax = figure.add_subplot()
     ax.axhline(0, color=FAINT, lw=0.8, zorder=0.5)
@@ -152,4 +187,35 @@ def force(
     ax.plot(velocity, np.asarray(learnt, float), color=colour(model), lw=1.4, label="learnt")
     ax.set(xlabel=f"velocity / ({unit}/s)", ylabel=f"damping force / ({unit}/s²)")
     ax.legend(loc="upper left", labelcolor=QUIET)
+    return figure
+
+
+def sweep(along: Series, methods: list[str]) -> Figure:
+    """Draw the errors along a factor: left the initial stage, right the refined one.
+
+    Both axes are logarithmic; a value of 0 is at the left edge.
+    """
+    figure = Figure(figsize=(WIDTH, 3.3))
+    axes = np.atleast_1d(figure.subplots(1, 2, sharey=True))
+    positive = [v for v in along.values if v > 0]
+    x = np.array([v if v > 0 else 0.3 * min(positive) for v in along.values])
+    for ax, stage in zip(axes, STAGES):
+        for i, method in enumerate(methods):
+            errors = along.errors.get((method, stage))
+            if errors is None:
+                continue
+            y = np.clip(np.array(errors, float), LOWEST, HIGHEST)
+            look = {"color": _COLOURS[i % len(_COLOURS)], "marker": _MARKS[i % len(_MARKS)]}
+            dash = "-" if i < len(_COLOURS) else "--"
+            repeats = max(tried for _, tried in along.answers[method, stage])
+            label = f"{words.method(method)}, {repeats}"
+            ax.plot(x, y, lw=0.9, ls=dash, ms=4, mfc="white", label=label, **look)
+        ax.plot(x, along.bounds, color=INK, lw=1.4, ls=(0, (3, 2)), label="Cramér–Rao bound")
+        ax.set(xscale="log", yscale="log", xlabel=FACTORS[along.factor])
+        ax.set_xticks(x, [fmt.given(v) for v in along.values])
+        ax.minorticks_off()
+        ax.set_title(words.stage(stage))
+    axes[0].set_ylabel("rms error / %")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside right upper", title="method, repeats")
     return figure

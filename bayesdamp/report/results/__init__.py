@@ -1,1 +1,1 @@
-"""What a run's folder holds, read once and put into order and words."""
+"""Read the contents of a run's folder, and put them in order and into words."""

@@ -1,4 +1,4 @@
-"""What the tables say, put into order and into words: no more than comparisons of their numbers."""
+"""Read a run's tables: rank models, sum probabilities, and look up modes, summaries and true values."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ import numpy as np
 
 from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.report import words
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.store.contents import ModeContent
 from bayesdamp.types import OK, candidate_parts, summed
 
-_FIRST = ("combined", "nested", "bridge", "importance", "laplace")
+_TRUSTED = ("combined", "nested", "bridge", "importance", "laplace")
+"""Evidence methods, the most trusted first."""
 _SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
 
 
 @dataclass(frozen=True)
-class Ranking:
-    """The models of one signal by one method, best first. shares: the probability of each damping by every method."""
+class EvidenceRanking:
+    """The models of one signal by one evidence method, best first.
+
+    `shares` contains the probability of each damping by every method.
+    """
 
     method: str
     rows: list[Row]
@@ -33,19 +36,15 @@ class Ranking:
 
 
 def damping_of(row: Row) -> str:
-    """The damping of a row's candidate, whatever its restoring law."""
+    """Return the damping of a row's candidate, without its restoring law."""
     return candidate_parts(row["model"])[0]
 
 
-def label(row: Row) -> str:
-    """The candidate of a row in words."""
-    return words.model(row["model"])
+def ranking(run: Run, signal: str, repeat: int) -> EvidenceRanking | None:
+    """Rank the models by the evidence method that covers most of them; None if no evidence was computed.
 
-
-def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
-    """Return the ranking by the method that covers the most models; None where no evidence was computed.
-
-    Of several such methods the order is that of trust: a combination, nested sampling, bridge, importance.
+    If several methods cover as many models, the most trusted one is used: a combination, nested sampling, bridge
+    sampling, importance sampling.
     """
     by_method: dict[str, list[Row]] = {}
     for row in rows_of(run.evidence, signal=signal, repeat=repeat):
@@ -55,7 +54,7 @@ def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
         return None
 
     def trust(name: str) -> tuple[int, int, str]:
-        place = _FIRST.index(name) if name in _FIRST else len(_FIRST)
+        place = _TRUSTED.index(name) if name in _TRUSTED else len(_TRUSTED)
         return -len(by_method[name]), place, name
 
     chosen = min(by_method, key=trust)
@@ -63,79 +62,87 @@ def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
         by_method[chosen],
         key=lambda row: (-row["probability"], -np.nan_to_num(row["log_evidence"], nan=-1e300)),
     )
-    return Ranking(
-        chosen,
-        ordered,
-        {name: summed({r["model"]: r["probability"] for r in rows}) for name, rows in by_method.items()},
-    )
+    shares = {name: summed({r["model"]: r["probability"] for r in rows}) for name, rows in by_method.items()}
+    return EvidenceRanking(chosen, ordered, shares)
 
 
-def over_widths(run: Run, signal: str, repeat: int, found: Ranking) -> dict[float, float]:
-    """Return the probability of the most probable damping under damping priors so many times as wide, by that factor.
+def over_widths(run: Run, signal: str, repeat: int, ranked: EvidenceRanking) -> dict[float, float]:
+    """Return the probability of the most probable damping under wider and narrower damping priors.
 
-    Summed over the restoring laws, at the widths for which the evidence of all candidates is known; empty where it is
-    not. Candidates that were pruned keep their share.
+    It is summed over the restoring laws, and given for the widths at which the evidence of all candidates is known.
+    Candidates that were pruned keep their share.
+
+    Parameters
+    ----------
+    run, signal, repeat
+        The record.
+    ranked
+        Its ranking.
+
+    Returns
+    -------
+    dict
+        Factor on the priors' width to probability; empty if the evidence at other widths is not known.
     """
-    moved: dict[str, np.ndarray] = {}
+    changes: dict[str, np.ndarray] = {}
     factors = np.empty(0)
-    for row in found.rows:
+    for row in ranked.rows:
         cell = run.cell("sensitivity", signal, repeat, row["model"], "widths")
         if cell is not None and cell.outcome == OK and cell.arrays:
             factors, logs = cell.arrays["factors"], cell.arrays["log_evidence"]
             change = logs - logs[np.argmin(np.abs(np.log(factors)))]
-            moved[row["model"]] = np.where(cell.arrays["trusted"], change, np.nan)
+            changes[row["model"]] = np.where(cell.arrays["trusted"], change, np.nan)
         elif status_of(row["outcome"]) is not Status.PRUNED:
             return {}
-    if not moved or len(found.dampings) < 2:
+    if not changes or len(ranked.dampings) < 2:
         return {}
-    unmoved = np.zeros(factors.size)
+    unchanged = np.zeros(factors.size)
     log_p = np.array(
-        [np.log(max(r["probability"], 1e-300)) + moved.get(r["model"], unmoved) for r in found.rows]
+        [np.log(max(r["probability"], 1e-300)) + changes.get(r["model"], unchanged) for r in ranked.rows]
     )
     p = np.exp(log_p - log_p.max(axis=0))
-    leading = next(iter(found.dampings))
-    share = p[[damping_of(row) == leading for row in found.rows]].sum(axis=0) / p.sum(axis=0)
+    leading = next(iter(ranked.dampings))
+    share = p[[damping_of(row) == leading for row in ranked.rows]].sum(axis=0) / p.sum(axis=0)
     return {float(factor): float(s) for factor, s in zip(factors, share, strict=True) if np.isfinite(s)}
 
 
-def over_odds(found: Ranking) -> dict[float, dict[str, float]]:
+def over_odds(ranked: EvidenceRanking) -> dict[float, dict[str, float]]:
     """Return each damping's probability under half, once and twice the prior factor of a further term, by that factor.
 
-    Empty where all dampings have as many terms.
+    Empty if all dampings have the same number of terms.
     """
-    counts = {damping_of(row): damping_of(row).count("+") for row in found.rows}
+    counts = {damping_of(row): damping_of(row).count("+") for row in ranked.rows}
     if len(set(counts.values())) < 2:
         return {}
     shares = {}
     for factor in (0.5 * FURTHER_TERM, FURTHER_TERM, 2 * FURTHER_TERM):
-        moved = {d: p * (factor / FURTHER_TERM) ** counts[d] for d, p in found.dampings.items()}
-        shares[factor] = {d: p / sum(moved.values()) for d, p in moved.items()}
+        weights = {d: p * (factor / FURTHER_TERM) ** counts[d] for d, p in ranked.dampings.items()}
+        shares[factor] = {d: weight / sum(weights.values()) for d, weight in weights.items()}
     return shares
 
 
 def mode_of(run: Run, signal: str, repeat: int, model: str) -> ModeContent | None:
-    """What is stored of a candidate's mode; None where it has none."""
+    """Return the stored mode of a candidate; None if it has none."""
     cell = run.cell("mode", signal, repeat, model)
     return ModeContent.maybe(cell) if cell is not None and cell.outcome == OK else None
 
 
 def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:
-    """All models of a signal, the most probable first, then in the study's order."""
-    found = ranking(run, signal, repeat)
-    ranked = [row["model"] for row in found.rows] if found else []
+    """Return all models of a signal: first the ranked ones, the most probable first, then in the study's order."""
+    ranked = ranking(run, signal, repeat)
     rows = (*run.estimates, *run.posteriors, *run.evidence, *run.fits)
-    seen = {r["model"] for r in rows if r["signal"] == signal} | {
-        cell.place.candidate for cell in run.cells("mode", signal, repeat)
-    }
-    order = [*ranked, *(m for m in run.models if m in seen), *sorted(seen)]
-    return list(dict.fromkeys(order))
+    models = {r["model"] for r in rows if r["signal"] == signal}
+    models |= {cell.place.candidate for cell in run.cells("mode", signal, repeat)}
+    first = [row["model"] for row in ranked.rows] if ranked else []
+    return list(dict.fromkeys([*first, *(m for m in run.models if m in models), *sorted(models)]))
 
 
 def models_kept(run: Run, signal: str, repeat: int) -> list[str]:
-    """Those of all models that were not pruned, in the same order."""
-    found = ranking(run, signal, repeat)
-    aside = {r["model"] for r in found.rows if status_of(r["outcome"]) is Status.PRUNED} if found else set()
-    return [model for model in models_by_rank(run, signal, repeat) if model not in aside]
+    """Return the models that were not pruned, in the order of `models_by_rank`."""
+    ranked = ranking(run, signal, repeat)
+    rows = ranked.rows if ranked else []
+    pruned = {r["model"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
+    return [model for model in models_by_rank(run, signal, repeat) if model not in pruned]
 
 
 def summary_rows(run: Run, signal: str, repeat: int, model: str) -> list[Row]:
@@ -151,22 +158,21 @@ def summary_rows(run: Run, signal: str, repeat: int, model: str) -> list[Row]:
 
 
 def truth(run: Run, signal: str, parameter: str) -> float:
-    """The true value of a simulated signal's parameter, nan where none is known."""
-    if not run.simulated(signal):
-        return math.nan
-    for row in run.estimates:
-        if row["signal"] == signal and row["parameter"] == parameter and math.isfinite(row["truth"]):
-            return row["truth"]
+    """Return the true value of a simulated signal's parameter, nan if it is not known."""
+    if run.simulated(signal):
+        for row in run.estimates:
+            if row["signal"] == signal and row["parameter"] == parameter and math.isfinite(row["truth"]):
+                return row["truth"]
     return math.nan
 
 
 def damping_parameters(run: Run) -> dict[str, str]:
-    """Each damping term to its coefficient: those that ship, and those that the run says of a user's own."""
-    own = run.info.get("damping") or {}
-    return {**_SHIPPED, **{term: about["parameter"] for term, about in own.items()}}
+    """Return the coefficient of each damping term: of the package's own terms, and of a user's terms in run.json."""
+    added = run.info.get("damping") or {}
+    return {**_SHIPPED, **{term: about["parameter"] for term, about in added.items()}}
 
 
 def coefficients(run: Run, model: str) -> list[str]:
-    """The damping coefficients of a model, by the parameters that its terms are known to have."""
-    own = damping_parameters(run)
-    return [own[term] for term in candidate_parts(model)[0].split("+") if term in own]
+    """Return the damping coefficients of a model, for the terms whose coefficient is known."""
+    parameters = damping_parameters(run)
+    return [parameters[term] for term in candidate_parts(model)[0].split("+") if term in parameters]

@@ -1,16 +1,131 @@
-"""The parts of a report, one file each."""
+"""The sections of a report, each in its own file, and how they arrange several signals and models."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+
+from markupsafe import Markup
 
 from bayesdamp.plugins import Registry
+from bayesdamp.report import words
+from bayesdamp.report.markup import folded, heading, paragraph, stack
+from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import Section
+
+__all__ = ["SECTIONS", "Section", "SignalSection", "by_model", "by_signal", "is_drawn"]
+
+_OPEN = 4
+"""Number of signals that are shown without unfolding them."""
+_MOST = 4
+"""Number of a signal's models that are drawn; the tables contain the less probable ones."""
+
+
+class Section(ABC):
+    """One part of the report. It shows what the run contains, and says what is missing."""
+
+    order: int
+    """Sections are shown in the order of this number."""
+    name: str
+    """Anchor in the report; the file's name for a section of the package."""
+    title: str
+
+    def __init_subclass__(cls) -> None:
+        """Name a section of the package after its file."""
+        package, _, file = cls.__module__.rpartition(".")
+        if package == __package__:
+            cls.name = file
+
+    def applies(self, run: Run) -> bool:
+        """Return whether the report of this run has the section; by default every report has it."""
+        return True
+
+    @abstractmethod
+    def render(self, run: Run) -> str:
+        """Return the section's HTML, without its heading."""
+
+    def place(self, run: Run) -> int:
+        """Return the number that orders the sections of this run's report."""
+        return self.order
+
+
+class SignalSection(Section):
+    """A section with a part for each signal that it applies to."""
+
+    lead: str | Markup = ""
+    """Introduction before the signals."""
+    nothing = ""
+    """Sentence for a study that went beyond answers but has no content here; empty to leave the section out."""
+
+    @abstractmethod
+    def shows(self, run: Run, signal: str) -> bool:
+        """Return whether the section has content on a signal."""
+
+    @abstractmethod
+    def part(self, run: Run, signal: str) -> Markup:
+        """Return the content on a signal."""
+
+    def applies(self, run: Run) -> bool:
+        """Return whether the section has content on any signal, or has to say that it has none."""
+        has_content = any(self.shows(run, signal) for signal in run.signals)
+        return has_content or bool(self.nothing and run.signals and not only_answered(run))
+
+    def render(self, run: Run) -> Markup:
+        """Return the introduction and the content on each signal."""
+        signals = [signal for signal in run.signals if self.shows(run, signal)]
+        if not signals and self.nothing:
+            return paragraph(self.nothing)
+        return stack(self.lead and paragraph(self.lead), by_signal(run, self.part, signals))
+
 
 SECTIONS: Registry[Section] = Registry("bayesdamp.report.sections", "section")
 
 
-def in_order(run: Run) -> list[Section]:
-    """Return the sections of a run's report, in their order."""
-    found = (section for name in SECTIONS.names() if (section := SECTIONS.get(name)).applies(run))
-    return sorted(found, key=lambda section: section.place(run))
+def is_drawn(run: Run, place: int) -> bool:
+    """Return whether the model at this place of a ranking is drawn.
+
+    For a few signals the most probable models are drawn, for many signals only the best.
+    """
+    return place == 0 or (place < _MOST and len(run.signals) <= _OPEN)
 
 
-__all__ = ["SECTIONS", "Section", "in_order"]
+def by_signal(
+    run: Run, part: Callable[[Run, str], Markup], signals: Sequence[str], anchor: str = ""
+) -> Markup:
+    """Return the content of each signal under its name; from the fifth on it has to be unfolded.
+
+    Parameters
+    ----------
+    run
+        The run.
+    part
+        Returns the content of a signal.
+    signals
+        The signals to show.
+    anchor
+        Beginning of the identifiers to which other sections link; empty if none does.
+    """
+    parts: list[Markup] = []
+    for i, signal in enumerate(signals):
+        body = part(run, signal)
+        if i >= _OPEN:
+            body = folded(signal, body)
+        elif len(signals) > 1:
+            body = heading(signal) + body
+        parts.append(Markup('<div id="{}">{}</div>').format(anchor + signal, body) if anchor else body)
+    note = "There are many signals, so only the best model of each is drawn; the tables contain all models."
+    return stack(paragraph(note, "small") if len(run.signals) > _OPEN else "", *parts)
+
+
+def by_model(models: Sequence[tuple[str, Sequence[object]]], lead: str = "", behind: str = "") -> Markup:
+    """Return the content of each model: the first open under its name, the others have to be unfolded.
+
+    `lead` contains words before each name, `behind` words after the first name.
+    """
+    parts: list[Markup] = []
+    for model, content in models:
+        name = f"{lead}{words.model(model)}"
+        name = name[:1].upper() + name[1:]
+        first = Markup("<h4>{}</h4>").format(name + behind) + stack(*content)
+        parts.append(folded(name, *content) if parts else first)
+    return stack(*parts)

@@ -1,4 +1,4 @@
-"""Whether the intervals are what they say: ranks and coverage of a simulation-based calibration."""
+"""The calibration of the intervals: ranks and coverage of a simulation-based calibration."""
 
 from __future__ import annotations
 
@@ -8,47 +8,57 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.calibration import ranks
-from bayesdamp.report.html import folded, paragraph, stack
+from bayesdamp.report.markup import folded, heading, paragraph, stack
 from bayesdamp.report.results.run import Run, rows_of
-from bayesdamp.report.sections._layout import Section
+from bayesdamp.report.sections import Section
+from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH
 from bayesdamp.table import Table
 from bayesdamp.types import OK
 
 FEWEST = 15
 EXPLAINED = (
-    "Parameters are drawn from the study's own priors, noise included, a record is simulated from them, and its "
-    "posterior is sampled from starting points that know the record alone. Then the rank of each true value among "
-    "independent draws is uniform, and an interval of 80 % holds it in 80 % of the records.",
-    "A record is left out only where the record itself says so, before anything is sampled: it shows no "
-    "oscillation, or no starting point leads to a finite posterior. That looks at the data alone, and a posterior is "
-    "conditional on its data, so the ranks of what is left are still uniform. Draws that a sampler's own diagnostics "
-    "doubt are not left out: that would choose among draws.",
+    "Parameters are drawn from the study's own priors, including the noise, and a record is simulated from them. Its "
+    "posterior is sampled from starting points that are computed from the record alone. If the posteriors are "
+    "correct, the rank of each true value among independent draws is uniform, and an 80 % interval contains the true "
+    "value in 80 % of the records.",
+    "A record is left out only for a reason in the record itself, before anything is sampled: it shows no oscillation, "
+    "or no starting point leads to a finite posterior. This decision uses the data alone, and a posterior is "
+    "conditional on its data, so the ranks of the other records are still uniform. Draws that a sampler's own "
+    "diagnostics call unreliable are not left out, because that would be a selection among draws.",
 )
+LOOKS = (("#0072B2", "-"), ("#D55E00", "--"), ("#009E73", "-."), ("#CC79A7", ":"))
+"""Colour and line style of each sampler."""
+Counts = Mapping[str, Mapping[str, np.ndarray]]
+"""Sampler to parameter to the number of times that each rank occurred, (draws + 1,)."""
 
 
-class Calibrated(Section):
-    """The verdict, the ranks of each model, the coverage of all intervals, and which records count."""
+class CalibratedSection(Section):
+    """The result, the ranks of each model, the coverage of all intervals, and which records count."""
 
     order = 11
-    title = "Are the intervals what they say?"
+    title = "Are the intervals calibrated?"
 
     def applies(self, run: Run) -> bool:
-        """In the report of a calibration."""
+        """Return whether the run is a calibration."""
         return run.info.get("kind") == "calibration"
 
     def render(self, run: Run) -> str:
-        """Tests of uniform ranks, and coverage with its bands."""
+        """Return tests of uniform ranks, and the coverage with its bands."""
         result = run.info["result"]
         rows = _csv(run, "calibration.csv")
-        parts: list[object] = [Markup('<p class="lead">{}</p>').format(_claim(result))]
-        parts += [paragraph(sentence) for sentence in EXPLAINED]
-        parts.append(_records(result))
+        parts: list[object] = [
+            paragraph(_claim(result), "lead"),
+            *map(paragraph, EXPLAINED),
+            _records(result),
+        ]
         parts += [_model(run, result, rows, model) for model in result["counts"]]
-        parts.append(folded(f"The {FEWEST} least p values; calibration.csv has all", _tests(rows)))
+        parts.append(folded(f"The {FEWEST} smallest p values; calibration.csv contains all", _tests(rows)))
         return stack(*parts)
 
 
@@ -61,82 +71,71 @@ def _csv(run: Run, name: str) -> list[dict[str, str]]:
 
 
 def _claim(result: Mapping[str, Any]) -> str:
-    said = []
-    for family, of in (
-        ("posterior", "of the posteriors"),
-        ("classical", "of the trajectory fits' own intervals"),
-    ):
-        found = result["families"][family]
-        if found["tests"]:
-            wrong = f"{found['wrong']} are wrong" if found["wrong"] else "none is wrong"
-            said.append(f"of {found['tests']} checks {of} {wrong}")
-    text = fmt.listing(said)
+    names = {"posterior": "the posteriors", "classical": "the trajectory fits' own intervals"}
+    results = []
+    for family, name in names.items():
+        counts = result["families"][family]
+        if counts["tests"]:
+            results.append(f"{counts['wrong'] or 'none'} of {counts['tests']} checks of {name} failed")
+    text = fmt.listing(results)
     alarm = f"{100 * result['alarm']:g} %"
     return f"{text[:1].upper()}{text[1:]} (false-alarm rate {alarm} for each of the two tables, Holm)."
 
 
 def _records(result: Mapping[str, Any]) -> Table:
-    def doubted(found: Mapping[str, Any]) -> str:
-        bad = {s: sum(n for o, n in said.items() if o != OK) for s, said in found["samplers"].items()}
+    """Return how many records of each model count, and why others do not."""
+    counts: Mapping[str, Mapping[str, Any]] = result["counts"]
+
+    def doubted(model: str) -> str:
+        bad = {s: sum(n for o, n in own.items() if o != OK) for s, own in counts[model]["samplers"].items()}
         return "; ".join(f"{words.method(sampler)}: {count}" for sampler, count in bad.items())
 
-    def refused(found: Mapping[str, Any]) -> str:
-        return (
-            "; ".join(f"{n}: {s}" for s, n in sorted(found["refused"].items(), key=lambda x: -x[1]))
-            or fmt.NONE
-        )
+    def refused(model: str) -> str:
+        reasons = sorted(counts[model]["refused"].items(), key=lambda x: -x[1])
+        return "; ".join(f"{n}: {reason}" for reason, n in reasons) or fmt.NONE
 
-    columns: dict[str, Callable[[tuple[str, Mapping[str, Any]]], str]] = {
-        "model": lambda item: words.model(item[0]),
-        "records tried": lambda item: str(item[1]["tried"]),
-        "that count": lambda item: str(item[1]["counted"]),
-        "of these doubted by the sampler": lambda item: doubted(item[1]),
-        "time each": lambda item: fmt.duration(sum(item[1]["seconds"].values()) / max(item[1]["tried"], 1)),
-        "not counted": lambda item: refused(item[1]),
+    def time(model: str) -> str:
+        return fmt.duration(sum(counts[model]["seconds"].values()) / max(counts[model]["tried"], 1))
+
+    columns: dict[str, Callable[[str], str]] = {
+        "model": words.model,
+        "records tried": lambda model: str(counts[model]["tried"]),
+        "records that count": lambda model: str(counts[model]["counted"]),
+        "of these unreliable by the sampler's diagnostics": doubted,
+        "time each": time,
+        "not counted": refused,
     }
-    return Table.of(result["counts"].items(), columns, (0, 5))
+    return Table.of(counts, columns, (0, 5))
 
 
 def _model(run: Run, result: Mapping[str, Any], rows: Sequence[dict[str, str]], model: str) -> Markup:
-    counts = _counts(run, result, model)
+    """Return the ranks and the coverage of a model."""
+    counts: dict[str, dict[str, np.ndarray]] = {}
+    for row in rows_of(_csv(run, "ranks.csv"), model=model):
+        values = np.array(row["ranks"].split(), int)
+        own = np.bincount(values, minlength=result["draws"] + 1)
+        counts.setdefault(row["sampler"], {})[row["parameter"]] = own
     names = list(dict.fromkeys(r["parameter"] for r in rows_of(rows, model=model, check="ranks")))
     caption = (
-        f"{words.model(model)}: ranks of the truth among {result['draws']} draws. Below, their distribution function "
-        "less the uniform one. The grey band holds all of a calibrated curve with 99 % probability, above a single bin."
+        f"{words.model(model)}: ranks of the true value among {result['draws']} draws. Below: their distribution "
+        "function minus the uniform one. If the posteriors are calibrated, the grey band contains the whole curve with "
+        "99 % probability; in the upper row it is the band of a single bin."
     )
-    figure = run.drawings.add(f"ranks-{model}", caption, lambda: ranks(names, counts, result))
-    heading = Markup("<h3>{}</h3>").format(words.model(model))
-    return stack(heading, figure, _coverage(rows_of(rows, model=model, check="coverage"), names))
-
-
-def _counts(run: Run, result: Mapping[str, Any], model: str) -> dict[str, dict[str, np.ndarray]]:
-    """How often each rank came, (draws + 1,), by sampler and parameter."""
-    found: dict[str, dict[str, np.ndarray]] = {}
-    for row in rows_of(_csv(run, "ranks.csv"), model=model):
-        ranks = np.array(row["ranks"].split(), int)
-        counts = np.bincount(ranks, minlength=result["draws"] + 1)
-        found.setdefault(row["sampler"], {})[row["parameter"]] = counts
-    return found
-
-
-def _coverage(rows: Sequence[dict[str, str]], names: Sequence[str]) -> Table:
-    """Return the share of intervals that hold the truth: a line a parameter, a column for each method and level."""
-    found = {(r["parameter"], r["method"], r["level"]): _share(r) for r in rows}
+    figure = run.drawings.add(f"ranks-{model}", caption, lambda: _ranks(names, counts, result))
+    covered = rows_of(rows, model=model, check="coverage")
+    shares: dict[tuple[str, str, str], str] = {}
+    for row in covered:
+        star = " *" * (row["verdict"] == "wrong")
+        without = f" ({row['without']} without)" if int(row["without"] or 0) else ""
+        text = f"{100 * float(row['value']):.1f}{star}{without}" if row["value"] else fmt.NONE
+        shares[row["parameter"], row["method"], row["level"]] = text
     columns: dict[str, Callable[[str], str]] = {"parameter": lambda name: words.symbol(name).text}
-    for method, level in dict.fromkeys((r["method"], r["level"]) for r in rows):
+    for method, level in dict.fromkeys((r["method"], r["level"]) for r in covered):
         columns[f"{words.method(method)} {100 * float(level):g} %"] = lambda name, own=(method, level): (
-            found.get((name, *own), fmt.NONE)
+            shares.get((name, *own), fmt.NONE)
         )
-    caption = "Share of intervals that hold the truth, in per cent; * where the whole table calls it wrong"
-    return Table.of(names, columns, caption=caption)
-
-
-def _share(row: Mapping[str, str]) -> str:
-    if not row["value"]:
-        return fmt.NONE
-    star = " *" if row["verdict"] == "wrong" else ""
-    without = f" ({row['without']} without)" if int(row["without"] or 0) else ""
-    return f"{100 * float(row['value']):.1f}{star}{without}"
+    caption = "Share of intervals that contain the true value, in per cent; * where the check failed"
+    return stack(heading(words.model(model)), figure, Table.of(names, columns, caption=caption))
 
 
 def _tests(rows: Sequence[dict[str, str]]) -> Table:
@@ -154,9 +153,60 @@ def _tests(rows: Sequence[dict[str, str]]) -> Table:
         "verdict": lambda r: r["verdict"],
     }
     least = sorted((r for r in rows if r["p"]), key=lambda r: float(r["p"]))[:FEWEST]
-    return Table.of(
-        least, columns, (0, 1, 2, 3, 10), kind=lambda r: "alert" if r["verdict"] == "wrong" else ""
-    )
+    left = (0, 1, 2, 3, 10)
+    return Table.of(least, columns, left, kind=lambda r: "alert" if r["verdict"] == "wrong" else "")
 
 
-PLUGIN = Calibrated()
+def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> Figure:
+    """Draw the ranks of each parameter: a histogram, and the distribution function minus the uniform one.
+
+    Parameters
+    ----------
+    names
+        The parameters.
+    counts
+        Of the ranks.
+    result
+        `bins` of the histograms and `points` of the distribution function, numbers that divide draws + 1; `bands`:
+        number of records to `low` and `high` of their cumulative counts at the inner points, and `bin_low` and
+        `bin_high` of one bin.
+    """
+    figure = Figure(figsize=(WIDTH, 3.1))
+    grid = figure.subplots(2, len(names), sharex=True, sharey="row", squeeze=False)
+    for (upper, lower), name in zip(grid.T, names):
+        for i, own in enumerate(counts.values()):
+            look, bands = LOOKS[i % len(LOOKS)], {} if i else result["bands"]
+            _histogram(upper, own[name].reshape(result["bins"], -1).sum(axis=1), bands, *look)
+            _departure(lower, own[name].reshape(result["points"], -1).sum(axis=1), bands, *look)
+        upper.set_title(words.symbol(name).math)
+        lower.set_xlabel("rank / draws")
+    grid[0, 0].set_ylabel("records")
+    grid[1, 0].set_ylabel("ECDF − uniform")
+    looks = zip(counts, LOOKS)
+    handles = [Line2D([], [], color=c, ls=dash, label=words.method(s)) for s, (c, dash) in looks]
+    figure.legend(handles=handles, loc="outside upper right", ncols=len(handles))
+    return figure
+
+
+def _histogram(ax: Axes, counts: np.ndarray, bands: Mapping[str, Any], colour: str, dash: str) -> None:
+    limits = bands.get(str(int(counts.sum())))
+    if limits:
+        ax.axhspan(limits["bin_low"], limits["bin_high"], color=FAINT, lw=0)
+        ax.axhline(counts.sum() / counts.size, color=QUIET, lw=0.6)
+    ax.stairs(counts, np.linspace(0, 1, counts.size + 1), color=colour, ls=dash, lw=1.0)
+    ax.set_ylim(0, None)
+    ax.locator_params(axis="both", nbins=3)
+
+
+def _departure(ax: Axes, counts: np.ndarray, bands: Mapping[str, Any], colour: str, dash: str) -> None:
+    n, at = max(int(counts.sum()), 1), np.linspace(0, 1, counts.size + 1)
+    limits = bands.get(str(n))
+    if limits:
+        low, high = (np.r_[0.0, np.asarray(limits[k], float) / n, 1.0] - at for k in ("low", "high"))
+        ax.fill_between(at, low, high, color=FAINT, lw=0)
+    ax.plot(at, np.r_[0.0, np.cumsum(counts) / n] - at, color=colour, ls=dash, lw=1.1)
+    ax.axhline(0, color=INK, lw=0.5)
+    ax.locator_params(axis="both", nbins=3)
+
+
+PLUGIN = CalibratedSection()

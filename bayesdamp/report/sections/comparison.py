@@ -1,140 +1,142 @@
-"""Every estimator beside the others and beside what was published."""
+"""Comparison of the estimators with each other and with published figures."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.html import paragraph, stack
-from bayesdamp.report.results.comparing import STAGES, Comparison, category, compared, true_models
-from bayesdamp.report.results.estimates import posterior_of
+from bayesdamp.report.markup import paragraph, stack
+from bayesdamp.report.results.estimators import (
+    STAGES,
+    EstimatorComparison,
+    category_of,
+    compare_estimators,
+    posterior_of,
+    true_models,
+)
 from bayesdamp.report.results.reading import damping_parameters, truth
 from bayesdamp.report.results.run import Row, Run
-from bayesdamp.report.sections._layout import Section
+from bayesdamp.report.sections import Section
 from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 
 OWN, REFINED = STAGES
 FIRST = 3
-"""Place in the report of a study with published figures, which was made for this comparison."""
+"""Order of the section in the report of a study with published figures, which was made for this comparison."""
 
 
 class ComparisonSection(Section):
-    """Errors and times of all methods under the model that made each record."""
+    """Errors and times of all methods under the model with which each record was simulated."""
 
     order = 35
-    title = "The estimators compared"
+    title = "Comparison of the estimators"
 
     def place(self, run: Run) -> int:
-        """Return the first place where the study's numbers are published."""
+        """Return the first place if the study contains published figures."""
         return FIRST if run.study.get("published") else self.order
 
     def applies(self, run: Run) -> bool:
-        """Where several methods have an error, or the study's numbers are published."""
-        found = compared(run)
-        many = len(found.methods) > 1 and len(found.signals) > 1 and bool(found.errors)
-        return many or bool(run.study.get("published"))
+        """Return whether several methods have an error, or the study contains published figures."""
+        comparison = compare_estimators(run)
+        several = len(comparison.methods) > 1 and len(comparison.signals) > 1 and bool(comparison.errors)
+        return several or bool(run.study.get("published"))
 
     def render(self, run: Run) -> str:
-        """Show errors and times in tables."""
-        found = compared(run)
-        if not found.errors:
+        """Return tables of errors and times."""
+        comparison = compare_estimators(run)
+        if not comparison.errors:
             return paragraph("No estimator has an error to compare in this study.")
-        return stack(paragraph(lead(found)), _errors(run, found), _times(found))
-
-
-def lead(found: Comparison) -> str:
-    """Return what the table of the errors says, in a sentence or two."""
-    own = {key: e for key, e in found.errors.items() if key[2] == OWN}
-    refined = [e for key, e in found.errors.items() if key[2] == REFINED]
-    said = []
-    if refined:
-        said.append(
-            f"After the trajectory fit every method is within {fmt.short(max(refined))} % of the truth: that fit has "
-            "one optimum, whatever starts it. Methods differ in their own estimates."
+        own, refined = (
+            {key: e for key, e in comparison.errors.items() if key[2] == stage} for stage in STAGES
         )
-    if own:
-        worst = max(own, key=lambda key: own[key])
-        said.append(
-            f"The largest error of these is {fmt.short(own[worst])} % ({words.method(worst[0])}, {worst[1]})."
-        )
-    return " ".join(said)
+        sentences = []
+        if refined:
+            sentences.append(
+                f"After the trajectory fit every method is within {fmt.short(max(refined.values()))} % of the truth, "
+                "because this fit has one optimum, which does not depend on the starting point. The methods differ in "
+                "their own estimates."
+            )
+        if own:
+            worst = max(own, key=lambda key: own[key])
+            size = f"{fmt.short(own[worst])} % ({words.method(worst[0])}, {worst[1]})"
+            sentences.append(f"The largest error of the own estimates is {size}.")
+        return stack(paragraph(" ".join(sentences)), _errors(run, comparison), _times(comparison))
 
 
-def _errors(run: Run, found: Comparison) -> Table:
-    """Return errors in per cent by method and signal, with what was published and the posteriors' intervals."""
-    own = ["own", "fit", *(["published"] if found.published else [])]
-    groups = [("", 2), *((signal, len(own)) for signal in found.signals), ("mean", len(own))]
+def _errors(run: Run, comparison: EstimatorComparison) -> Table:
+    """Return errors in per cent by method and signal, with the published ones and the posteriors' intervals."""
+    published = bool(comparison.published)
+    headers = ["own", "fit", *["published"] * published]
+    groups = [(name, len(headers)) for name in (*comparison.signals, "mean")]
     lines = []
-    for method in found.methods:
-        cells = [words.method(method), category(method)]
-        for signal in found.signals:
+    for method in comparison.methods:
+        cells = [words.method(method), category_of(method)]
+        for signal in comparison.signals:
             for stage in STAGES:
-                error = found.errors.get((method, signal, stage), math.nan)
-                doubted = found.outcomes.get((method, signal, stage), OK) != OK and math.isfinite(error)
-                cells.append(fmt.short(error) + ("*" if doubted else ""))
-            if found.published:
-                cells.append(found.published.get((method, signal), fmt.NONE))
-        cells += [fmt.short(found.mean(method, stage)) for stage in STAGES]
-        lines.append(Line([*cells, fmt.short(found.mean_published(method))] if found.published else cells))
-    said = "Errors in per cent of the truth: the method's own estimate, then the trajectory fit that starts there"
-    said += ", then what was published." if found.published else "."
-    posteriors = {signal: _posterior(run, signal) for signal in found.signals} if found.published else {}
+                error = comparison.errors.get((method, signal, stage), math.nan)
+                outcome = comparison.outcomes.get((method, signal, stage), OK)
+                cells.append(fmt.short(error) + "*" * (outcome != OK and math.isfinite(error)))
+            if published:
+                cells.append(comparison.published.get((method, signal), fmt.NONE))
+        cells += [fmt.short(comparison.mean(method, stage)) for stage in STAGES]
+        cells += [fmt.short(comparison.mean_published(method))] * published
+        lines.append(Line(cells))
+    caption = "Errors in per cent of the truth: the method's own estimate, then the trajectory fit that starts there"
+    caption += ", then the published error." if published else "."
+    posteriors: list[Row] = []
+    differences: list[tuple[str, int]] = []
+    for signal in comparison.signals if published else ():
+        model = true_models(run)[signal]
+        parameter = damping_parameters(run).get(model)
+        row = posterior_of(run, signal, model, parameter) if parameter else None
+        true = truth(run, signal, row["parameter"]) if row else math.nan
+        limits = fmt.NONE
+        if row and math.isfinite(true) and true:
+            percent = (f"{100 * (row[q] / true - 1):+.2f}" for q in ("q2.5", "q97.5"))
+            limits = " to ".join(percent).replace("-", "−")
+        posteriors += [row] if row else []
+        differences.append((limits, len(headers)))
     foot: list[tuple[str, int]] = []
-    if any(posteriors.values()):
-        about = [(_about(run, s, row), len(own)) for s, row in posteriors.items()]
-        foot = [("posterior, 95 %", 2), *about, ("", len(own))]
-        said += " Last line: the posterior's 95 % interval about the truth, in per cent, from a record with noise."
-    if any(o != OK for o in found.outcomes.values()):
-        said += " *: the method itself doubts this answer; its sentence stands below."
+    if posteriors:
+        foot = [("posterior, 95 %", 2), *differences, ("", len(headers))]
+        caption += (
+            " Last line: the difference of the posterior's 95 % interval from the truth, in per cent, for a record "
+            "with noise."
+        )
+    if any(o != OK for o in comparison.outcomes.values()):
+        caption += (
+            " *: the method reports that this answer is unreliable, for the reason in the estimators' tables."
+        )
+    values = [
+        f"{words.symbol(row['parameter']).text} {row['q2.5']:.5g} to {row['q97.5']:.5g} {row['unit']} ({row['signal']})"
+        for row in posteriors
+    ]
     return Table(
-        ["method", "category", *own * (len(found.signals) + 1)],
+        ["method", "category", *headers * len(groups)],
         lines,
         {0, 1},
-        said,
-        groups,
+        caption,
+        [("", 2), *groups],
         foot,
-        _values(posteriors),
+        [f"95 % intervals of the posteriors: {'; '.join(values)}."] if values else [],
     )
 
 
-def _times(found: Comparison) -> Table:
-    """Return the seconds of each method."""
+def _times(comparison: EstimatorComparison) -> Table:
+    """Return the computing time of each method."""
     columns: dict[str, Callable[[str], str]] = {
         "method": words.method,
-        "own estimate": lambda m: fmt.duration(found.seconds.get((m, OWN), math.nan)),
-        "trajectory fit": lambda m: fmt.duration(found.seconds.get((m, REFINED), math.nan)),
+        "own estimate": lambda m: fmt.duration(comparison.seconds.get((m, OWN))),
+        "trajectory fit": lambda m: fmt.duration(comparison.seconds.get((m, REFINED))),
     }
-    if found.times:
-        columns["published"] = lambda m: found.times.get(m, fmt.NONE)
-    many = f"{len(found.signals)} signals" if len(found.signals) > 1 else "the signal"
-    said = f"Time for {many} together, compilation included where it fell due."
-    return Table.of(found.methods, columns, (0,), said)
-
-
-def _posterior(run: Run, signal: str) -> Row | None:
-    model = true_models(run)[signal]
-    parameter = damping_parameters(run).get(model)
-    return posterior_of(run, signal, model, parameter) if parameter else None
-
-
-def _about(run: Run, signal: str, row: Row | None) -> str:
-    value = math.nan if row is None else truth(run, signal, row["parameter"])
-    if row is None or not math.isfinite(value) or not value:
-        return fmt.NONE
-    return " to ".join(f"{100 * (row[q] / value - 1):+.2f}".replace("-", "−") for q in ("q2.5", "q97.5"))
-
-
-def _values(posteriors: Mapping[str, Row | None]) -> list[str]:
-    """Return a sentence with the intervals as values."""
-    said = [
-        f"{words.symbol(row['parameter']).text} {row['q2.5']:.5g} to {row['q97.5']:.5g} {row['unit']} ({row['signal']})"
-        for row in posteriors.values()
-        if row
-    ]
-    return [f"95 % intervals of the posteriors: {'; '.join(said)}."] if said else []
+    if comparison.times:
+        columns["published"] = lambda m: comparison.times.get(m, fmt.NONE)
+    count = len(comparison.signals)
+    signals = f"{count} signals" if count > 1 else "the signal"
+    caption = f"Time for {signals} together, including compilation if it was necessary."
+    return Table.of(comparison.methods, columns, (0,), caption)
 
 
 PLUGIN = ComparisonSection()

@@ -1,4 +1,4 @@
-"""Running estimates of the damping by an online filter."""
+"""Running estimates of the damping by a Kalman filter."""
 
 from __future__ import annotations
 
@@ -9,45 +9,41 @@ from markupsafe import Markup
 
 from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import running
-from bayesdamp.report.html import folded, stack
+from bayesdamp.report.markup import folded, stack
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import SignalSection, drawn
+from bayesdamp.report.sections import SignalSection, is_drawn
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import PosteriorContent
 
 
-class Running(SignalSection):
-    """Estimate and band of each coefficient against time, where a sampler filtered the record."""
+class RunningSection(SignalSection):
+    """Estimate and band of each coefficient against time, if a sampler filtered the record."""
 
     order = 55
-    title = "The damping while it is measured"
+    title = "The damping estimate during the record"
     lead = (
-        "What a Kalman filter says of the damping after each sample. Its first pass uses every sample once; the passes "
-        "after it start from the same priors again and linearise where the pass before ended."
+        "The estimate of a Kalman filter after each sample. Its first pass uses every sample once. Each further pass "
+        "starts from the same priors and linearises about the result of the pass before."
     )
 
     def shows(self, run: Run, signal: str) -> bool:
         """Return whether a sampler filtered a record."""
-        return any(map(_filtered, run.cells("posterior", signal)))
+        return any("running/t" in cell.arrays for cell in run.cells("posterior", signal))
 
     def part(self, run: Run, signal: str) -> Markup:
         """Return the coefficients against time, with their bands."""
         repeat = run.repeats(signal)[0]
         parts: list[Markup] = []
         for place, model in enumerate(models_by_rank(run, signal, repeat)):
-            for cell in filter(_filtered, run.cells("posterior", signal, repeat, model)):
-                if drawn(run, place):
-                    figure = _drawn(run, signal, model, cell)
+            for cell in run.cells("posterior", signal, repeat, model) if is_drawn(run, place) else ():
+                if "running/t" in cell.arrays:
+                    figure = _figure(run, signal, model, cell)
                     parts.append(folded(words.model(model), figure) if parts else figure)
         return stack(*parts)
 
 
-def _filtered(cell: CellResult) -> bool:
-    return "running/t" in cell.arrays
-
-
-def _drawn(run: Run, signal: str, model: str, cell: CellResult) -> Markup:
+def _figure(run: Run, signal: str, model: str, cell: CellResult) -> Markup:
     content = PosteriorContent.of(cell)
     listed = content.posterior.running
     names = [n for n in coefficients(run, model) if n in listed]
@@ -63,4 +59,4 @@ def _drawn(run: Run, signal: str, model: str, cell: CellResult) -> Markup:
     return run.drawings.add(f"running-{signal}-{model}", caption, draw)
 
 
-PLUGIN = Running()
+PLUGIN = RunningSection()

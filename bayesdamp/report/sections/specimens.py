@@ -1,4 +1,4 @@
-"""Many records: repeats of one specimen together, and specimens beside each other."""
+"""Specimens with several records, and the population of several specimens."""
 
 from __future__ import annotations
 
@@ -6,18 +6,17 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
-from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Fitting, fitting_of
 from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import Interval, Panel, intervals
-from bayesdamp.report.html import paragraph, stack
+from bayesdamp.report.markup import heading, paragraph, stack
 from bayesdamp.report.results.run import Run, rows_of
-from bayesdamp.report.sections._layout import Section
+from bayesdamp.report.sections import Section
 from bayesdamp.report.style import colour
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents import JointCandidate, JointContent, PopulationContent, Weighing
+from bayesdamp.store.contents import JointContent, PopulationContent
 from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 from bayesdamp.verdict.thresholds import CAP
@@ -25,217 +24,207 @@ from bayesdamp.verdict.thresholds import CAP
 WORTH = 0.01
 """Probability from which a form of damping is named that the study does not compare."""
 HOW = (
-    "The records share one damping model with one set of coefficients for the specimen. In each record all "
-    "coefficients are larger or smaller by a common factor, whose spread from record to record is inferred. The start, "
-    "the restoring law's parameters, the angle at rest (an encoder may be offset) and the noise belong to each record."
+    "The records share one damping model with one set of coefficients for the specimen. In each record a common factor "
+    "multiplies all coefficients; its spread from record to record is inferred. Each record has its own start, "
+    "parameters of the restoring law, angle at rest (an encoder may have an offset) and noise."
 )
 LAWS = {
-    "none": "Every law is taken to hold exactly, so that the interval of a coefficient covers the noise and the "
+    "none": "Every law is assumed to hold exactly. The interval of a coefficient therefore includes the noise and the "
     "spread between records, but no deviation from the laws.",
-    "law": "How much the damping and the restoring force deviate from their laws along a record belongs to that record "
-    "and is integrated out; the sizes of these deviations are common to all records.",
+    "law": "Each record has its own deviations of the damping and the restoring force from their laws, which are "
+    "integrated out. The sizes of these deviations are common to all records.",
 }
 ASSUMED = {
     "none": "if every law held exactly",
-    "law": "laws holding approximately, each record with deviations of its own",
+    "law": "with laws that hold approximately and deviations of each record",
 }
-"""Under which assumption a joint fit or a population is."""
+"""Assumption of a joint fit or a population."""
 
 
-class Specimens(Section):
-    """Of each specimen with several records its joint fit; over several specimens their population."""
+class SpecimensSection(Section):
+    """The joint fit of each specimen with several records, and the population of several specimens."""
 
     order = 13
-    title = "Many records"
+    title = "Specimens with several records"
 
     def applies(self, run: Run) -> bool:
-        """Where a specimen has several records, or there are several specimens."""
+        """Return whether a specimen has several records, or there are several specimens."""
         return bool(run.cells("joint") or run.cells("population"))
 
     def render(self, run: Run) -> str:
-        """Show joint fits beside each record alone, and the population."""
-        joint = run.cells("joint")
-        parts: list[object] = [paragraph(HOW)] if joint else []
-        for cell in joint:
-            name = cell.place.record
-            parts += [Markup("<h3>{}</h3>").format(f"Repeats of {name}"), *_joint(run, name, cell)]
+        """Return joint fits with each record alone, and the population."""
+        parts: list[object] = []
+        for cell in run.cells("joint"):
+            parts += [] if parts else [paragraph(HOW)]
+            parts += [heading(f"Repeats of {cell.place.record}"), *_joint(run, cell)]
         for cell in run.cells("population"):
-            parts += [Markup("<h3>Over the specimens</h3>"), *_population(run, cell)]
+            parts += [heading("All specimens"), *_population(run, cell)]
         return stack(*parts)
 
 
 def joint_sentence(run: Run, cell: CellResult) -> str:
-    """Say how much records differ, and whether one damping fits all of them."""
+    """Say how much the records of a specimen differ, and whether one damping fits all of them."""
     joint = JointContent.maybe(cell)
     if joint is None:
         return f"No joint fit: {cell.outcome}."
-    agree = (
-        "differ in the size of their damping, so that each has its own"
-        if joint.differ
-        else "agree with one damping"
-        if joint.agree
-        else "are compatible with one damping"
-    )
-    factor = fmt.nats(joint.no_spread)
-    text = (
+    agree = "are compatible with one damping"
+    if joint.differ:
+        agree = "differ in the size of their damping, so each has its own"
+    elif joint.agree:
+        agree = "agree with one damping"
+    sentences = [
         f"{len(joint.records)} records together, {ASSUMED[joint.deviation]}: the records {agree}. The log Bayes factor "
-        f"of one size in all records against sizes that differ is {factor} nats"
-    )
-    # Where laws may hold approximately each record's own deviation takes what an exact law does not fit.
-    worse = [
+        f"of equal sizes in all records against different sizes is {fmt.nats(joint.no_spread)} nats"
+    ]
+    outcome = joint.candidates[joint.best].outcome
+    sentences += [outcome.rstrip(".")] if outcome != OK else []
+    # If laws hold approximately, each record's own deviation explains what an exact law does not fit.
+    misfits = [
         label
         for label, (signal, repeat) in zip(joint.records, joint.members, strict=True)
         for row in rows_of(run.fits, signal=signal, repeat=repeat, model=joint.best)[:1]
         if joint.deviation == "none" and fitting_of(row["verdict"]) is Fitting.DOES_NOT_FIT
     ]
-    outcome = joint.candidates[joint.best].outcome
-    said = [text, *([outcome.rstrip(".")] if outcome != OK else [])]
-    said += [f"{words.model(joint.best)} does not fit {fmt.listing(worse)}"] if worse else []
+    sentences += [f"{words.model(joint.best)} does not fit {fmt.listing(misfits)}"] if misfits else []
     others = [f"{words.model(n)} {_capped(q)}" for n, q in joint.others.items() if q >= WORTH]
-    said += [f"Also weighed: {fmt.listing(others)}"] if others else []
-    return f"{'. '.join(said)}."
-
-
-def _capped(probability: float) -> str:
-    """Return a probability in words; of measured records no more is claimed than in the answers."""
-    return f"> {CAP:g}" if probability > CAP else fmt.probability(probability)
-
-
-def _size(row: Weighing, name: str) -> str:
-    """Return a parameter of a candidate with its standard deviation and unit."""
-    one = row.summary[name]
-    return f"{fmt.with_error(one['mean'], one['sd'])} {words.unit(row.units[name])}"
-
-
-def _over(one: Mapping[str, float], unit: str) -> str:
-    """Return the population's mean or spread with its 95 % interval."""
-    return f"{fmt.number(one['median'], 3)} {fmt.interval(one['q2.5'], one['q97.5'])} {words.unit(unit)}"
+    sentences += [f"Other forms that were considered: {fmt.listing(others)}"] if others else []
+    return f"{'. '.join(sentences)}."
 
 
 def population_sentence(cell: CellResult) -> str:
-    """Return what the population over specimens says: mean and spread of each coefficient, and a warning with them."""
-    found = PopulationContent.maybe(cell)
-    if found is None:
-        return f"Over the specimens: {cell.outcome}."
-    parts = [
-        f"{words.symbol(n).text} has the mean {_over(p.mean, found.units[n])} and the spread "
-        f"{_over(p.spread, found.units[n])}"
-        for n, p in found.populations.items()
-    ]
-    text = f"Over {len(found.specimens)} specimens, all taken as {words.model(found.best)}, "
-    text += f"{ASSUMED[found.deviation]}: "
-    text += fmt.listing(parts)
-    return f"{text}; {cell.outcome}." if cell.outcome != OK else f"{text}."
+    """State the mean and the spread of each coefficient over the specimens, and a warning if there is one."""
+    content = PopulationContent.maybe(cell)
+    if content is None:
+        return f"All specimens: {cell.outcome}."
+
+    def size(quantiles: Mapping[str, float], name: str) -> str:
+        interval = fmt.interval(quantiles["q2.5"], quantiles["q97.5"])
+        return f"{fmt.number(quantiles['median'], 3)} {interval} {words.unit(content.units[name])}"
+
+    sizes = fmt.listing(
+        f"{words.symbol(n).text} has the mean {size(p.mean, n)} and the spread {size(p.spread, n)}"
+        for n, p in content.populations.items()
+    )
+    text = f"{len(content.specimens)} specimens, all with {words.model(content.best)} damping"
+    warning = f"; {cell.outcome}" if cell.outcome != OK else ""
+    return f"{text}, {ASSUMED[content.deviation]}: {sizes}{warning}."
 
 
-def _interval(one: Mapping[str, float]) -> Interval:
-    return one["q2.5"], one["median"], one["q97.5"]
+def _capped(probability: float) -> str:
+    """Return a probability in words, not closer to certainty than in the answers."""
+    return f"> {CAP:g}" if probability > CAP else fmt.probability(probability)
 
 
-def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
-    joint = JointContent.maybe(cell)
+def _interval(quantiles: Mapping[str, float]) -> Interval:
+    return quantiles["q2.5"], quantiles["median"], quantiles["q97.5"]
+
+
+def _joint(run: Run, cell: CellResult) -> list[object]:
+    """Return the joint fit of a specimen."""
+    joint, name = JointContent.maybe(cell), cell.place.record
     parts: list[object] = [paragraph(joint_sentence(run, cell))]
     if joint is None:
         return parts
-    best, row = joint.best, joint.candidates[joint.best]
     parts += [paragraph(LAWS[joint.deviation]), _candidates(joint)]
-    if not joint.alone:
-        return parts
-    panels = [
-        Panel(
-            words.axis(n, row.units[n]),
-            [_interval(alone.summary[n]) for alone in joint.alone.values()],
-            _interval(row.summary[n]),
+    if joint.alone:
+        best, row = joint.best, joint.candidates[joint.best]
+        panels = [
+            Panel(
+                words.axis(n, row.units[n]),
+                [_interval(alone.summary[n]) for alone in joint.alone.values()],
+                _interval(row.summary[n]),
+            )
+            for n in row.summary
+        ]
+        caption = (
+            f"{name}, {words.model(best)}: median and 95 % interval of each record alone; grey: the specimen, from the "
+            "joint fit."
         )
-        for n in row.summary
-    ]
-    caption = (
-        f"{name}, {words.model(best)}: median and 95 % interval of each record by itself; grey: of the specimen, from "
-        "the joint fit."
-    )
-    draw = partial(intervals, list(joint.alone), panels, colour(best))
-    return [*parts, run.drawings.add(f"joint-{name}", caption, draw)]
+        draw = partial(intervals, list(joint.alone), panels, colour(best))
+        parts.append(run.drawings.add(f"joint-{name}", caption, draw))
+    return parts
 
 
 def _candidates(joint: JointContent) -> Table:
-    logs = {c: -np.inf if r.log_evidence is None else r.log_evidence for c, r in joint.candidates.items()}
-    ranked = sorted(joint.candidates.items(), key=lambda item: -logs[item[0]])
-    columns: dict[str, Callable[[tuple[str, JointCandidate]], str]] = {
-        "damping model": lambda item: words.model(item[0]),
-        "probability": lambda item: _capped(item[1].probability),
-        "log Bayes factor": lambda item: (
-            fmt.NONE if item[1].log_evidence is None else fmt.nats(logs[item[0]] - logs[joint.best])
-        ),
+    """Return the damping models of a joint fit, the most probable first."""
+    rows = joint.candidates
+    logs = {c: -np.inf if r.log_evidence is None else r.log_evidence for c, r in rows.items()}
+    ranked = sorted(rows, key=lambda model: -logs[model])
+
+    def size(model: str, name: str) -> str:
+        if name not in rows[model].summary:
+            return fmt.NONE
+        own = rows[model].summary[name]
+        return f"{fmt.with_error(own['mean'], own['sd'])} {words.unit(rows[model].units[name])}"
+
+    def factor(model: str) -> str:
+        unknown = rows[model].log_evidence is None
+        return fmt.NONE if unknown else fmt.nats(logs[model] - logs[joint.best])
+
+    def kind(model: str) -> str:
+        return "best" if model == joint.best else "" if rows[model].outcome == OK else "quiet"
+
+    columns: dict[str, Callable[[str], str]] = {
+        "damping model": words.model,
+        "probability": lambda model: _capped(rows[model].probability),
+        "log Bayes factor": factor,
     }
-    for name in dict.fromkeys(n for _, r in ranked for n in r.summary):
-        columns[words.symbol(name).text] = lambda item, n=name: (
-            _size(item[1], n) if n in item[1].summary else fmt.NONE
-        )
-    columns["outcome"] = lambda item: item[1].outcome
+    for name in dict.fromkeys(n for model in ranked for n in rows[model].summary):
+        columns[words.symbol(name).text] = partial(size, name=name)
+    columns["outcome"] = lambda model: rows[model].outcome
     caption = (
-        "All records together: the probabilities are those of the answer on the specimen, and the coefficients are the "
+        "All records together. The probabilities are those of the answer on the specimen; the coefficients are the "
         "specimen's (mean ± sd)."
     )
-
-    def kind(item: tuple[str, JointCandidate]) -> str:
-        return "best" if item[0] == joint.best else "" if item[1].outcome == OK else "quiet"
-
     return Table.of(ranked, columns, (0, len(columns) - 1), caption, kind)
 
 
 def _population(run: Run, cell: CellResult) -> list[object]:
+    """Return the population of the specimens."""
     parts: list[object] = [paragraph(population_sentence(cell))]
     content = PopulationContent.maybe(cell)
     if content is None:
         return parts
-    best, labels = content.best, list(content.specimens)
-    scales = [
+    scales = fmt.listing(
         f"{fmt.number(p.scale, 2)} {words.unit(content.units[n])} for {words.symbol(n).text}"
         for n, p in content.populations.items()
-    ]
-    behind = [f"{label} ({fmt.nats(gap)} nats)" for label, gap in content.behind.items() if gap > 1]
-    how = (
-        "Specimens' coefficients are taken as normal, cut off at zero; the mean and the spread are of what is "
-        "left. The normal's location has a half-normal prior with the scale "
-        f"{fmt.listing(scales)}, which is that of the prior which the study states, or else three times the largest "
-        "coefficient of a specimen. Its width has one with the scale of the location: specimens of one kind hardly "
-        "spread by more than their size. The model is the one with the greatest evidence over all specimens "
-        "together."
     )
-    if behind:
-        how += f" Another model is ahead for {fmt.listing(behind)}."
-    parts += [paragraph(how), _values(content)]
+    how = (
+        "The specimens' coefficients have a normal distribution, truncated at zero; mean and spread are those of the "
+        f"truncated distribution. The normal's location has a half-normal prior with the scale {scales}, which is the "
+        "scale of the study's prior, or three times the largest coefficient of a specimen if the study specifies none. "
+        "The normal's width has a half-normal prior with the location as its scale, because the spread of similar "
+        "specimens is rarely larger than their mean. The model is the one with the greatest evidence over all "
+        "specimens together."
+    )
+    behind = [f"{label} ({fmt.nats(gap)} nats)" for label, gap in content.behind.items() if gap > 1]
+    how += f" Another model has greater evidence for {fmt.listing(behind)}." if behind else ""
+    lines = []
+    for name, population in content.populations.items():
+        symbol, unit = words.symbol(name).text, words.unit(content.units[name])
+        rows = [(f"{symbol}, mean", population.mean, 3, ""), (f"{symbol}, spread", population.spread, 3, "")]
+        rows += [(f"{symbol} of {label}", own, 4, "quiet") for label, own in population.shrunk.items()]
+        for label, own, digits, kind in rows:
+            bounds = fmt.interval(own["q2.5"], own["q97.5"])
+            lines.append(Line([label, fmt.number(own["median"], digits), bounds, unit], kind))
+    caption = "Mean and spread (sd) of the population, and each specimen's value given all specimens."
+    parts += [paragraph(how), Table(["quantity", "median", "95 %", "unit"], lines, (0, 3), caption)]
+    labels = list(content.specimens)
     panels = [
         Panel(
             words.axis(n, content.units[n]),
             [_interval(content.specimens[label].summary[n]) for label in labels],
-            _interval(found.mean),
-            [_interval(found.shrunk[label]) for label in labels],
+            _interval(population.mean),
+            [_interval(population.shrunk[label]) for label in labels],
         )
-        for n, found in content.populations.items()
+        for n, population in content.populations.items()
     ]
     caption = (
-        "Each specimen's own median and 95 % interval (dots) and once the others have had their say (open); grey: the "
+        "Median and 95 % interval of each specimen alone (filled) and given all specimens (open); grey: the "
         "population's mean."
     )
-    parts.append(run.drawings.add("population", caption, lambda: intervals(labels, panels, colour(best))))
-    return parts
+    draw = partial(intervals, labels, panels, colour(content.best))
+    return [*parts, run.drawings.add("population", caption, draw)]
 
 
-def _values(content: PopulationContent) -> Table:
-    lines = []
-    for name, found in content.populations.items():
-        unit = words.unit(content.units[name])
-        for what, one in (("mean", found.mean), ("spread", found.spread)):
-            bounds = fmt.interval(one["q2.5"], one["q97.5"])
-            lines.append(
-                Line([f"{words.symbol(name).text}, {what}", fmt.number(one["median"], 3), bounds, unit])
-            )
-        for label, one in found.shrunk.items():
-            cells = [f"{words.symbol(name).text} of {label}", fmt.number(one["median"], 4)]
-            lines.append(Line([*cells, fmt.interval(one["q2.5"], one["q97.5"]), unit], "quiet"))
-    caption = "The population's mean and spread (sd), and each specimen's value given all of them."
-    return Table(["quantity", "median", "95 %", "unit"], lines, frozenset({0, 3}), caption)
-
-
-PLUGIN = Specimens()
+PLUGIN = SpecimensSection()

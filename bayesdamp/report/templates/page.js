@@ -23,14 +23,14 @@ function sort(table, column, header) {
     const text = row.cells[column].textContent.trim();
     return { row, text, value: valueOf(text) };
   });
-  const missing = (one) => one.text === "–" || one.text === "";
+  const missing = (cell) => cell.text === "–" || cell.text === "";
   rows.sort((a, b) => {
     if (missing(a) !== missing(b)) return missing(a) ? 1 : -1;
     const order = a.value !== null && b.value !== null ? a.value - b.value
       : a.text.localeCompare(b.text, undefined, { numeric: true });
     return up ? order : -order;
   });
-  table.tBodies[0].append(...rows.map((one) => one.row));
+  table.tBodies[0].append(...rows.map((line) => line.row));
 }
 
 for (const table of document.querySelectorAll("table")) {
@@ -57,14 +57,14 @@ for (const table of document.querySelectorAll("table")) {
 
 const shut = new Set();
 addEventListener("beforeprint", () => {
-  for (const one of document.querySelectorAll("details:not([open])")) { shut.add(one); one.open = true; }
+  for (const details of document.querySelectorAll("details:not([open])")) { shut.add(details); details.open = true; }
 });
-addEventListener("afterprint", () => { for (const one of shut) one.open = false; shut.clear(); });
+addEventListener("afterprint", () => { for (const details of shut) details.open = false; shut.clear(); });
 
 /** A link into a folded part opens it. */
 function reveal() {
   const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
-  for (let one = target; one; one = one.parentElement) if (one.tagName === "DETAILS") one.open = true;
+  for (let node = target; node; node = node.parentElement) if (node.tagName === "DETAILS") node.open = true;
   if (target) target.scrollIntoView();
 }
 addEventListener("hashchange", reveal);
