@@ -142,7 +142,7 @@ MISSING = [
             f"{cell[:20]} in place of a sample",
             LOOK,
             write=partial(one_cell, cell=cell, column=1),
-            said="mend it or leave the row out",
+            said="correct it or leave the row out",
         )
         for cell in NO_SAMPLE
     ),

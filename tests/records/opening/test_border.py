@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.files.contents import Contents
-from bayesdamp.records.opening.opening import contents
+from bayesdamp.records.opening import contents
 from bayesdamp.records.readers.numpy_arrays import NumpyReader
 from bayesdamp.types import InputError
 

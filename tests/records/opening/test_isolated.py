@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from bayesdamp.records.opening.opening import load_isolated
+from bayesdamp.records.opening import load_isolated
 from bayesdamp.records.read import read_record
 from bayesdamp.types import InputError
 

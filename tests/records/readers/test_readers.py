@@ -12,7 +12,7 @@ import pytest
 from scipy.io import savemat
 
 from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.opening.opening import contents, load_isolated, read_here
+from bayesdamp.records.opening import contents, load_isolated, read_here
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.records.readers import READERS
 from bayesdamp.records.record import RawRecord
@@ -113,7 +113,7 @@ def test_a_uff_of_spectra_or_of_geometry_is_no_record(tmp_path: Path) -> None:
         orddenom_spec_data_type=0,
     )  # fmt: skip
     pyuff.UFF(str(tmp_path / "a.uff")).write_sets(data, mode="overwrite")
-    with pytest.raises(InputError, match="no records in time"):
+    with pytest.raises(InputError, match="none of its data sets 58 is a record in time"):
         read_records(tmp_path / "a.uff")
     (tmp_path / "b.uff").write_text("    -1\n    15\n         1         0\n    -1\n", encoding="utf-8")
     with pytest.raises(InputError, match="its data sets are 15"):
