@@ -14,8 +14,7 @@ from bayesdamp.pipeline.records.records import RecordCell
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.plugins import sources_below
 from bayesdamp.records.envelope.reading import read_envelope
-from bayesdamp.records.envelope.record import EnvelopeRecord
-from bayesdamp.records.envelope.scale import scale_of
+from bayesdamp.records.envelope.record import EnvelopeRecord, scale_of
 from bayesdamp.records.envelope.window import Window, bounded
 from bayesdamp.serial import split
 from bayesdamp.store import Store, sha256

@@ -138,7 +138,7 @@ def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, 
     ("more", "what"),
     [
         (["--frequency", "-3"], "must be positive, in Hz"),
-        (["--start", "1e9"], "readings stand between start and stop"),
+        (["--start", "1e9"], "readings are between start and stop"),
         (["--repeats"], "there is one record"),
     ],
 )
