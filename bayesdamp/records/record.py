@@ -86,10 +86,10 @@ class RawRecord:
     began: float = 0.0
 
 
-def resolved_unit(unit: str | None, quantity: str | None, said: str, what: str) -> tuple[str, str]:
-    """Return the unit and the quantity: those given, else the file's (said, what), else an angle in rad."""
+def resolved_unit(unit: str | None, quantity: str | None, stated: str, what: str) -> tuple[str, str]:
+    """Return the unit and the quantity: those given, else the file's (stated, what), else an angle in rad."""
     only = UNITS[unit].quantity if unit in UNITS else None
-    chosen = unit or (said if said in UNITS else "rad")
+    chosen = unit or (stated if stated in UNITS else "rad")
     return chosen, quantity or only or what or "angle"
 
 

@@ -153,7 +153,7 @@ MISSING = [
             write=partial(one_cell, cell=cell, column=1),
             said="a.csv: line 102: ",
         )
-        for cell in NO_SAMPLE
+        for cell in ("NA", "nan")
     ),
     Case(
         "an empty cell in place of a sample", LOOK, write=partial(one_cell, cell="", column=1), ends=(READ,)

@@ -97,9 +97,10 @@ def read_envelope(
     facts = {name: str(fact) for name, fact in about.facts.items()}
     column = about.value_column
     bracketed = re.search(r"[\[(]([^\])]+)[\])]\s*$", column)
-    unit = unit or unit_in(column) or (bracketed[1].strip() if bracketed else "") or "units"
+    in_brackets = bracketed[1].strip() if bracketed else ""
+    chosen = unit or unit_in(column) or in_brackets or "units"
     frequency = frequency if frequency is not None else _stated_frequency(facts)
-    return made_record(path.name, t, raw.y, unit, frequency, facts, about.said)
+    return made_record(path.name, t, raw.y, chosen, frequency, facts, about.said)
 
 
 def _stated_frequency(facts: dict[str, str]) -> float | None:

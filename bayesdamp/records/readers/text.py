@@ -109,20 +109,12 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         warnings += _uneven(rows, at + first + 1, layout.columns)
     while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
         columns.pop()  # a separator at the end of each line
+    facts = settings or header_facts(line for line, names in head if not names)
+    left_out = "repeats the names of the columns and is left out."
+    notes = tuple(f"Line {first + 1 + i} {left_out}" for i in repeated[:MOST_NOTES])
     separator = "blanks" if layout.separator == BLANKS else layout.separator
-    return Contents(
-        format_name,
-        tuple(columns),
-        settings or header_facts(line for line, names in head if not names),
-        tuple(
-            f"Line {first + 1 + i} repeats the names of the columns and is left out."
-            for i in repeated[:MOST_NOTES]
-        ),
-        {"separator": separator, "decimal": layout.decimal},
-        first + 1,
-        at,
-        warnings=tuple(warnings),
-    )
+    form = {"separator": separator, "decimal": layout.decimal}
+    return Contents(format_name, tuple(columns), facts, notes, form, first + 1, at, warnings=tuple(warnings))
 
 
 def _uneven(rows: list[list[str]], lines: np.ndarray, columns: int) -> tuple[str, ...]:

@@ -258,8 +258,13 @@ LVM_ROWS = {
 }
 
 
-@pytest.mark.parametrize("names", [["X_Value\tside\tComment"], ["X_Value\tside"], ["side\tComment"], []])
-@pytest.mark.parametrize("blank", [[""], ["\t\t"], []])
+@pytest.mark.parametrize(
+    ("names", "blank"),
+    [
+        *(([name], [""]) for name in ("X_Value\tside\tComment", "X_Value\tside", "side\tComment")),
+        *(([], blank) for blank in ([""], ["\t\t"], [])),
+    ],
+)
 @pytest.mark.parametrize("axes", LVM_ROWS)
 def test_an_lvm_file_may_leave_out_what_it_does_not_need(
     tmp_path: Path, axes: str, blank: list[str], names: list[str]
@@ -293,7 +298,7 @@ def test_a_wav_of_one_channel_is_one_record(tmp_path: Path) -> None:
     assert (record.channel, record.rate) == ("sound", 8000.0)
 
 
-@pytest.mark.parametrize("what", ["UFF ascii", "Excel", "Parquet", "LVM", "JSON"])
+@pytest.mark.parametrize("what", ["Excel", "LVM"])
 def test_contents_pass_from_one_process_to_another(tmp_path: Path, what: str) -> None:
     name, write, *_ = FORMATS[what]
     write(tmp_path / name)
