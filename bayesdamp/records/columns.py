@@ -67,38 +67,18 @@ LARGEST = 1e100
 class Swing:
     """A coarse measure of an oscillation: enough to tell a record from other columns of a file.
 
-    period: in samples; share: of the oscillation in the column; size: the largest swing, its standard deviation in
-    the column's unit; last: that at the end; cycles: periods in the column; again: the most that it grows after its
-    largest, as a share of that; filled: number of periods, about, that contain its power.
+    period: in samples; size: the largest swing, its standard deviation in the column's unit; swings: whether one
+    frequency has most of its power, over enough cycles; lasts: whether it swings for more than the two periods that one
+    spike can touch; dies: whether its last amplitude is well below its first; grows_again: whether it swells once more
+    after it has died down, as beats and the residuals of a fit do.
     """
 
     period: float
-    share: float
     size: float
-    last: float
-    cycles: float = 0.0
-    again: float = 0.0
-    filled: float = 0.0
-
-    @property
-    def lasts(self) -> bool:
-        """Whether it swings for more than the two periods that one spike can touch."""
-        return self.filled >= CYCLES
-
-    @property
-    def swings(self) -> bool:
-        """Whether one frequency has most of its power, over enough cycles."""
-        return self.share >= SHARE and self.cycles >= CYCLES
-
-    @property
-    def dies(self) -> bool:
-        """Whether its last amplitude is well below its first."""
-        return self.last < FALL * self.size
-
-    @property
-    def grows_again(self) -> bool:
-        """Whether it swells once more after it has died down, as beats and the residuals of a fit do."""
-        return self.again > AGAIN
+    swings: bool = False
+    lasts: bool = False
+    dies: bool = False
+    grows_again: bool = False
 
 
 def measure_swing(y: np.ndarray) -> Swing:
@@ -106,19 +86,27 @@ def measure_swing(y: np.ndarray) -> Swing:
     y = np.asarray(y[np.isfinite(y)], float)
     scale = float(np.abs(y).max()) if y.size else 0.0
     if y.size < 10 or not 0 < scale < LARGEST or np.ptp(y) == 0:
-        return Swing(np.inf, 0.0, 0.0, 0.0)
+        return Swing(np.inf, 0.0)
     y = y / scale - np.mean(y / scale)
     period, share = coarse_period(np.arange(y.size, dtype=float), y)
     width = int(min(max(round(period), 4), y.size // 2))
     sizes = y[: y.size // width * width].reshape(-1, width).std(axis=1)
+    size = float(sizes.max()) * scale
     last = float(np.median(sizes[-max(sizes.size // 5, 1) :])) * scale
     growth = 0.0
     if sizes.size >= 2 * SMOOTHED and sizes.max() > 0:
         smooth = np.convolve(sizes, np.full(SMOOTHED, 1 / SMOOTHED), "valid")
         falling = smooth[int(np.argmax(smooth)) :]
         growth = float((falling - np.minimum.accumulate(falling)).max() / smooth.max())
-    filled = float(np.sum(sizes**2) ** 2 / np.sum(sizes**4))
-    return Swing(period, share, float(sizes.max()) * scale, last, y.size / period, growth, filled)
+    periods_filled = float(np.sum(sizes**2) ** 2 / np.sum(sizes**4))
+    return Swing(
+        period,
+        size,
+        swings=share >= SHARE and y.size / period >= CYCLES,
+        lasts=periods_filled >= CYCLES,
+        dies=last < FALL * size,
+        grows_again=growth > AGAIN,
+    )
 
 
 def _proportional(a: np.ndarray, b: np.ndarray) -> bool:
