@@ -270,16 +270,17 @@ def _block(content: Contents, run: str, group: str, timed: list[Column], rate: f
 
 def _other_rate(time: Column | None, rate: float) -> tuple[str, ...]:
     """Return a sentence where the file's own times have another rate than the given one, in Hz."""
-    step = 0.0 if time is None else float(np.median(np.diff(time.values[np.isfinite(time.values)])))
-    seconds = None if time is None else seconds_of_unit(time)
-    if time is None or step <= 0 or (seconds is None and step == 1.0):  # which counts samples
+    if time is None:
+        return ()
+    step = float(np.median(np.diff(time.values[np.isfinite(time.values)])))
+    seconds = seconds_of_unit(time)
+    if step <= 0 or (seconds is None and step == 1.0):  # which counts samples
         return ()
     own = 1 / (step * (seconds or 1.0))
-    if abs(rate / own - 1) < DIFFER:
-        return ()
-    return (
-        f"Times in column {time.name!r} are at {own:.6g} Hz; the record is read at {rate:.6g} Hz, as asked.",
+    sentence = (
+        f"Times in column {time.name!r} are at {own:.6g} Hz; the record is read at {rate:.6g} Hz, as asked."
     )
+    return () if abs(rate / own - 1) < DIFFER else (sentence,)
 
 
 def separate_clocks(content: Contents) -> Contents:
@@ -368,15 +369,10 @@ def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
         note = f"The file gives the sampling rate: {record.value.rate:.9g} Hz."
         return replace(record, rate=record.value.rate, why=(*record.why, note))
     if len(content.columns) == 1:
-        raise InputError(
-            "no time given, and its one column holds the values: export the times, or give the rate in Hz",
-            arguments=["rate"],
-        )
-    columns = list_names(content.columns)
-    raise InputError(
-        f"no time given: name the time column or give the rate in Hz; columns are {columns}",
-        arguments=["time", "rate"],
-    )
+        what = "no time given, and its one column holds the values: export the times, or give the rate in Hz"
+        raise InputError(what, arguments=["rate"])
+    what = "no time given: name the time column or give the rate in Hz"
+    raise InputError(f"{what}; columns are {list_names(content.columns)}", arguments=["time", "rate"])
 
 
 def _with_named_time(block: _Block) -> _Block:

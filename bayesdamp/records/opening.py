@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
+from subprocess import DEVNULL, PIPE
 from typing import TypeVar
 
 from bayesdamp.records.files import limits
@@ -82,13 +83,8 @@ def load_isolated(
             [load.__module__, load.__qualname__, str(path.resolve()), str(out), options, sys.path]
         )
         try:
-            child = subprocess.run(
-                [sys.executable, "-c", _CHILD, task],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.PIPE,
-                timeout=patience,
-            )
+            command = [sys.executable, "-c", _CHILD, task]
+            child = subprocess.run(command, stdin=DEVNULL, stdout=DEVNULL, stderr=PIPE, timeout=patience)
         except subprocess.TimeoutExpired:
             raise InputError(f"its reader did not end within {patience:g} s; {_AGAIN}", path.name) from None
         if child.returncode == 0 and out.is_file():

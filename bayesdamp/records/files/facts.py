@@ -17,13 +17,12 @@ _THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:(?:,\d{3}){2,}(?:\.\d*)?|(?:,\d{3})+\.\
 _EITHER = re.compile(r"[1-9]\d{0,2},\d{3}(?![\d.,eE])")
 """A number whose comma may be a decimal mark or separate thousands."""
 _HERTZ = {
-    "": 1.0,
-    "hz": 1.0,
-    "khz": 1e3,
-    "mhz": 1e6,
-    "ks/s": 1e3,
-    **dict.fromkeys(("s/s", "sa/s", "samples/s", "samples/sec", "samples per second", "1/s", "sps"), 1.0),
+    **{"khz": 1e3, "ks/s": 1e3, "mhz": 1e6},
+    **dict.fromkeys(
+        ("", "hz", "1/s", "s/s", "sa/s", "sps", "samples/s", "samples/sec", "samples per second"), 1.0
+    ),
 }
+"""Hz in a unit of rates, by the ways of writing it."""
 _RATES = re.compile(
     r"(samp|sample|sampling|samples|acquisition|scan|frame|data|outputdata|daq|adc|log|logging|update|sensor)"
     r"(rate|frequency|freq|persecond|persec|spersecond)|rate|fs|fps|sr|srate|odr|fsamp|fsample"
