@@ -172,27 +172,35 @@ def separate_monitor_times(lines: list[str]) -> list[str]:
     ]
 
 
-def find_layout(lines: list[str]) -> Layout | None:
-    """Return the layout of lines, or None where they do not hold numbers."""
+def _choose_separator(lines: list[str]) -> tuple[str, str, int] | None:
+    """Return the separator, decimal mark and number of columns by which most cells of lines hold a number.
+
+    None where no cell holds one.
+    """
     filled = [line for line in lines if line.strip()]
     if not filled:
         return None
     sample = filled[len(filled) // 2 :][:: max(1, len(filled) // 120)]
-    best: tuple[tuple[float, int], str, str, int] | None = None
+    best: tuple[tuple[float, int], tuple[str, str, int]] | None = None
     for separator, decimal in (";,", ";.", "\t,", "\t.", ",.", " ,", " ."):
         rows = [split_cells(line, separator) for line in sample]
         columns = Counter(map(len, rows)).most_common(1)[0][0]
         rows = [row for row in rows if len(row) == columns]
         cells = [cell for row in rows for cell in row if cell]
-        if not cells:
-            continue
         numbers = sum(parse_number(cell, decimal) is not None for cell in cells)
-        score = (round(numbers / len(cells) * len(rows) / len(sample), 2), columns)
-        if numbers > 0 and (best is None or score > best[0]):
-            best = (score, separator, decimal, columns)
+        if numbers > 0:
+            score = (round(numbers / len(cells) * len(rows) / len(sample), 2), columns)
+            if best is None or score > best[0]:
+                best = (score, (separator, decimal, columns))
+    return None if best is None else best[1]
+
+
+def find_layout(lines: list[str]) -> Layout | None:
+    """Return the layout of lines, or None where they do not hold numbers."""
+    best = _choose_separator(lines)
     if best is None:
         return None
-    _, separator, decimal, columns = best
+    separator, decimal, columns = best
     first = _first_row(lines, separator, decimal, columns)
     if first is None:
         return None
