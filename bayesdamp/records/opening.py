@@ -141,7 +141,7 @@ def read_here(path: Path) -> Contents:
     except InputError as error:
         raise file_error(path, error.what, error.arguments) from error.__cause__
     if not content.columns:
-        raise file_error(path, f"no column of numbers in it ({reader.format}); give one that holds a record")
+        raise file_error(path, f"contains no column of numbers ({reader.format}); give a file with a record")
     return content
 
 

@@ -132,7 +132,7 @@ def _record(
         t = _in_seconds(t, time, time_unit, notes)
     rate = chosen.rate if t is None else None
     if rate is not None and not SLOWEST <= rate <= FASTEST:
-        what = f"its sampling rate is {rate:g} Hz, which no instrument has; give it"
+        what = f"its sampling rate is {rate:g} Hz, which no instrument has; give the right one"
         raise InputError(what, arguments=["rate"])
     if rate is not None and value.start and value.rate == rate:
         t, rate = value.start + np.arange(y.size) / rate, None

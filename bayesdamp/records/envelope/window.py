@@ -171,7 +171,7 @@ def _straightest(levels: Levels) -> tuple[int, int]:
     falls = slope * (t[i] - t[j - 1])
     best = int(np.argmax(falls - MISFIT_WEIGHT * rms))
     if not falls[best] > 0:
-        raise Refusal("the level nowhere falls")
+        raise Refusal("the level never falls")
     return int(edges[i[best]]), int(edges[j[best]]) - 1
 
 

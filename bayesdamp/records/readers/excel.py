@@ -67,7 +67,9 @@ class ExcelReader:
             # Each of several tables side by side is already a group.
             columns += [c if c.group else replace(c, group=title) for c in table.columns]
         if not tables:
-            raise InputError("no sheet of it has rows of numbers; give a table with a row for each sample")
+            raise InputError(
+                "none of its sheets has rows of numbers; give a table with a row for each sample"
+            )
         for i, column in enumerate(columns if tables > 1 else ()):
             name = column.name or str(i + 1)
             if not name.startswith(f"{column.group}."):

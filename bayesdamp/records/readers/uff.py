@@ -42,7 +42,7 @@ class UffReader(Reader):
         file = pyuff.UFF(str(path))
         kinds = [int(kind) for kind in file.get_set_types()]
         if not kinds:
-            raise InputError("no data set in it is whole: it is cut off; export it again")
+            raise InputError("contains no complete data set: the file is cut off; export it again")
         sets: list[Any] = [file.read_sets(i) for i, kind in enumerate(kinds) if kind == 58]
         if not sets:
             present = ", ".join(map(str, sorted(set(kinds))))
