@@ -32,4 +32,4 @@ def test_the_commands_are_known_without_jax():
 
 def test_the_columns_are_known_without_jax():
     """`compare` reads them before it starts its processes, which load it beside each other."""
-    assert said("import sys, bayesdamp.records.stated_columns; print('jax' in sys.modules)") == "False\n"
+    assert said("import sys, bayesdamp.records.record; print('jax' in sys.modules)") == "False\n"

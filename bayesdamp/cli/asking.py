@@ -12,11 +12,9 @@ from bayesdamp.cli.open_questions import all_at_once, read, unstated
 from bayesdamp.cli.reading import Options
 from bayesdamp.records.cleaning.decimate import decimated
 from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
-from bayesdamp.records.opening.opening import read_each
+from bayesdamp.records.opening import read_each
 from bayesdamp.records.read import FROM_FIRST
-from bayesdamp.records.record import RawRecord
-from bayesdamp.records.stated_columns import read_as
-from bayesdamp.records.wrapped import unwrapped
+from bayesdamp.records.record import RawRecord, read_as, unwrapped
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
 

@@ -10,8 +10,7 @@ from pathlib import Path
 from bayesdamp.cli.reading import Options
 from bayesdamp.records.findings import findings
 from bayesdamp.records.read import read_records
-from bayesdamp.records.record import RawRecord
-from bayesdamp.records.stated_columns import read_as
+from bayesdamp.records.record import RawRecord, read_as
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from bayesdamp.cli.options import bound, wrong
-from bayesdamp.records.files.named_units import SECONDS, by_name
+from bayesdamp.records.files.names import SECONDS, by_name
 from bayesdamp.records.read import FASTEST, SLOWEST
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS

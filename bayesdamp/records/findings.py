@@ -1,4 +1,4 @@
-"""What looks wrong with a record before anything is computed, and the option that mends it."""
+"""What looks wrong with a record before anything is computed, and the option that settles it."""
 
 from __future__ import annotations
 
@@ -10,23 +10,21 @@ from enum import Enum
 
 import numpy as np
 
-from bayesdamp.records.columns.choosing import DIFFER
-from bayesdamp.records.columns.swings import Swing, swing
+from bayesdamp.records.columns import DIFFER, Swing, measure_swing
 from bayesdamp.records.files.facts import sampling_rate
-from bayesdamp.records.files.named_units import SECONDS, seconds_in
-from bayesdamp.records.record import RawRecord
-from bayesdamp.records.stated_columns import HALF_TURN, half_swing
+from bayesdamp.records.files.names import SECONDS, seconds_in
+from bayesdamp.records.record import HALF_TURN, RawRecord, half_swing
 from bayesdamp.units import UNITS
 
 _ASSUMED = {
-    "deg": ("degrees", "--unit rad, mm, V ... where they are not"),
-    "counts": ("a signal of unknown scale, in counts", "--unit deg, rad, mm, V ... where that is known"),
+    "deg": ("degrees", "--unit rad, mm, V ... if they are not"),
+    "counts": ("a signal of unknown scale, in counts", "--unit deg, rad, mm, V ... if that is known"),
 }
-"""What values are taken for where nobody says a unit and they are too large for radians."""
+"""What values without a stated unit are assumed to be where they are too large for radians."""
 LONG, SHORT = 600.0, 1e-6
-"""Periods in s that a rate given by hand hardly means."""
+"""Periods in s that are hardly intended by a rate given by hand."""
 SLOW = 30.0
-"""A period in s from which times whose unit nobody says are doubted."""
+"""A period in s from which times without a stated unit are doubted."""
 FASTEST = {"rad": 300.0, "m": 340.0}
 """Speeds in rad/s and m/s beyond which the unit of the times is doubted: a watch's balance wheel has some 130 rad/s,
 sound 340 m/s (conventional)."""
@@ -35,9 +33,9 @@ COARSE = 0.5
 DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
 """Numbers of the days from 1970 to 2060 or so: of spreadsheets and as modified Julian days, of MATLAB, Julian days."""
 SHORT_DAYS = 5e-4
-"""A period in s from which down times at such a number are doubted: some 40 s if they are days (conventional)."""
+"""A period below which times at such a number are doubted: some 40 s if they are days (conventional)."""
 _BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}\s\d]{0,19}|\d[^()\[\]{}]{1,19})\s*[)\]}]\s*$")
-"""A word in brackets behind the name of times, or what begins with a number: `1e-3 s`; `probe 1` is none."""
+"""A word in brackets behind the name of times, or text that begins with a number: `1e-3 s`, but not `probe 1`."""
 _NO_UNITS = ("utc", "gmt", "local", "local time", "elapsed", "relative", "rel", "abs", "absolute", "raw", "x")
 VALID = "ms, us, ns, ps, min, h, d"
 """Units of time to choose from."""
@@ -61,10 +59,10 @@ QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS, Kind.UNIT)
 
 @dataclass(frozen=True)
 class Finding:
-    """A doubt: a sentence for the user, and the option that mends it as it is typed.
+    """A doubt: a sentence for the user, and the option that settles it as it is typed.
 
-    answer: the option's name and its likeliest value, where one option settles the doubt. arguments: of `read`, that
-    settle it if it is one of QUESTIONS.
+    answer: the option's name and its likeliest value, where one option settles the doubt. arguments: those of `read`
+    that settle it if it is one of QUESTIONS.
     """
 
     kind: Kind
@@ -78,106 +76,109 @@ class Finding:
 
 
 def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> tuple[Finding, ...]:
-    """What looks wrong with a record that is read in a unit of UNITS as a quantity; nothing is changed. given: whether
-    the user says the unit."""
-    seen = swing(raw.y)
-    # What is wrong with times that go back is said when they are used.
-    rises = raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0))
-    doubts = (
-        _assumed(raw, unit, quantity, given),
-        None if given or unit != "rad" else _unit(raw),
-        rises and (_times(raw, seen) or _too_fast(raw, unit, quantity, given, seen)),
-        *_rates(raw, seen),
-        _constant(raw),
-    )
-    return tuple(doubt for doubt in doubts if doubt)
+    """Return what looks wrong with a record; nothing is changed.
+
+    Parameters
+    ----------
+    raw
+        The record.
+    unit, quantity
+        What it is read as; a unit of UNITS.
+    given
+        Whether the user states the unit.
+    """
+    return tuple(_doubts(raw, unit, quantity, given))
 
 
 def question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
-    """The first finding on a record that has to be answered before it is computed with; None where there is none.
-    given: whether the user says the unit."""
-    found = findings(raw, unit, quantity, given) if unit in UNITS else ()
-    return next((doubt for doubt in found if doubt.kind in QUESTIONS), None)
+    """Return the first finding that must be answered before a record is computed with; None where there is none.
+
+    Parameters are those of `findings`; a unit that is not in UNITS has none.
+    """
+    doubts = findings(raw, unit, quantity, given) if unit in UNITS else ()
+    return next((doubt for doubt in doubts if doubt.kind in QUESTIONS), None)
 
 
-def _assumed(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
-    if quantity != "angle" or (raw.unit and raw.unit not in UNITS):
-        return None
+def _doubts(raw: RawRecord, unit: str, quantity: str, given: bool) -> Iterator[Finding]:
     size = half_swing(raw)
-    if not given and raw.unit == "" and size > HALF_TURN and unit in _ASSUMED:
+    if quantity == "angle" and not given and raw.unit == "" and size > HALF_TURN and unit in _ASSUMED:
         turns = size / (2 * math.pi)
-        why = f"no unit is said, and its values reach {size:.3g}: {turns:.2g} turns to either side if radians"
+        why = f"no unit given, and its values reach {size:.3g}: {turns:.2g} turns to either side if radians"
         what, option = _ASSUMED[unit]
-        return Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit", unit))
-    return None
+        yield Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit", unit))
+    if not given and unit == "rad" and raw.unit and raw.unit not in UNITS:
+        sentence = f"its unit, {raw.unit!r}, is not one of a displacement"
+        option = "--unit counts for a sensor of unknown scale; mm, deg ... if that is its unit"
+        yield Finding(Kind.UNIT, sentence, option, ("unit", "counts"), arguments=("unit",))
+    swing = measure_swing(raw.y)
+    # Times that go back are reported when they are used.
+    if raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0)):
+        stated = (given or raw.unit in UNITS) and quantity == "angle"
+        doubt = _doubt_times(raw, raw.t, swing)
+        if doubt is None and stated and swing.swings and raw.provenance.time_unit == "file":
+            doubt = _doubt_speed(raw, raw.t, unit, swing)
+        if doubt is not None:
+            yield doubt
+    yield from _doubt_rates(raw, swing)
+    still = raw.provenance.constant_columns
+    if still:
+        names = ", ".join(repr(str(name)[:40]) for name in still[:4])
+        more = f" and {len(still) - 4} more" if len(still) > 4 else ""
+        sentence = f"left out because {'they do' if len(still) > 1 else 'it does'} not change: {names}{more}"
+        yield Finding(Kind.CONSTANT, sentence, "--angle NAME takes another column")
 
 
-def _unit(raw: RawRecord) -> Finding | None:
-    if not raw.unit or raw.unit in UNITS:
+def _doubt_times(raw: RawRecord, t: np.ndarray, swing: Swing) -> Finding | None:
+    """Doubt times (n,) whose unit nobody states: numbers of samples, days, or an unknown or shorter unit than s."""
+    if raw.columns[0] is None or raw.provenance.time_unit:
         return None
-    sentence = f"its unit, {raw.unit!r}, is not one of a displacement"
-    option = "--unit counts for a sensor of unknown scale; mm, deg ... if that is its unit"
-    return Finding(Kind.UNIT, sentence, option, ("unit", "counts"), arguments=("unit",))
-
-
-def _times(raw: RawRecord, seen: Swing) -> Finding | None:
-    if raw.t is None or raw.columns[0] is None or raw.provenance.time_unit:
-        return None
-    steps = np.diff(raw.t)
+    steps = np.diff(t)
     step = float(np.median(steps))
-    if steps.size and np.all(steps == 1.0) and float(raw.t[0]).is_integer():
-        sentence = (
-            f"its times are {raw.t[0]:.0f}, {raw.t[1]:.0f}, {raw.t[2]:.0f}, ...: are they numbers of samples?"
-        )
-        answer = ("rate", "HZ")
-        return Finding(
-            Kind.SAMPLE_NUMBERS, sentence, "--rate HZ, or --time-unit s if they are seconds", answer
-        )
+    if np.all(steps == 1.0) and float(t[0]).is_integer():
+        sentence = f"its times are {t[0]:.0f}, {t[1]:.0f}, {t[2]:.0f}, ...: are they numbers of samples?"
+        option = "--rate HZ, or --time-unit s if they are seconds"
+        return Finding(Kind.SAMPLE_NUMBERS, sentence, option, ("rate", "HZ"))
     unknown = _BRACKETS.search(raw.provenance.time_column)
     if unknown is not None and unknown[1].lower() not in _NO_UNITS:
         sentence = f"the unit of its times, {unknown[1]!r}, is not known; they are read as s"
         return Finding(Kind.TIME_UNIT, sentence, f"--time-unit s if they are, or {VALID}", ("time-unit", "s"))
-    period = seen.period * step
-    if seen.swings and period < SHORT_DAYS and any(low <= raw.t[0] <= high for low, high in DAY_NUMBERS):
+    period = swing.period * step
+    if swing.swings and period < SHORT_DAYS and any(low <= t[0] <= high for low, high in DAY_NUMBERS):
         sentence = (
-            f"its times begin at {raw.t[0]:.7g} and a period would last {period:.3g} s; do they count days?"
+            f"its times begin at {t[0]:.7g} and a period would last {period:.3g} s; do they count days?"
         )
         return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are", ("time-unit", "d"))
-    if not seen.swings or step < COARSE or period < SLOW:
+    if not swing.swings or step < COARSE or period < SLOW:
         return None
-    better = next((u for u, s in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if period * s < SLOW), "us")
+    better = next((u for u in ("ms", "us", "ns") if period * SECONDS[u] < SLOW), "us")
     sentence = f"its times step by {step:.4g} and a period would last {period:.3g} s; are they in {better}?"
     return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are", ("time-unit", better))
 
 
-def _too_fast(raw: RawRecord, unit: str, quantity: str, given: bool, seen: Swing) -> Finding | None:
-    """Doubt the file's unit of the times where an angle or a position of a stated unit would move too fast."""
-    limit = FASTEST.get(UNITS[unit].base, math.inf)
-    stated = (given or raw.unit in UNITS) and quantity == "angle"
-    if raw.t is None or not stated or not seen.swings or raw.provenance.time_unit != "file":
-        return None
-    period = seen.period * float(raw.t[-1] - raw.t[0]) / (raw.t.size - 1)
-    speed = 2 * math.pi / period * math.sqrt(2) * seen.size * UNITS[unit].factor
-    said = seconds_in(raw.provenance.time_column) or 1.0
-    slower = [u for u in ("s", "ms", "us") if SECONDS[u] > said and speed * said < limit * SECONDS[u]]
-    better = next((u for u in slower if period * SECONDS[u] / said < SLOW), None)
+def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str, swing: Swing) -> Finding | None:
+    """Doubt the file's unit of the times (n,) where an angle or a position of a stated unit would move too fast."""
+    base = UNITS[unit].base
+    limit = FASTEST.get(base, math.inf)
+    period = swing.period * float(t[-1] - t[0]) / (t.size - 1)
+    speed = 2 * math.pi / period * math.sqrt(2) * swing.size * UNITS[unit].factor
+    own = seconds_in(raw.provenance.time_column) or 1.0
+    slower = [u for u in ("s", "ms", "us") if SECONDS[u] > own and speed * own < limit * SECONDS[u]]
+    better = next((u for u in slower if period * SECONDS[u] / own < SLOW), None)
     if speed <= limit or better is None:
         return None
     sentence = (
-        f"by its head it swings at {1 / period:.4g} Hz and moves at {speed:.2g} {UNITS[unit].base}/s, which hardly "
-        f"anything does; are its times in {better}?"
+        f"with the times of its header it swings at {1 / period:.4g} Hz and moves at {speed:.2g} {base}/s, which "
+        f"hardly anything does; are its times in {better}?"
     )
-    known = next(
-        (unit for unit in ("s", "ms", "us", "ns", "ps") if SECONDS[unit] == said), "as the head says"
-    )
+    known = next((u for u in ("s", "ms", "us", "ns", "ps") if SECONDS[u] == own), "as the header says")
     option = f"--time-unit {better}, or {known} if they are"
     return Finding(Kind.TIME_UNIT, sentence, option, ("time-unit", better))
 
 
-def _rates(raw: RawRecord, seen: Swing) -> Iterator[Finding]:
-    """Doubt a rate that makes the period absurd, or that differs from what the file says."""
-    if raw.rate is not None and seen.swings:
-        period = seen.period / raw.rate
+def _doubt_rates(raw: RawRecord, swing: Swing) -> Iterator[Finding]:
+    """Doubt a rate that makes the period absurd, or that differs from what the file states."""
+    if raw.rate is not None and swing.swings:
+        period = swing.period / raw.rate
         if raw.rate < 1:
             sentence = (
                 f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
@@ -192,15 +193,5 @@ def _rates(raw: RawRecord, seen: Swing) -> Iterator[Finding]:
     if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:
         used = (raw.t.size - 1) / float(raw.t[-1] - raw.t[0])
     if used is not None and stated is not None and abs(used / stated[0] - 1) > DIFFER:
-        sentence = f"its file says {stated[0]:.6g} Hz, and it is read at {used:.6g} Hz"
+        sentence = f"its file states {stated[0]:.6g} Hz, and it is read at {used:.6g} Hz"
         yield Finding(Kind.RATE, sentence, f"--rate {stated[0]:.6g} takes the file's")
-
-
-def _constant(raw: RawRecord) -> Finding | None:
-    still = raw.provenance.constant_columns
-    if not still:
-        return None
-    names = ", ".join(repr(str(name)[:40]) for name in still[:4])
-    more = f" and {len(still) - 4} more" if len(still) > 4 else ""
-    sentence = f"left out because {'they do' if len(still) > 1 else 'it does'} not change: {names}{more}"
-    return Finding(Kind.CONSTANT, sentence, "--angle NAME takes another column")

@@ -1,4 +1,4 @@
-"""Simulated records, with the faults that measured ones have."""
+"""Simulated records, with the faults of measured ones."""
 
 from __future__ import annotations
 
@@ -34,17 +34,49 @@ def simulate_signal(
     name: str = "simulated",
     rng: np.random.Generator,
 ) -> Signal:
-    """A record of the oscillator `osc` with the parameters p, equally spaced from 0 to duration (s),
-    both kept.
+    """Simulate a record of an oscillator at equally spaced times from 0 to `duration`, including both.
 
-    noise_sd: standard deviation of the noise in the unit of the recorded quantity; for noise = "student_t" its scale,
-    with noise_dof degrees of freedom; for "correlated" its stationary value, the correlation falling as
-    exp(−Δt/noise_time), noise_time in s. "gaussian" is white. outliers: how many samples are spikes, or below 1 which
-    share of them; a spike is 0.3 to 1 times half of the record's range, up or down. gaps: stretches of a fiftieth of
-    the record that are missing, never at the ends. quantum: recording step that values are rounded to. unit: "rad" or
-    "m", that of the displacement. Options are as `resolve_signal` has checked them.
-    The provenance holds nothing of the truth. Raises InputError, one line, for a noise that it cannot draw, for gaps
-    that leave too little, and where the motion does not stay finite.
+    Parameters
+    ----------
+    osc, p
+        The oscillator and its parameters.
+    duration
+        In s.
+    samples
+        Their number, before gaps.
+    noise_sd
+        Standard deviation of the noise in the unit of the recorded quantity; for "student_t" its scale.
+    noise
+        "gaussian" (white), "correlated", with a correlation of exp(−Δt/noise_time), or "student_t".
+    noise_time
+        Correlation time in s of correlated noise.
+    noise_dof
+        Degrees of freedom of Student's t.
+    outliers
+        Number of samples that are spikes, or, below 1, their share. A spike is 0.3 to 1 times half of the record's
+        range, up or down.
+    gaps
+        Number of stretches of a fiftieth of the record that are missing, never at the ends.
+    quantum
+        Recording step that values are rounded to.
+    quantity
+        "angle", "velocity" or "acceleration".
+    unit
+        "rad" or "m", that of the displacement.
+    name
+        Of the record.
+    rng
+        Draws noise, spikes and gaps, in this order.
+
+    Returns
+    -------
+    Signal
+        Its provenance does not contain the truth.
+
+    Raises
+    ------
+    InputError
+        One line, for an unknown noise, for gaps that leave too little, and where the motion does not stay finite.
     """
     length = max(int(GAP * samples), 1)
     if noise not in NOISES:
@@ -74,11 +106,7 @@ def simulate_signal(
     provenance = Provenance(
         notes=tuple(notes),
         stop=float(t[keep][-1]),
-        more={
-            "simulated": True,
-            "sampling_rate": (samples - 1) / duration,
-            "samples": int(keep.sum()),
-        },
+        more={"simulated": True, "sampling_rate": (samples - 1) / duration, "samples": int(keep.sum())},
     )
     return Signal(t[keep], y[keep], quantity, unit, name, float(quantum), provenance)
 
@@ -86,7 +114,7 @@ def simulate_signal(
 def _noise(
     kind: str, t: np.ndarray, time: float | None, dof: float | None, rng: np.random.Generator
 ) -> np.ndarray:
-    """Noise of unit scale at the times t (n,)."""
+    """Draw noise of unit scale at times t (n,)."""
     if kind == "student_t":
         return rng.standard_t(dof or 1.0, t.size)
     white = rng.standard_normal(t.size)

@@ -129,7 +129,7 @@ WRONG = {
     ),
     "record of empty lines": (
         ["compare", "lines.csv"],
-        "lines.csv: holds nothing but blanks; export the record again",
+        "lines.csv: contains nothing but blanks; export the record again",
     ),
     "out below a file": (
         ["simulate", "--out", "bad.toml/x.csv", "--damping", "viscous=0.05", *SET],

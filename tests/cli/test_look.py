@@ -99,7 +99,7 @@ def test_look_says_once_that_a_unit_is_doubted(tmp_path, capsys) -> None:
     assert main(["look", str(tmp_path / "a.csv")]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert said.count("turns to either side") == 1
-    assert said.startswith("! a.csv: it is read as degrees: no unit is said")
+    assert said.startswith("! a.csv: it is read as degrees: no unit given")
     assert "--unit rad" in said
 
 

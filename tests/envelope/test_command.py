@@ -129,7 +129,7 @@ def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, 
     assert [line.partition(":")[0] for line in said.out.splitlines() if " damping (" in line] == ["r1", "r3"]
     assert (
         said.err.splitlines()[-1]
-        == f"failed: r2.txt: line {len(lines)}: the value is nan, not a finite number; mend it or leave the row out"
+        == f"failed: r2.txt: line {len(lines)}: the value is nan, not a finite number; correct it or leave the row out"
     )
     assert len(json.loads((out / "verdict.json").read_text())) == 2
 
@@ -138,7 +138,7 @@ def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, 
     ("more", "what"),
     [
         (["--frequency", "-3"], "must be positive, in Hz"),
-        (["--start", "1e9"], "readings stand between start and stop"),
+        (["--start", "1e9"], "readings are between start and stop"),
         (["--repeats"], "there is one record"),
     ],
 )

@@ -54,7 +54,7 @@ def test_a_study_answers_an_envelope_as_compare_does(tmp_path: Path, capsys) -> 
         ("system = { stiffness = 1.0 }", "signal[level].system: does not apply to an envelope"),
         ("frequency = -1.0", "signal[level].frequency: is -1.0; it must be the frequency"),
         ('compare = ["viscous+coulomb+quadratic+cubic"]', "sums of 3 terms at most"),
-        ("start = 1e9", "readings stand between start and stop"),
+        ("start = 1e9", "readings are between start and stop"),
     ],
 )
 def test_what_is_wrong_is_one_line(tmp_path: Path, capsys, line: str, what: str) -> None:

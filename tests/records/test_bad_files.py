@@ -173,7 +173,7 @@ FILES: dict[str, tuple[str, Callable[[Path], object], str]] = {
     "json long number": ("a.json", lambda p: p.write_text('{"t": [' + "9" * 5000 + ", 1]}"), "not readable"),
     "long number": ("a.csv", lambda p: table(p, y=lambda i: "9" * 5000 if i == 50 else i), "line 52: the value is inf"),
     "long time": ("a.csv", lambda p: table(p, t=lambda i: "9" * 5000 if i == 50 else i), "line 52: the time is inf"),
-    "large values": ("a.csv", lambda p: table(p, y=lambda i: 1e308 * np.cos(i)), "no measurement"),
+    "large values": ("a.csv", lambda p: table(p, y=lambda i: 1e308 * np.cos(i)), "not a measurement"),
     "small values": ("a.csv", lambda p: table(p, y=lambda i: 1e-300 * np.cos(i)), "too little"),
     "large times": ("a.csv", lambda p: table(p, t=lambda i: 1e100 * i), "right column"),
     "small times": ("a.csv", lambda p: table(p, t=lambda i: 1e-300 * i), "no instrument resolves"),

@@ -10,7 +10,7 @@ import pytest
 import bayesdamp
 from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_record
-from bayesdamp.records.stated_columns import read_as
+from bayesdamp.records.record import read_as
 
 T = np.arange(600) / 50
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
@@ -144,4 +144,4 @@ def test_what_is_too_large_for_radians_is_read_as_degrees_or_counts(
     assert read_as(read_record(tmp_path / "a.csv"), None, None) == (unit, "angle")
     record = bayesdamp.read(tmp_path / "a.csv")
     assert record.unit == unit
-    assert ("no unit is said" in str(record.signal().provenance.warnings)) is (unit != "rad")
+    assert ("no unit given" in str(record.signal().provenance.warnings)) is (unit != "rad")

@@ -38,8 +38,13 @@ TEXTS = {
 }
 
 
-@pytest.mark.parametrize("what", TEXTS)
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize(
+    ("what", "encoding"),
+    [
+        *((what, "utf-8") for what in TEXTS),
+        *(("semicolon and decimal comma", e) for e in ("utf-8-sig", "utf-16")),
+    ],
+)
 def test_text(tmp_path, what, encoding):
     lines, time, value = TEXTS[what]
     raw = read_record(write(tmp_path / "a.csv", lines, encoding), time=time, value=value)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bayesdamp.records.wrapped import jumps
+from bayesdamp.records.record import count_jumps
 
 T = np.arange(1000) / 50
 SWING = np.exp(-0.1 * T) * np.cos(6 * T)
@@ -21,13 +21,13 @@ def test_a_wrapped_swing(turn: float, begin: float, noise: float, size: float) -
     y = size * SWING + noise * np.random.default_rng(5).standard_normal(T.size) - begin
     wrapped = turn * ((y - begin) % 1.0 + begin) if begin else turn * (y % 1.0)
     crossings = int(np.sum(np.abs(np.diff(wrapped)) > turn / 2))
-    assert jumps(wrapped, turn) == crossings > 3
-    assert jumps(turn * y, turn) == 0
+    assert count_jumps(wrapped, turn) == crossings > 3
+    assert count_jumps(turn * y, turn) == 0
 
 
 def test_a_wheel_that_runs_down() -> None:
-    assert jumps((30 * T - T**2) * 10 % 360, 360.0) == 7
-    assert jumps((30 * T - T**2) * 10, 360.0) == 0
+    assert count_jumps((30 * T - T**2) * 10 % 360, 360.0) == 7
+    assert count_jumps((30 * T - T**2) * 10, 360.0) == 0
 
 
 Made = Callable[[np.random.Generator], np.ndarray]
@@ -51,4 +51,4 @@ OTHERS: dict[str, Made] = {
 @pytest.mark.parametrize("what", OTHERS)
 def test_no_false_alarm(what: str) -> None:
     made = [OTHERS[what](np.random.default_rng(seed)) for seed in range(100)]
-    assert sum(jumps(y, 360.0) > 0 for y in made) == 0
+    assert sum(count_jumps(y, 360.0) > 0 for y in made) == 0

@@ -48,7 +48,7 @@ def look(
     from bayesdamp.cli.open_questions import one_command
     from bayesdamp.plugins import read_modules, use
     from bayesdamp.records.envelope.reading import are_envelopes
-    from bayesdamp.records.opening.opening import contents
+    from bayesdamp.records.opening import contents
 
     page = SingleFile(html, LOOK_PAGE, "--html", (file, *(plugin or ()))) if html is not None else None
     if page is not None:

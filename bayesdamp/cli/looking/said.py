@@ -22,7 +22,7 @@ def described(held: Contents) -> Table:
     """A row for each column: number, name, unit, samples, first and largest values."""
     import numpy as np
 
-    from bayesdamp.records.columns.names import seconds_of_unit, unit_said
+    from bayesdamp.records.files.names import seconds_of_unit, unit_said
     from bayesdamp.table import Table
     from bayesdamp.units import UNITS
 

@@ -14,8 +14,7 @@ from bayesdamp.inference.envelope.noises import noises
 from bayesdamp.inference.envelope.sums import Sum, sums_on
 from bayesdamp.physics.amplitude.law import ClosedForm
 from bayesdamp.physics.amplitude.laws import EXPONENTS, SUMS, power_decay, power_slopes
-from bayesdamp.records.envelope.floor import ABOVE_FLOOR
-from bayesdamp.records.envelope.one_law import LEAST_DROP, NEPER, blocks
+from bayesdamp.records.envelope.decay import ABOVE_FLOOR, LEAST_DROP, NEPER, blocks
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.records.envelope.window import Window, find_window
 from bayesdamp.types import Refusal
@@ -150,7 +149,7 @@ def _sums(
     start = b.ends[0]
     scale = None
     if tuple(sums) != SUMS:
-        from bayesdamp.records.envelope.scale import scale_of
+        from bayesdamp.records.envelope.record import scale_of
 
         scale = scale_of(record, sums, start + reference)
     return sums_on(sums, scale, start, float(b.x.min()))

@@ -33,7 +33,7 @@ from bayesdamp.priors import (
     SharedHalfNormal,
     shared_log_density,
 )
-from bayesdamp.records.envelope.floor import SeenFloor
+from bayesdamp.records.envelope.decay import SeenFloor
 
 KNOTS = 14
 """At which the deviation is given."""

@@ -10,7 +10,7 @@ from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.physics.amplitude.laws import POWERS, SUMS
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import SHARED_SCALES
-from bayesdamp.records.envelope.floor import ABOVE_FLOOR
+from bayesdamp.records.envelope.decay import ABOVE_FLOOR
 from bayesdamp.types import InputError
 
 LONGEST = 3

@@ -8,7 +8,7 @@ import numpy as np
 
 from bayesdamp.inference.envelope.candidates import Blocks
 from bayesdamp.inference.envelope.noise import Noise
-from bayesdamp.records.envelope.one_law import NEPER
+from bayesdamp.records.envelope.decay import NEPER
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.records.envelope.window import Window
 

@@ -17,7 +17,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import minimize
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import MEAN_G, smooth_root
-from bayesdamp.records.envelope.floor import SeenFloor
+from bayesdamp.records.envelope.decay import SeenFloor
 
 LONGEST_SCATTER = 0.04
 """Correlation time of the multiplicative scatter at most, in durations: what is slower is a deviation of the law."""

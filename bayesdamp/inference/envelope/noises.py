@@ -13,7 +13,7 @@ from bayesdamp.inference.envelope.noise import SHARES, SLOW, Noise, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit
 from bayesdamp.physics.amplitude.law import Law
 from bayesdamp.physics.kernel.solve import ALL
-from bayesdamp.records.envelope.floor import ABOVE_FLOOR
+from bayesdamp.records.envelope.decay import ABOVE_FLOOR
 
 CHECKED = 0.1
 """Share of the decay at its start that is held against the rest."""

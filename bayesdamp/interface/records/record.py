@@ -15,11 +15,10 @@ from bayesdamp.interface.parts import axes
 from bayesdamp.interface.parts.result import Result
 from bayesdamp.interface.records.signal import Signal, cut
 from bayesdamp.records.cleaning.clean import known_unit
-from bayesdamp.records.files.named_units import by_name
+from bayesdamp.records.files.names import by_name
 from bayesdamp.records.findings import Kind, findings, question
 from bayesdamp.records.read import read_records
-from bayesdamp.records.record import RawRecord
-from bayesdamp.records.stated_columns import read_as
+from bayesdamp.records.record import RawRecord, read_as
 from bayesdamp.table import Table
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS

@@ -17,11 +17,9 @@ from bayesdamp.interface.parts.result import Result
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.cleaning.clean import clean, known_unit, recording_step
 from bayesdamp.records.cleaning.clock import clock_times
-from bayesdamp.records.files.named_units import by_name
+from bayesdamp.records.files.names import by_name
 from bayesdamp.records.read import FASTEST, SLOWEST
-from bayesdamp.records.record import RawRecord
-from bayesdamp.records.stated_columns import resolved_unit
-from bayesdamp.records.wrapped import unwrapped
+from bayesdamp.records.record import RawRecord, resolved_unit, unwrapped
 from bayesdamp.table import Table
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS, Unit

@@ -13,7 +13,7 @@ from bayesdamp.plugins import nearest
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.decay.others import no_free_decay
 from bayesdamp.records.decay.window import free_decay
-from bayesdamp.records.files.named_units import unit_and_quantity
+from bayesdamp.records.files.names import unit_and_quantity
 from bayesdamp.records.oscillation.anomalies import clipped, rectified, tone_burst
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.rough import residuals

@@ -1,4 +1,4 @@
-"""An envelope out of a file."""
+"""Reading an envelope out of a file."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.records.envelope.record import DECIBELS, EnvelopeRecord, made_record, unit_in
-from bayesdamp.records.read import read_record
+from bayesdamp.records.read import ColumnName, read_record
 from bayesdamp.types import InputError
 
 HEAD = 8192
-"""Bytes in which a file's head and the names of its columns stand."""
+"""Bytes in which a file's header and the names of its columns are looked for."""
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
-Column = str | int
 
 
-def is_envelope(path: Path, value: Column | None = None, unit: str | None = None) -> bool:
-    """Whether a file's levels are plainly those of an envelope: their unit, or their column's name, says dB or dBm."""
+def is_envelope(path: Path, value: ColumnName | None = None, unit: str | None = None) -> bool:
+    """Return whether a file's levels are those of an envelope: their unit, or their column's name, is dB or dBm."""
     if unit is not None:
         return unit in DECIBELS
     if isinstance(value, str) and not value.isdigit():
@@ -30,16 +29,19 @@ def is_envelope(path: Path, value: Column | None = None, unit: str | None = None
     try:
         with path.open("rb") as file:
             lines = file.read(HEAD).decode("latin-1").splitlines()
-    except OSError:  # reading the file says what is wrong
+    except OSError:  # reported when the file is read
         return False
     named = [line for line in lines if re.search(r"[A-Za-z]{2}", line)]
     return bool(named) and unit_in(named[-1]) in DECIBELS
 
 
 def are_envelopes(
-    paths: Sequence[Path], value: Column | None = None, unit: str | None = None, quantity: str | None = None
+    paths: Sequence[Path],
+    value: ColumnName | None = None,
+    unit: str | None = None,
+    quantity: str | None = None,
 ) -> bool:
-    """Return whether records are envelopes: as `quantity` says, else as the names of their columns do.
+    """Return whether records are envelopes: as `quantity` says, else as `is_envelope` of each.
 
     Raises
     ------
@@ -50,10 +52,10 @@ def are_envelopes(
         return quantity == "envelope"
     are = [is_envelope(path, value, unit) for path in paths]
     if any(are) and not all(are):
-        one, other = paths[are.index(True)], paths[are.index(False)]
+        envelope, other = paths[are.index(True)], paths[are.index(False)]
         raise InputError(
-            f"{one.name} is an envelope in dB, {other.name} does not look like one; compare them in separate calls, "
-            "or give --quantity envelope for all"
+            f"{envelope.name} is an envelope in dB, {other.name} does not look like one; compare them in separate "
+            "calls, or give --quantity envelope for all"
         )
     return all(are)
 
@@ -61,8 +63,8 @@ def are_envelopes(
 def read_envelope(
     path: Path | str,
     *,
-    time: Column | None = None,
-    value: Column | None = None,
+    time: ColumnName | None = None,
+    value: ColumnName | None = None,
     rate: float | None = None,
     unit: str | None = None,
     frequency: float | None = None,
@@ -93,20 +95,16 @@ def read_envelope(
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
     about = replace(raw.provenance, header_lines=0)  # they are read
     facts = {name: str(fact) for name, fact in about.facts.items()}
-    chosen = unit or unit_in(about.value_column) or _bracketed(about.value_column) or "units"
-    return made_record(
-        path.name,
-        t,
-        raw.y,
-        chosen,
-        frequency if frequency is not None else _frequency(facts),
-        facts,
-        about.said,
-    )
+    column = about.value_column
+    bracketed = re.search(r"[\[(]([^\])]+)[\])]\s*$", column)
+    in_brackets = bracketed[1].strip() if bracketed else ""
+    chosen = unit or unit_in(column) or in_brackets or "units"
+    frequency = frequency if frequency is not None else _stated_frequency(facts)
+    return made_record(path.name, t, raw.y, chosen, frequency, facts, about.said)
 
 
-def _frequency(facts: dict[str, str]) -> float | None:
-    """In Hz."""
+def _stated_frequency(facts: dict[str, str]) -> float | None:
+    """Return the oscillation's frequency in Hz that a fact states; None where none does."""
     for name, text in facts.items():
         if not re.search(r"\bfrequency\b", name, re.IGNORECASE) or re.search("sampl", name, re.IGNORECASE):
             continue
@@ -115,8 +113,3 @@ def _frequency(facts: dict[str, str]) -> float | None:
         if number and float(number[0]) > 0:
             return float(number[0]) * (_HERTZ[unit[1].lower()] if unit else 1.0)
     return None
-
-
-def _bracketed(label: str) -> str | None:
-    said = re.search(r"[\[(]([^\])]+)[\])]\s*$", label)
-    return said[1].strip() if said else None

@@ -1,4 +1,4 @@
-"""What a reader finds in a file: columns of numbers, and the facts that stand beside them."""
+"""What a reader returns for a file: its columns of numbers, and the facts that the file states about them."""
 
 from __future__ import annotations
 
@@ -17,14 +17,30 @@ from bayesdamp.units import UNITS
 class Column:
     """One column, array or channel of a file.
 
-    name: what a user types for it, one of its kind in the file; empty where the file gives none. values: shape (n,),
-    NaN where a cell is empty or holds no number.
-    group: the sheet, group or variable that it belongs to: only columns of one group go with one another's times.
-    run: which of several runs of the file it belongs to, empty where the file does not say.
-    unit: as the file writes it apart from the name. quantity: "angle", "velocity", "acceleration", or empty.
-    rate: its own sampling rate in Hz, start: the time of its first sample in s, where the file says so.
-    clock: whether its cells are written as times of day. empty: cells without anything, shape (n,), or None for none.
-    words: what stands in the cells that hold no number, by row.
+    Parameters
+    ----------
+    name
+        What a user types to select the column, unique in the file; empty where the file gives no name.
+    values
+        Shape (n,), NaN where a cell is empty or does not hold a number.
+    group
+        The sheet, group or variable that it belongs to: a column uses only the times of its own group.
+    run
+        The run that it belongs to in a file of several; empty where the file does not say.
+    unit
+        As the file writes it outside the name.
+    quantity
+        "angle", "velocity", "acceleration", or empty.
+    rate
+        The column's own sampling rate in Hz, where the file states one.
+    start
+        Time of the first sample in s, where the file states one.
+    clock
+        Whether the cells are written as times of day.
+    empty
+        Which cells are empty, shape (n,); None where none is.
+    words
+        The text of the cells that do not hold a number, by row.
     """
 
     name: str
@@ -40,7 +56,7 @@ class Column:
     words: Mapping[int, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        # Half a letter (a lone surrogate) can be in a name of JSON, HDF5 or MATLAB, and be printed nowhere.
+        # Half a letter (a lone surrogate) can occur in a name of JSON, HDF5 or MATLAB, and cannot be printed.
         object.__setattr__(self, "name", self.name.encode("utf-8", "replace").decode("utf-8"))
 
     @property
@@ -52,12 +68,30 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """All that a file holds.
+    """All that a file contains.
 
-    format: what it is, in a word or two. facts: what it says beside its columns, as it is written there.
-    first_line: line of a text file (from 1) that holds the first row of numbers; lines: the line of each row, from 0
-    at that one. warnings: what a user has to know of it. channels: whether the format says of its columns that each is
-    a sensor's channel. paired: whether values stand beside times of their own, so that each is a record.
+    Parameters
+    ----------
+    format
+        The format's name in a word or two.
+    columns
+        In the order of the file.
+    facts
+        What the file states outside its columns, as it is written there.
+    notes
+        Sentences on what the reader did.
+    layout
+        How a text is laid out, for run.json.
+    first_line
+        Line of a text file (from 1) with the first row of numbers.
+    lines
+        Line of each row, counted from 0 at `first_line`, shape (n,).
+    channels
+        Whether the format declares each column to be a sensor's channel.
+    paired
+        Whether columns of values have times of their own, so that each is a record.
+    warnings
+        Sentences that a user has to know.
     """
 
     format: str
@@ -73,11 +107,13 @@ class Contents:
 
 
 class Reader(Protocol):
-    """A plug-in: one file format. A module in `bayesdamp.records.readers` binds one to the name PLUGIN and imports the
-    format's library only in `read`; a user's is derived from this class and has a `name`.
+    """A plug-in that reads one file format.
 
-    format: the format's name with its article, as in "this is an Excel file". extensions: small letters with the dot.
-    extra: the extra of this package that its library comes with, empty where it always does.
+    A module in `bayesdamp.records.readers` binds a reader to the name PLUGIN and imports the format's library only in
+    `read`. A user's reader derives from this class and has a `name`.
+
+    format: the format's name with its article, as in "this is an Excel file". extensions: in small letters, with the
+    dot. extra: the extra of this package that installs its library, empty where the library is always installed.
     """
 
     format: str
@@ -85,9 +121,9 @@ class Reader(Protocol):
     extra: str = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Whether the first bytes (up to HEAD of them) show the file to be of this format."""
+        """Return whether the first bytes, up to 64 KiB, show that the file is of this format."""
         ...
 
     def read(self, path: Path) -> Contents:
-        """What the file holds. Raises InputError, or whatever its library raises on a damaged file."""
+        """Return what the file contains. Raises InputError, or whatever its library raises on a damaged file."""
         ...

@@ -1,4 +1,4 @@
-"""How much a file may hold: a small one can claim to be a very large one."""
+"""Limits on the size of files: a small one can claim to unpack to a very large one."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ LARGEST = 2**31
 """Bytes of a file, and bytes that it may unpack to (conventional)."""
 
 
-def allowed(size: float) -> None:
-    """Refuse what is larger than LARGEST once unpacked. size: in bytes. Raises InputError."""
+def refuse_large(size: float) -> None:
+    """Raise InputError where data unpacks to more than LARGEST. size: in bytes."""
     if size > LARGEST:
-        right = f"more than {LARGEST / 2**30:.3g} GiB are not read: give a part of it"
+        right = f"files of more than {LARGEST / 2**30:.3g} GiB are not read: give a part of it"
         raise InputError(f"unpacks to {size / 2**30:.3g} GiB; {right}")
 
 
-def allowed_archive(path: Path) -> None:
-    """Refuse a zip archive that is encrypted or unpacks to too much. Raises InputError and zipfile.BadZipFile."""
+def refuse_archive(path: Path) -> None:
+    """Raise InputError where a zip archive is encrypted or too large, zipfile.BadZipFile where it is damaged."""
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
     if any(member.flag_bits & 1 for member in members):
         raise InputError("is encrypted; save it without a password")
-    allowed(sum(member.file_size for member in members))
+    refuse_large(sum(member.file_size for member in members))
 
 
 def archive_names(path: Path) -> list[str] | None:

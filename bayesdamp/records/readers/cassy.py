@@ -10,10 +10,10 @@ from xml.etree import ElementTree
 
 from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.facts import kept
-from bayesdamp.records.files.limits import allowed_archive
-from bayesdamp.records.files.named_units import seconds_written
-from bayesdamp.records.readers.text import LARGEST, column_of
+from bayesdamp.records.files.facts import trim_facts
+from bayesdamp.records.files.limits import refuse_archive
+from bayesdamp.records.files.names import seconds_written
+from bayesdamp.records.readers.text import LARGEST, make_column
 from bayesdamp.types import InputError
 
 _ROOT = b"<cassylab"
@@ -33,7 +33,7 @@ class CassyReader(Reader):
     extensions = (".labx",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """The root element, also of the XML within an archive."""
+        """Recognise the root element, also of the XML within an archive."""
         if not head.startswith(b"PK"):
             return _ROOT in head
         try:
@@ -43,9 +43,9 @@ class CassyReader(Reader):
             return False
 
     def read(self, path: Path) -> Contents:
-        """The quantities of all runs. Raises InputError for a text that is too large or defines entities."""
+        """Return the quantities of all runs. Raises InputError for a text that is too large or defines entities."""
         if zipfile.is_zipfile(path):
-            allowed_archive(path)
+            refuse_archive(path)
             with zipfile.ZipFile(path) as archive:
                 data = archive.read(_MEMBER)
         else:
@@ -54,40 +54,34 @@ class CassyReader(Reader):
             raise InputError(f"a text of more than {LARGEST >> 20} MiB; give a part of it")
         if b"<!DOCTYPE" in data:
             raise InputError("has a document type, which no CASSY Lab file has; export it again, or as CSV")
-        quantities = [list(one) for one in ElementTree.fromstring(data).iter("channels")]
-        named = Counter(_said(one[0], "quantity") for one in quantities if one)
+        quantities = [list(channels) for channels in ElementTree.fromstring(data).iter("channels")]
+        named = Counter(_text(channels[0], "quantity") for channels in quantities if channels)
         several = max(map(len, quantities), default=0) > 1
         columns: list[Column] = []
         facts: dict[str, Fact] = {}
         notes: dict[str, None] = {}
         for channels in quantities:
             for run, channel in enumerate(channels, start=1):
-                label = str(run) if several else ""
-                quantity, unit = _said(channel, "quantity"), _said(channel, "unit")
-                name = quantity if named[quantity] == 1 else f"{quantity} {_said(channel, 'symbol')}".strip()
-                column = _column(channel, f"{label}.{name}" if label else name, label, unit)
-                if column is None:
+                cells = [(value.text or "").strip() for value in channel.iterfind("values/value")]
+                rows = [["" if cell == "NaN" else cell] for cell in cells]
+                if not any(map(any, rows)):
                     continue
-                if column.unit != unit:
+                label = str(run) if several else ""
+                name, unit = _text(channel, "quantity"), _text(channel, "unit")
+                if named[name] != 1:
+                    name = f"{name} {_text(channel, 'symbol')}".strip()
+                if (seconds_written(unit) or 1.0) < 1.0:
                     notes[f"CASSY Lab stores times in s, though it shows {unit}."] = None
-                columns.append(column)
+                    unit = "s"
+                column = make_column(rows, 0, ".", f"{label}.{name}" if label else name, label, unit)
+                columns.append(replace(column, run=label))
                 if channel.get("datetime"):
                     facts[f"{label}.datetime".strip(".")] = channel.get("datetime", "")
-        return Contents("CASSY Lab", tuple(columns), kept(facts), tuple(notes))
+        return Contents("CASSY Lab", tuple(columns), trim_facts(facts), tuple(notes))
 
 
-def _said(channel: ElementTree.Element, what: str) -> str:
-    return (channel.findtext(what) or "").strip()
-
-
-def _column(channel: ElementTree.Element, name: str, run: str, unit: str) -> Column | None:
-    """A quantity of a run; None where it has no values. Missing ones are written as NaN."""
-    cells = [(value.text or "").strip() for value in channel.iterfind("values/value")]
-    rows = [["" if cell == "NaN" else cell] for cell in cells]
-    if not any(map(any, rows)):
-        return None
-    stored = "s" if (seconds_written(unit) or 1.0) < 1.0 else unit
-    return replace(column_of(rows, 0, ".", name, run, stored), run=run)
+def _text(channel: ElementTree.Element, tag: str) -> str:
+    return (channel.findtext(tag) or "").strip()
 
 
 PLUGIN = CassyReader()

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.files.facts import kept
-from bayesdamp.records.files.limits import allowed
-from bayesdamp.records.files.tree import DEEPEST, Walk, described, plain
+from bayesdamp.records.files.facts import trim_facts
+from bayesdamp.records.files.limits import refuse_large
+from bayesdamp.records.files.tree import DEEPEST, Walk, join_path, to_plain, unit_and_rate
 from bayesdamp.types import InputError
 
 _MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -20,67 +20,62 @@ _PACKED, _MISSING = ("scale_factor", "add_offset"), ("_FillValue", "missing_valu
 
 
 class Hdf5Reader(Reader):
-    """HDF5 by h5py, MATLAB 7.3 among it."""
+    """HDF5 by h5py, including MATLAB 7.3."""
 
     foreign = True
     format = "an HDF5 or MATLAB 7.3 file"
     extensions = (".h5", ".hdf5", ".hdf", ".he5")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """The signature at 0, 512, 1024 or 2048 bytes."""
-        return any(head[at : at + 8] == _MAGIC for at in (0, 512, 1024, 2048)) or head.startswith(
-            b"MATLAB 7.3"
-        )
+        """Recognise the signature at 0, 512, 1024 or 2048 bytes."""
+        signed = any(head[at : at + 8] == _MAGIC for at in (0, 512, 1024, 2048))
+        return signed or head.startswith(b"MATLAB 7.3")
 
     def read(self, path: Path) -> Contents:
-        """Numeric data sets by their paths."""
+        """Return the numeric data sets by their paths."""
         import h5py
 
-        walk = Walk()
+        with path.open("rb") as head:
+            matlab = b"MATLAB 7.3" in head.read(128) or path.suffix.lower() == ".mat"
         with h5py.File(path, "r") as file:
-            tree = _Tree(h5py, walk, "MATLAB_version" in file.attrs or _matlab(path))
+            tree = _Tree(h5py, "MATLAB_version" in file.attrs or matlab)
             tree.visit("", file, "", 0)
-        return walk.contents("MATLAB 7.3" if _matlab(path) else "HDF5")
-
-
-def _matlab(path: Path) -> bool:
-    with path.open("rb") as file:
-        return b"MATLAB 7.3" in file.read(128) or path.suffix.lower() == ".mat"
+        return tree.walk.contents("MATLAB 7.3" if matlab else "HDF5")
 
 
 class _Tree:
-    """Groups and datasets, with the references of MATLAB's cells and structs followed."""
+    """Groups and datasets; the references of MATLAB's cells and structs are followed."""
 
-    def __init__(self, h5py: Any, walk: Walk, matlab: bool) -> None:
-        self.h5py, self.walk, self.matlab = h5py, walk, matlab
+    def __init__(self, h5py: Any, matlab: bool) -> None:
+        self.h5py, self.walk, self.matlab = h5py, Walk(), matlab
         self.total = 0
 
     def visit(self, path: str, item: Any, run: str, depth: int) -> None:
         if depth > DEEPEST:
             return
         if isinstance(item, self.h5py.Group):
-            self._facts(path, item)
+            self._add_facts(path, item)
             for key in item:
-                # Only what lies in this file: a link may point anywhere on the machine.
+                # Only what is in this file: a link may point anywhere on the machine.
                 if not key.startswith("#") and isinstance(item.get(key, getlink=True), self.h5py.HardLink):
-                    self.visit(f"{path}.{key}" if path else key, item[key], run, depth + 1)
+                    self.visit(join_path(path, key), item[key], run, depth + 1)
         elif isinstance(item, self.h5py.Dataset):
-            self._dataset(path, item, run, depth)
+            self._add_dataset(path, item, run, depth)
 
-    def _facts(self, path: str, item: Any) -> dict[str, Any]:
-        found = {
-            str(name): plain(value) for name, value in item.attrs.items() if not name.startswith("MATLAB")
+    def _add_facts(self, path: str, item: Any) -> dict[str, Any]:
+        facts = {
+            str(name): to_plain(value) for name, value in item.attrs.items() if not name.startswith("MATLAB")
         }
-        self.walk.facts |= {f"{path}.{name}" if path else name: value for name, value in found.items()}
-        return found
+        self.walk.facts |= {join_path(path, name): value for name, value in facts.items()}
+        return facts
 
-    def _dataset(self, path: str, item: Any, run: str, depth: int) -> None:
+    def _add_dataset(self, path: str, item: Any, run: str, depth: int) -> None:
         if item.is_virtual or item.external:
             raise InputError(f"{path[:60]!r} lies in another file; copy the data into one file")
         if item.shape is None:
             return
         self.total += item.dtype.itemsize * int(np.prod(item.shape, dtype=object))
-        allowed(self.total)
+        refuse_large(self.total)
         if item.dtype == self.h5py.ref_dtype:
             refs = [ref for ref in np.asarray(item[()]).ravel() if ref]
             for i, ref in enumerate(refs, start=1):
@@ -89,25 +84,27 @@ class _Tree:
         data = item[()]
         if self.h5py.check_string_dtype(item.dtype) is not None:
             if np.size(data) == 1:
-                self.walk.facts[path] = str(plain(np.ravel(data)[0]))
+                self.walk.facts[path] = str(to_plain(np.ravel(data)[0]))
             return
-        if plain(item.attrs.get("MATLAB_class", "")) == "char":
+        if to_plain(item.attrs.get("MATLAB_class", "")) == "char":
             self.walk.facts[path] = "".join(chr(c) for c in np.ravel(data)[:200])
             return
         if "MATLAB_empty" in item.attrs:
             return
-        said = described(kept(self._facts(path, item)))
+        stated = unit_and_rate(trim_facts(self._add_facts(path, item)))
         before = len(self.walk.columns)
         array = np.asarray(data)
         if any(name in item.attrs for name in _PACKED) and array.size > 1:
-            what = f"the numbers of {path[:60]!r} are packed ({', '.join(_PACKED)}); unpack them, with xarray say"
+            what = (
+                f"the numbers of {path[:60]!r} are packed ({', '.join(_PACKED)}); unpack them (xarray does)"
+            )
             raise InputError(what)
         for name in _MISSING:
             if name in item.attrs and array.dtype.kind in "fiu":
                 array = np.where(array == item.attrs[name], np.nan, array)
         self.walk.add(path, array.T if self.matlab else array, run, depth)
-        if any(said.values()):
-            self.walk.columns[before:] = [replace(c, **said) for c in self.walk.columns[before:]]
+        if any(stated.values()):
+            self.walk.columns[before:] = [replace(c, **stated) for c in self.walk.columns[before:]]
 
 
 PLUGIN = Hdf5Reader()

@@ -22,7 +22,7 @@ class MatlabReader(Reader):
     extensions = (".mat",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """The header of version 5 to 7, or a matrix header of version 4; not 7.3, which is HDF5."""
+        """Recognise the header of version 5 to 7, or a matrix header of version 4; not 7.3, which is HDF5."""
         if b"MATLAB 7.3" in head[:128] or b"\x89HDF\r\n" in head[:1024]:
             return False
         return head.startswith(b"MATLAB 5.0 MAT-file") or (
@@ -30,24 +30,24 @@ class MatlabReader(Reader):
         )
 
     def read(self, path: Path) -> Contents:
-        """Numeric variables by their names, fields of structures among them."""
+        """Return numeric variables, including fields of structures, by their names."""
         from scipy.io import loadmat  # imports slowly, and few records need it
         from scipy.io.matlab import MatlabFunction, MatlabOpaque
 
-        _unpacked(path)
+        _refuse_large_elements(path)
         data = loadmat(path, simplify_cells=True)
         walk = Walk()
         opaque = [name for name, item in data.items() if isinstance(item, MatlabOpaque | MatlabFunction)]
-        walk.add("", {n: item for n, item in data.items() if n not in opaque and not n.startswith("__")})
+        walk.add("", {name: item for name, item in data.items() if name not in opaque})
         if not walk.columns and "__function_workspace__" in data:
             right = "save its arrays: t = x.Time; y = x.Data; save('record.mat', 't', 'y')"
             raise InputError(
-                f"holds a MATLAB object (a timeseries or table?), which only MATLAB reads; {right}"
+                f"contains a MATLAB object (a timeseries or table?), which only MATLAB reads; {right}"
             )
         return walk.contents("MATLAB")
 
 
-def _unpacked(path: Path) -> None:
+def _refuse_large_elements(path: Path) -> None:
     """Refuse a file whose compressed elements unpack to too much. Raises InputError, zlib.error."""
     with path.open("rb") as file:
         head = file.read(128)
@@ -65,7 +65,7 @@ def _unpacked(path: Path) -> None:
             while data and total <= limits.LARGEST:
                 total += len(unpack.decompress(data, 2**24))
                 data = unpack.unconsumed_tail
-            limits.allowed(total)
+            limits.refuse_large(total)
 
 
 PLUGIN = MatlabReader()

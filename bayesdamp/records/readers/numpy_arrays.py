@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.files.limits import allowed_archive, archive_names
+from bayesdamp.records.files.limits import archive_names, refuse_archive
 from bayesdamp.records.files.tree import Walk
 from bayesdamp.types import InputError
 
@@ -21,7 +21,7 @@ class NumpyReader(Reader):
     extensions = (".npy", ".npz")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """NumPy's signature, or a ZIP archive of such arrays."""
+        """Recognise NumPy's signature, or a ZIP archive of such arrays."""
         if head.startswith(_MAGIC):
             return True
         if not head.startswith(b"PK"):
@@ -32,29 +32,27 @@ class NumpyReader(Reader):
         return bool(names) and all(name.endswith(".npy") for name in names)
 
     def read(self, path: Path) -> Contents:
-        """Arrays, and fields of structured ones, by their names."""
+        """Return arrays, and fields of structured arrays, by their names."""
         walk = Walk()
         with path.open("rb") as file:
             single = file.read(len(_MAGIC)) == _MAGIC
         if single:
-            try:  # mapped: a header that claims more than the file holds is refused before memory is taken
+            try:  # mapped: a header that claims more than the file has is refused before memory is taken
                 walk.add("", np.array(np.load(path, mmap_mode="r", allow_pickle=False)))
             except ValueError as error:
                 if "Python objects" in str(error):
-                    what = "holds pickled objects, which are not read; save plain arrays of numbers"
+                    what = "contains pickled objects, which are not read; save plain arrays of numbers"
                     raise InputError(what) from None
                 raise
             return walk.contents("NumPy array")
-        allowed_archive(path)
+        refuse_archive(path)
         with np.load(path, allow_pickle=False) as data:
             for key in data.files:
                 try:
-                    array = data[key]
+                    walk.add(key, data[key])
                 except ValueError as error:
-                    if "pickle" in str(error):  # objects: not read, and no record
-                        continue
-                    raise
-                walk.add(key, array)
+                    if "pickle" not in str(error):  # an array of objects is left out
+                        raise
         return walk.contents("NumPy archive")
 
 

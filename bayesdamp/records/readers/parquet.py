@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.facts import kept
-from bayesdamp.records.files.limits import allowed
-from bayesdamp.records.files.tree import described, seconds_of
+from bayesdamp.records.files.facts import trim_facts
+from bayesdamp.records.files.limits import refuse_large
+from bayesdamp.records.files.tree import to_seconds, unit_and_rate
 from bayesdamp.types import InputError
 
 
@@ -22,11 +22,11 @@ class ParquetReader:
     extra = "parquet"
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """PAR1, or PARE where it is encrypted."""
+        """Recognise PAR1, or PARE where the file is encrypted."""
         return head[:4] in (b"PAR1", b"PARE")
 
     def read(self, path: Path) -> Contents:
-        """Numeric and time columns. Raises InputError where it is encrypted."""
+        """Return numeric and time columns. Raises InputError where the file is encrypted."""
         import pyarrow
         import pyarrow.parquet as parquet
 
@@ -36,36 +36,37 @@ class ParquetReader:
         with parquet.ParquetFile(path) as file:
             meta = file.metadata
             sizes = [meta.row_group(i).total_byte_size for i in range(meta.num_row_groups)]
-            allowed(max(sum(sizes), 8 * meta.num_rows * meta.num_columns))
+            refuse_large(max(sum(sizes), 8 * meta.num_rows * meta.num_columns))
             table = file.read()
-        columns = []
+        columns: list[Column] = []
         for field, data in zip(table.schema, table.columns, strict=True):
             numeric = pyarrow.types.is_integer(field.type) or pyarrow.types.is_floating(field.type)
             timed = pyarrow.types.is_timestamp(field.type) or pyarrow.types.is_duration(field.type)
             if not (numeric or timed or pyarrow.types.is_decimal(field.type)):
                 continue
-            found = np.asarray(data.to_numpy())
+            values = np.asarray(data.to_numpy())
             empty = np.asarray(data.is_null().to_numpy(), bool)
-            said = described(_words(field.metadata))
+            stated = unit_and_rate(_attributes(field.metadata))
             if timed:
-                found, said["unit"] = seconds_of(found), "s"
-            columns.append(Column(field.name, found.astype(float), empty=empty, **said))
-        facts = {
-            k: v for k, v in _words(table.schema.metadata).items() if k not in ("pandas", "ARROW:schema")
-        }
-        return Contents("Parquet", tuple(columns), kept(facts))
+                values, stated["unit"] = to_seconds(values), "s"
+            columns.append(Column(field.name, values.astype(float), empty=empty, **stated))
+        facts = _attributes(table.schema.metadata)
+        for name in ("pandas", "ARROW:schema"):
+            facts.pop(name, None)
+        return Contents("Parquet", tuple(columns), trim_facts(facts))
 
 
-def _words(metadata: dict[bytes, bytes] | None) -> dict[str, str | float]:
-    found: dict[str, str | float] = {}
+def _attributes(metadata: dict[bytes, bytes] | None) -> dict[str, str | float]:
+    """Return metadata as numbers and texts by name."""
+    attributes: dict[str, str | float] = {}
     for key, value in (metadata or {}).items():
         text = value.decode("utf-8", "replace")
         try:
             number = float(text)
         except ValueError:
             number = math.nan
-        found[key.decode("utf-8", "replace")] = number if math.isfinite(number) else text
-    return found
+        attributes[key.decode("utf-8", "replace")] = number if math.isfinite(number) else text
+    return attributes
 
 
 PLUGIN = ParquetReader()

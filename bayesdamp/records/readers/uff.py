@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.facts import kept
+from bayesdamp.records.files.facts import trim_facts
 from bayesdamp.types import InputError
 
 _SETS = re.compile(rb"(?:^|[\r\n])    -1[ \t]*\r?\n[ \t]{0,5}(\d{1,5})(b?)(?=[ \t\r\n])")
@@ -19,7 +19,7 @@ TIME_RESPONSE = (0, 1)
 TIME_AXIS = (0, 17)
 """Specific data types of an abscissa in time: unknown, time."""
 _ORDINATES = {8: ("m", "angle"), 11: ("m", "velocity"), 12: ("m", "acceleration")}
-"""Of a data set's ordinate, by its specific data type; SI unless it names its unit."""
+"""Unit and quantity of a data set's ordinate, by its specific data type; SI unless it names its unit."""
 _DIRECTIONS = dict(
     zip(range(-6, 7), ("-RZ", "-RY", "-RX", "-Z", "-Y", "-X", "", "X", "Y", "Z", "RX", "RY", "RZ"))
 )
@@ -32,85 +32,83 @@ class UffReader(Reader):
     extensions = (".uff", ".unv", ".uf", ".58", ".bunv")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """A data set's opening lines."""
+        """Recognise a data set's opening lines."""
         return _SETS.search(head) is not None
 
     def read(self, path: Path) -> Contents:
-        """The functions of all data sets 58."""
+        """Return the functions of all data sets 58."""
         import pyuff
 
         file = pyuff.UFF(str(path))
         kinds = [int(kind) for kind in file.get_set_types()]
-        at = [i for i, kind in enumerate(kinds) if kind == 58]
-        if not at:
-            if not kinds:
-                raise InputError("no data set in it is whole: it is cut off; export it again")
-            held = ", ".join(map(str, sorted(set(kinds))))
-            raise InputError(f"its data sets are {held}; a record is a data set 58: export time histories")
-        sets: list[Any] = [file.read_sets(i) for i in at]
-        timed = [s for s in sets if _timed(s)]
+        if not kinds:
+            raise InputError("contains no complete data set: the file is cut off; export it again")
+        sets: list[Any] = [file.read_sets(i) for i, kind in enumerate(kinds) if kind == 58]
+        if not sets:
+            present = ", ".join(map(str, sorted(set(kinds))))
+            raise InputError(f"its data sets are {present}; a record is a data set 58: export time histories")
+        timed = [
+            data
+            for data in sets
+            if int(data.get("func_type", 0)) in TIME_RESPONSE
+            and not np.iscomplexobj(data["data"])
+            and int(data.get("abscissa_spec_data_type", 17)) in TIME_AXIS
+        ]
         if not timed:
-            raise InputError("its data sets 58 are no records in time (spectra?); export the time histories")
+            raise InputError(
+                "none of its data sets 58 is a record in time (spectra?); export the time histories"
+            )
         for data in timed:
-            held, claimed = np.size(data["data"]), int(data["num_pts"])
-            if held < claimed:
+            samples, claimed = np.size(data["data"]), int(data["num_pts"])
+            if samples < claimed:
                 raise InputError(
-                    f"is cut off: a data set claims {claimed} samples and has {held}; export it again"
+                    f"is cut off: a data set claims {claimed} samples and has {samples}; export it again"
                 )
         names = _names(timed)
         columns: list[Column] = []
+        facts: dict[str, Fact] = {}
         for i, (data, name) in enumerate(zip(timed, names, strict=True), start=1):
             columns += _columns(data, name, str(i) if len(timed) > 1 else "")
-        facts: dict[str, Fact] = {
-            f"{name}: {key}": str(s[key]).strip()
-            for s, name in zip(timed, names, strict=True)
-            for key in ("id1", "id2", "id3", "id4")
-            if str(s.get(key, "")).strip().upper() not in ("", "NONE")
-        }
+            texts = {f"{name}: {key}": _text(data, key) for key in ("id1", "id2", "id3", "id4")}
+            facts |= {key: text for key, text in texts.items() if text}
         left = len(sets) - len(timed)
-        notes = (f"{left} data sets that are no records in time are left out.",) if left else ()
-        return Contents("UFF 58", tuple(columns), kept(facts), notes, channels=True)
+        notes = (f"{left} data sets that are not records in time are left out.",) if left else ()
+        return Contents("UFF 58", tuple(columns), trim_facts(facts), notes, channels=True)
 
 
-def _timed(data: Any) -> bool:
-    kind = int(data.get("func_type", 0)) in TIME_RESPONSE and not np.iscomplexobj(data["data"])
-    return kind and int(data.get("abscissa_spec_data_type", 17)) in TIME_AXIS
+def _text(data: Any, key: str) -> str:
+    """Return a data set's text, empty where it is written as NONE."""
+    text = str(data.get(key, "")).strip()
+    return "" if text.upper() == "NONE" else text
 
 
 def _names(sets: list[Any]) -> list[str]:
-    """A name for each data set: its response's node and direction, else its own words, else its number."""
-    found: list[str] = []
+    """Return a name for each data set: its response's node and direction, else its own words, else its number."""
+    names: list[str] = []
     for data in sets:
-        entity = str(data.get("rsp_ent_name", "")).strip()
+        named = _text(data, "rsp_ent_name")
         node = f"{int(data.get('rsp_node', 0))}{_DIRECTIONS.get(int(data.get('rsp_dir', 0)), '')}"
-        words = str(data.get("id1", "")).strip()
-        entity = "" if entity.upper() == "NONE" else entity
-        named = (
-            f"{entity} {node}".strip()
-            if node != "0"
-            else entity or ("" if words.upper() == "NONE" else words)
-        )
-        name = named or f"set {len(found) + 1}"
+        named = f"{named} {node}".strip() if node != "0" else named or _text(data, "id1")
+        name = named or f"set {len(names) + 1}"
         number = 2
-        while name in found:
+        while name in names:
             name, number = f"{named} [{number}]", number + 1
-        found.append(name)
-    return found
+        names.append(name)
+    return names
 
 
 def _columns(data: Any, name: str, group: str) -> list[Column]:
     unit, quantity = _ORDINATES.get(int(data.get("ordinate_spec_data_type", 0)), ("", ""))
-    written = str(data.get("ordinate_axis_units_lab", "")).strip()
-    unit = written if written.upper() not in ("", "NONE") else unit
+    unit = _text(data, "ordinate_axis_units_lab") or unit
     values, x = np.asarray(data["data"], float), np.asarray(data["x"], float)
-    if int(data["abscissa_spacing"]) == 1:
-        step = float(data["abscissa_inc"])
-        if not step > 0:
-            raise InputError(f"{name}: its samples are {step:g} s apart; export it again")
-        start = float(data["abscissa_min"])
-        return [Column(name, values, group, unit=unit, quantity=quantity, rate=1 / step, start=start)]
-    time = Column(f"{name} time", x, group, unit="s")
-    return [time, Column(name, values, group, unit=unit, quantity=quantity)]
+    if int(data["abscissa_spacing"]) != 1:
+        time = Column(f"{name} time", x, group, unit="s")
+        return [time, Column(name, values, group, unit=unit, quantity=quantity)]
+    step = float(data["abscissa_inc"])
+    if not step > 0:
+        raise InputError(f"{name}: its samples are {step:g} s apart; export it again")
+    start = float(data["abscissa_min"])
+    return [Column(name, values, group, unit=unit, quantity=quantity, rate=1 / step, start=start)]
 
 
 PLUGIN = UffReader()

@@ -17,11 +17,11 @@ class WavReader(Reader):
     extensions = (".wav", ".wave")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """RIFF, RIFX or RF64, of kind WAVE."""
+        """Recognise RIFF, RIFX or RF64, of kind WAVE."""
         return head[:4] in (b"RIFF", b"RIFX", b"RF64") and head[8:12] == b"WAVE"
 
     def read(self, path: Path) -> Contents:
-        """Its channels. Raises InputError where the header has no rate."""
+        """Return the channels. Raises InputError where the header has no rate."""
         from scipy.io import wavfile
 
         rate, data = wavfile.read(path)

@@ -7,8 +7,7 @@ import pytest
 
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.first_look import first_words
-from bayesdamp.records.record import RawRecord
-from bayesdamp.records.wrapped import unwrapped
+from bayesdamp.records.record import RawRecord, unwrapped
 from bayesdamp.types import InputError
 
 T = np.arange(1000) / 50

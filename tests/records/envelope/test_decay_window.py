@@ -81,7 +81,7 @@ def test_bounds_that_are_given_are_kept():
     window = bounded(t, -2.0 * t, 2.0, 7.0)
     assert t[window.start] == pytest.approx(2.0, abs=0.03)
     assert t[window.stop - 1] == pytest.approx(7.0, abs=0.03)
-    with pytest.raises(Refusal, match="0 readings stand"):
+    with pytest.raises(Refusal, match="0 readings are between"):
         bounded(t, -2.0 * t, 11.0, None)
 
 

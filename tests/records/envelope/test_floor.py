@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.envelope.noise import Noise
-from bayesdamp.records.envelope.floor import SeenFloor, seen_floor
+from bayesdamp.records.envelope.decay import SeenFloor, measure_floor
 from tests.envelope.ringdowns import wandering
 
 
@@ -19,7 +19,7 @@ def floor(slow: float, constant: float, decay: float, seed: int) -> SeenFloor:
         part = wandering(t.size, 0.02, time, rng) + 1j * wandering(t.size, 0.02, time, rng)
         complex_noise += np.sqrt(share * (2.0 - constant) / 2) * part
     power = np.abs(decay + complex_noise) ** 2 + constant
-    return seen_floor(t, power, np.full(t.size, decay**2), 1.0)
+    return measure_floor(t, power, np.full(t.size, decay**2), 1.0)
 
 
 @pytest.mark.parametrize("constant", [0.0, 1.0])

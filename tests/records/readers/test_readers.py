@@ -12,7 +12,7 @@ import pytest
 from scipy.io import savemat
 
 from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.opening.opening import contents, load_isolated, read_here
+from bayesdamp.records.opening import contents, load_isolated, read_here
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.records.readers import READERS
 from bayesdamp.records.record import RawRecord
@@ -113,7 +113,7 @@ def test_a_uff_of_spectra_or_of_geometry_is_no_record(tmp_path: Path) -> None:
         orddenom_spec_data_type=0,
     )  # fmt: skip
     pyuff.UFF(str(tmp_path / "a.uff")).write_sets(data, mode="overwrite")
-    with pytest.raises(InputError, match="no records in time"):
+    with pytest.raises(InputError, match="none of its data sets 58 is a record in time"):
         read_records(tmp_path / "a.uff")
     (tmp_path / "b.uff").write_text("    -1\n    15\n         1         0\n    -1\n", encoding="utf-8")
     with pytest.raises(InputError, match="its data sets are 15"):
@@ -258,8 +258,13 @@ LVM_ROWS = {
 }
 
 
-@pytest.mark.parametrize("names", [["X_Value\tside\tComment"], ["X_Value\tside"], ["side\tComment"], []])
-@pytest.mark.parametrize("blank", [[""], ["\t\t"], []])
+@pytest.mark.parametrize(
+    ("names", "blank"),
+    [
+        *(([name], [""]) for name in ("X_Value\tside\tComment", "X_Value\tside", "side\tComment")),
+        *(([], blank) for blank in ([""], ["\t\t"], [])),
+    ],
+)
 @pytest.mark.parametrize("axes", LVM_ROWS)
 def test_an_lvm_file_may_leave_out_what_it_does_not_need(
     tmp_path: Path, axes: str, blank: list[str], names: list[str]
@@ -293,7 +298,7 @@ def test_a_wav_of_one_channel_is_one_record(tmp_path: Path) -> None:
     assert (record.channel, record.rate) == ("sound", 8000.0)
 
 
-@pytest.mark.parametrize("what", ["UFF ascii", "Excel", "Parquet", "LVM", "JSON"])
+@pytest.mark.parametrize("what", ["Excel", "LVM"])
 def test_contents_pass_from_one_process_to_another(tmp_path: Path, what: str) -> None:
     name, write, *_ = FORMATS[what]
     write(tmp_path / name)

@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import bayesdamp as bd
-from bayesdamp.records.columns.names import parted
 from bayesdamp.records.files.contents import Column
+from bayesdamp.records.files.names import split_run
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.types import InputError
 
@@ -149,7 +149,7 @@ def test_runs_of_a_file_are_repeats(tmp_path: Path, what: str) -> None:
     for wrong, said in (
         ("7", "no runs .7.; there are runs 1, 2, 3, 4"),
         ("3-1", "give numbers"),
-        ("", "name none"),
+        ("", "select none"),
     ):
         with pytest.raises(InputError, match=said):
             read_records(path, runs=wrong)
@@ -242,7 +242,7 @@ def test_a_powers_unit_and_the_headers_facts_are_kept(tmp_path: Path) -> None:
     ],
 )
 def test_the_mark_of_a_run(name: str, group: str, bare: str, run: str) -> None:
-    assert parted(Column(name, Y, group)) == (bare, run)
+    assert split_run(Column(name, Y, group)) == (bare, run)
 
 
 def phone_on_a_pendulum(size: float) -> dict[str, np.ndarray]:

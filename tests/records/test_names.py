@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.columns.names import asked_for, unit_said
-from bayesdamp.records.files.named_units import seconds_in, unit_and_quantity
-from bayesdamp.records.opening.opening import contents
+from bayesdamp.records.files.names import find_columns, seconds_in, unit_and_quantity, unit_said
+from bayesdamp.records.opening import contents
 from bayesdamp.records.read import read_record
-from bayesdamp.records.readers.text import from_lines
-from bayesdamp.records.stated_columns import resolved_unit
+from bayesdamp.records.readers.text import parse_table
+from bayesdamp.records.record import resolved_unit
 
 
 def unit_asked(path, value, unit, quantity) -> tuple[str, str]:
     """As `read` and the commands find them."""
-    column = asked_for(contents(path).columns, value)[0]
+    column = find_columns(contents(path).columns, value)[0]
     return resolved_unit(unit, quantity, *unit_said(column))
 
 
@@ -191,7 +190,7 @@ ROWS = [f"{0.5 * i:.3f},{i % 7 - 3.0:.3f}" for i in range(40)]
     ],
 )
 def test_a_line_of_units_below_the_names_and_an_instruments_preamble(tmp_path, heads, labels):
-    assert [column.label for column in from_lines([*heads, *ROWS]).columns] == labels
+    assert [column.label for column in parse_table([*heads, *ROWS]).columns] == labels
 
 
 def test_a_column_may_be_asked_for_without_the_unit_that_stands_below(tmp_path):

@@ -1,6 +1,6 @@
-"""The border to files: which reader a file belongs to, and one line for whatever is wrong with it.
+"""Opening files: the reader that a file belongs to, and one line for whatever is wrong with the file.
 
-Foreign readers run in a process of their own: a damaged file may crash one, and takes nothing else with it.
+Readers of compiled libraries run in a process of their own: a damaged file may crash one, and nothing else with it.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
+from subprocess import DEVNULL, PIPE
 from typing import TypeVar
 
 from bayesdamp.records.files import limits
@@ -30,6 +31,16 @@ from bayesdamp.types import InputError
 Loaded = TypeVar("Loaded")
 PATIENCE = 300.0
 """Seconds after which a reader that has not finished is stopped."""
+HEAD = 65536
+"""Bytes of a file by which its format is recognised."""
+LONGEST = 280
+"""Characters of a message."""
+LISTED = 5000
+"""Names in a folder that are searched for the file that was meant."""
+FALLBACK = "text"
+_ONE_AT_A_TIME = threading.Lock()
+"""Filters of warnings belong to the process: threads that change them at once would leave each other's behind."""
+_OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .labx, .wav, .h5, .parquet, .xlsx or .json file"
 _AGAIN = "the file is damaged or of another kind: save it again, or export it as text"
 _CHILD = """
 import json, pickle, sys
@@ -50,22 +61,30 @@ def load_isolated(
 ) -> Loaded:
     """Load a file in a child process.
 
-    load: a function at the top level of a module that is quick to import, of the path and the options. patience: in s.
-    Raises InputError, one line, where the loader does, and where it crashes, fails otherwise or does not end.
+    Parameters
+    ----------
+    load
+        A function of the path and the options, at the top level of a module that is quick to import.
+    path
+        Of the file.
+    patience
+        Time in s after which the child is stopped.
+    **options
+        Passed to `load`.
+
+    Raises
+    ------
+    InputError
+        One line, where `load` raises it, crashes, fails otherwise or does not end.
     """
     with tempfile.TemporaryDirectory(prefix="bayesdamp-") as folder:
         out = Path(folder) / "result"
-        given = json.dumps(
+        task = json.dumps(
             [load.__module__, load.__qualname__, str(path.resolve()), str(out), options, sys.path]
         )
         try:
-            child = subprocess.run(
-                [sys.executable, "-c", _CHILD, given],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.PIPE,
-                timeout=patience,
-            )
+            command = [sys.executable, "-c", _CHILD, task]
+            child = subprocess.run(command, stdin=DEVNULL, stdout=DEVNULL, stderr=PIPE, timeout=patience)
         except subprocess.TimeoutExpired:
             raise InputError(f"its reader did not end within {patience:g} s; {_AGAIN}", path.name) from None
         if child.returncode == 0 and out.is_file():
@@ -82,80 +101,70 @@ def load_isolated(
     raise InputError(f"{end}; {_AGAIN}", path.name)
 
 
-Read = TypeVar("Read")
-HEAD = 65536
-"""Bytes of a file that tell its format."""
-LONGEST = 280
-"""Characters of a line that says what is wrong."""
-LISTED = 5000
-"""Names of a folder that are looked through for what was meant."""
-FALLBACK = "text"
-_ONE_AT_A_TIME = threading.Lock()
-"""Filters of warnings belong to the process: threads that change them at once would leave each other's behind."""
-_OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .labx, .wav, .h5, .parquet, .xlsx or .json file"
-
-
-def called(path: Path) -> str:
-    """A file's name for a line that says what is wrong, cut where it is very long."""
-    name = path.name or str(path)
-    return name if len(name) <= 80 else f"{name[:50]}...{name[-27:]}"
-
-
-def fault(
+def file_error(
     path: Path, text: object, arguments: Sequence[str] = (), likely: Mapping[str, str] | None = None
 ) -> InputError:
-    """One line about a file, cut to its length and without line breaks."""
-    where, what = " ".join(called(path).split()), " ".join(str(text).split())
+    """Return the error of a file as one line, without line breaks and cut to LONGEST characters."""
+    name = " ".join((path.name or str(path)).split())
+    where = name if len(name) <= 80 else f"{name[:50]}...{name[-27:]}"
+    what = " ".join(str(text).split())
     room = LONGEST - len(str(InputError("", where, arguments=arguments)))
     short = what if len(what) <= room else f"{what[: room - 3]}..."
     return InputError(short, where, arguments=arguments, likely=likely)
 
 
 def contents(path: Path | str) -> Contents:
-    """What a file holds, by the reader that it belongs to. Raises InputError, one line of less than 300 characters."""
+    """Read what a file contains, with its reader. Raises InputError, one line of less than 300 characters."""
     path = Path(path)
     try:
         if getattr(reader_of(path), "foreign", False):  # compiled code that a damaged file may crash
-            with _border(None):
-                return load_isolated(read_for_another, path, largest=limits.LARGEST)
+            with _one_line(None):
+                return load_isolated(read_in_child, path, largest=limits.LARGEST)
     except InputError as error:
-        raise fault(path, error.what, error.arguments) from error.__cause__
+        raise file_error(path, error.what, error.arguments) from error.__cause__
+    return read_here(path)
+
+
+def read_in_child(path: Path, largest: float) -> Contents:
+    """Read a file for another process, whose limit in bytes is passed on. Raises InputError as `contents` does."""
+    limits.LARGEST = largest
     return read_here(path)
 
 
 def read_here(path: Path) -> Contents:
-    """What a file holds, read in this process whatever its reader. Raises InputError as `contents` does."""
+    """Read what a file contains in this process, whatever its reader. Raises InputError as `contents` does."""
     try:
         reader = reader_of(path)
-        with _border(reader), _ONE_AT_A_TIME, warnings.catch_warnings():
+        with _one_line(reader), _ONE_AT_A_TIME, warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = reader.read(path)
+            content = reader.read(path)
     except InputError as error:
-        raise fault(path, error.what, error.arguments) from error.__cause__
-    if not found.columns:
-        raise fault(path, f"no column of numbers in it ({reader.format}); give one that holds a record")
-    return found
+        raise file_error(path, error.what, error.arguments) from error.__cause__
+    if not content.columns:
+        raise file_error(path, f"contains no column of numbers ({reader.format}); give a file with a record")
+    return content
 
 
-def read_each(paths: Sequence[Path], read: Callable[[Path], Read]) -> tuple[list[Read], list[InputError]]:
-    """Read several files; what is read of them, and what is wrong with the others. Raises InputError where nothing is
-    read."""
-    found: list[Read] = []
-    failed: list[InputError] = []
+def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[list[Loaded], list[InputError]]:
+    """Read several files, and return what was read and the errors. Raises the first of them where nothing was read."""
+    results: list[Loaded] = []
+    errors: list[InputError] = []
     for path in paths:
         try:
-            found.append(read(path))
+            results.append(read(path))
         except InputError as error:
-            failed.append(error)
-    if not found:
-        raise failed[0]
-    return found, failed
+            errors.append(error)
+    if not results:
+        raise errors[0]
+    return results, errors
 
 
 @contextlib.contextmanager
-def _border(reader: Reader | None) -> Iterator[None]:
-    """Whatever reading a file raises is one line: InputError, with its cause for whoever looks for it
-    (BAYESDAMP_DEBUG). reader: None until it is known."""
+def _one_line(reader: Reader | None) -> Iterator[None]:
+    """Turn whatever reading a file raises into an InputError of one line, with its cause (for BAYESDAMP_DEBUG).
+
+    reader: None until it is known.
+    """
     try:
         yield
     except InputError:
@@ -170,24 +179,22 @@ def _border(reader: Reader | None) -> Iterator[None]:
         raise InputError(f'{what}: pip install "{name}"') from error
     except Exception as error:  # whatever a format's library does with a damaged file
         if isinstance(error, OSError) and error.errno is not None:
-            raise InputError(_refused(error)) from error
-        said = " ".join(str(error).split())[:120] or type(error).__name__
+            raise _unreadable(error) from error
+        cause = " ".join(str(error).split())[:120] or type(error).__name__
         what = "is damaged or not what its name says"
         if reader is not None:
             what = f"not readable as {reader.format}, damaged or cut off"
-        raise InputError(f"{what} ({said}); export it again, or as CSV") from error
+        raise InputError(f"{what} ({cause}); export it again, or as CSV") from error
 
 
-def read_for_another(path: Path, largest: float) -> Contents:
-    """Read a file for another process, whose limit in bytes holds here too. Raises InputError as `contents`."""
-    limits.LARGEST = largest
-    return read_here(path)
+def _unreadable(error: OSError) -> InputError:
+    return InputError(f"cannot be read ({error.strerror or error}); correct this, or give another file")
 
 
 def reader_of(path: Path) -> Reader:
     """Return the reader of a file: by its content, else by its extension, else that of text. Raises InputError."""
-    head = _head(path)
-    with _border(None):
+    head = _read_head(path)
+    with _one_line(None):
         readers = {name: READERS.get(name) for name in READERS.names() if name != FALLBACK}
         for reader in readers.values():
             if reader.claims(head, path):
@@ -203,22 +210,8 @@ def reader_of(path: Path) -> Reader:
         raise InputError(f"a binary file of an unknown format; give {_OPEN}")
 
 
-def _inside(path: Path) -> str:
-    """What to give in place of a folder: the files of the kind that it has most of."""
-    try:
-        kinds = Counter(one.suffix for one in islice(path.iterdir(), LISTED) if one.suffix and one.is_file())
-    except OSError:
-        kinds = Counter[str]()
-    read = {extension for name in READERS.names() for extension in READERS.get(name).extensions}
-    known = [(kind, count) for kind, count in kinds.most_common() if kind.lower() in read]
-    if not known:
-        return "one of the files in it"
-    kind, count = known[0]
-    return f"the files in it: {str(path)[:80]}/*{kind} ({count} file{'s' if count > 1 else ''})"
-
-
-def _head(path: Path) -> bytes:
-    """The first bytes of a plain file. Raises InputError for all that is none."""
+def _read_head(path: Path) -> bytes:
+    """Return the first bytes of a plain file. Raises InputError for anything else."""
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError) as error:
@@ -226,30 +219,38 @@ def _head(path: Path) -> bytes:
             raise InputError(f"cannot be read ({error})") from None
         names: list[str] = []
         with contextlib.suppress(OSError, ValueError):
-            names = [one.name for one in islice(path.parent.iterdir(), LISTED)]
+            names = [other.name for other in islice(path.parent.iterdir(), LISTED)]
         close = get_close_matches(path.name, names, 1)
         right = f"did you mean {close[0]!r}?" if close else "give the path of a record"
         raise InputError(f"no such file; {right}") from None
     if stat.S_ISDIR(mode):
-        raise InputError(f"is a folder, not a file; give {_inside(path)}")
+        raise InputError(f"is a folder, not a file; give {_files_in(path)}")
     if not stat.S_ISREG(mode):
         raise InputError("is a device or a pipe, not a file; write its data to a file first")
     size = path.stat().st_size
     if size == 0:
         raise InputError("the file is empty; export the record again")
     if size > limits.LARGEST:
-        raise InputError(
-            f"has {size / 2**30:.1f} GiB; more than {limits.LARGEST / 2**30:g} GiB are not read: give a part"
-        )
+        most = f"files of more than {limits.LARGEST / 2**30:g} GiB are not read"
+        raise InputError(f"has {size / 2**30:.1f} GiB; {most}: give a part")
     try:
         with path.open("rb") as file:
             head = file.read(HEAD)
     except OSError as error:
-        raise InputError(_refused(error)) from None
+        raise _unreadable(error) from None
     if not head.strip(b" \t\r\n\0\xef\xbb\xbf"):
-        raise InputError("holds nothing but blanks; export the record again")
+        raise InputError("contains nothing but blanks; export the record again")
     return head
 
 
-def _refused(error: OSError) -> str:
-    return f"cannot be read ({error.strerror or error}); mend that, or give another file"
+def _files_in(folder: Path) -> str:
+    """Return what to give in place of a folder: its files of the most frequent kind that a reader reads."""
+    try:
+        kinds = Counter(p.suffix for p in islice(folder.iterdir(), LISTED) if p.suffix and p.is_file())
+    except OSError:
+        kinds = Counter[str]()
+    readable = {extension for name in READERS.names() for extension in READERS.get(name).extensions}
+    for kind, count in kinds.most_common():
+        if kind.lower() in readable:
+            return f"the files in it: {str(folder)[:80]}/*{kind} ({count} file{'s' if count > 1 else ''})"
+    return "one of the files in it"

@@ -1,0 +1,522 @@
+"""Which columns of a file are a record: the times, and the displacement or derivative that swings and dies down."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.facts import sampling_rate
+from bayesdamp.records.files.names import (
+    find_columns,
+    list_names,
+    names_index,
+    names_time,
+    quote_name,
+    seconds_of_unit,
+    select_runs,
+    split_run,
+    unit_said,
+)
+from bayesdamp.records.oscillation.spectrum import coarse_period
+from bayesdamp.types import InputError
+from bayesdamp.units import UNITS
+
+LEAST = 10
+"""Samples that a record must have."""
+LEVELS = 3
+"""A column with no more values than these is a switch or a sensor at rest."""
+_ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
+_DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms|energ\w*)\b", re.IGNORECASE)
+DIFFER = 0.01
+"""Relative difference of a given rate from what the file, or its own times, state from which on it is reported."""
+_BACK = 0.02
+"""Share of steps back in time that a column named after times may have."""
+_FAR = 10.0
+"""Of columns without units, one that swings so many times as much as the next is the record."""
+_PAIRS = 40
+"""Columns that are compared with each other; among more than these no choice is clear."""
+_ABOUT_G, _ABOUT_TWICE = 0.25, 0.1
+"""Share by which a mean acceleration may differ from gravity (a wide swing lowers it), and share by which one period,
+known coarsely, may differ from twice another."""
+_MINOR = 1 / 3
+"""Of equal sensors, one that swings less than this share of the largest adds little information."""
+LEFT_OUT = 6
+"""Columns left out that are named."""
+SHARE = 0.3
+"""As in `free_decay`: the share of an oscillation in a record."""
+CYCLES = 2.5
+"""Periods below which a column drifts rather than swings."""
+FALL = 0.8
+"""The swing at the end of a record that dies down is below this share of its largest."""
+AGAIN = 0.2
+"""Share of its largest swing by which a free decay does not grow once it has begun to fall (conventional)."""
+SMOOTHED = 3
+"""Periods over which a swing is averaged before its growth is measured."""
+ALIKE = 0.9999
+"""Correlation of two columns that are one signal in two units."""
+LARGEST = 1e100
+"""Largest value that can be computed with: its square must not overflow."""
+
+
+@dataclass(frozen=True)
+class Swing:
+    """A coarse measure of an oscillation: enough to tell a record from other columns of a file.
+
+    period: in samples; size: the largest swing, its standard deviation in the column's unit; swings: whether one
+    frequency has most of its power, over enough cycles; lasts: whether it swings for more than the two periods that one
+    spike can touch; dies: whether its last amplitude is well below its first; grows_again: whether it swells once more
+    after it has died down, as beats and the residuals of a fit do.
+    """
+
+    period: float
+    size: float
+    swings: bool = False
+    lasts: bool = False
+    dies: bool = False
+    grows_again: bool = False
+
+
+def measure_swing(y: np.ndarray) -> Swing:
+    """Return the swing of values y (n,), equally spaced; NaN is left out."""
+    y = np.asarray(y[np.isfinite(y)], float)
+    scale = float(np.abs(y).max()) if y.size else 0.0
+    if y.size < 10 or not 0 < scale < LARGEST or np.ptp(y) == 0:
+        return Swing(np.inf, 0.0)
+    y = y / scale - np.mean(y / scale)
+    period, share = coarse_period(np.arange(y.size, dtype=float), y)
+    width = int(min(max(round(period), 4), y.size // 2))
+    sizes = y[: y.size // width * width].reshape(-1, width).std(axis=1)
+    size = float(sizes.max()) * scale
+    last = float(np.median(sizes[-max(sizes.size // 5, 1) :])) * scale
+    growth = 0.0
+    if sizes.size >= 2 * SMOOTHED and sizes.max() > 0:
+        smooth = np.convolve(sizes, np.full(SMOOTHED, 1 / SMOOTHED), "valid")
+        falling = smooth[int(np.argmax(smooth)) :]
+        growth = float((falling - np.minimum.accumulate(falling)).max() / smooth.max())
+    periods_filled = float(np.sum(sizes**2) ** 2 / np.sum(sizes**4))
+    return Swing(
+        period,
+        size,
+        swings=share >= SHARE and y.size / period >= CYCLES,
+        lasts=periods_filled >= CYCLES,
+        dies=last < FALL * size,
+        grows_again=growth > AGAIN,
+    )
+
+
+def _proportional(a: np.ndarray, b: np.ndarray) -> bool:
+    """Return whether b (n,) is a (n,) in another unit or with another zero."""
+    if a.size != b.size:
+        return False
+    both = np.isfinite(a) & np.isfinite(b)
+    with np.errstate(all="ignore"):  # of a constant column, and of one that overflows
+        return int(both.sum()) >= 10 and bool(abs(np.corrcoef(a[both], b[both])[0, 1]) > ALIKE)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordColumns:
+    """The columns of one record.
+
+    rate: in Hz, where there is no column of times; why: sentences on what was chosen; still: names of other columns
+    that do not change; choice: the sentence on the choice of these columns, empty where there were no others.
+    """
+
+    value: Column
+    time: Column | None = None
+    rate: float | None = None
+    run: str = ""
+    why: tuple[str, ...] = ()
+    still: tuple[str, ...] = ()
+    choice: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Columns that belong together: those of one run and group."""
+
+    run: str
+    columns: tuple[Column, ...]
+    time: Column | None = None
+    rate: float | None = None
+    why: tuple[str, ...] = ()
+
+    @property
+    def values(self) -> list[Column]:
+        """The columns that hold neither times nor numbers of samples."""
+        size = self.time.values.size if self.time is not None else None
+        return [
+            c
+            for c in self.columns
+            if c is not self.time
+            and (size is None or c.values.size == size or c.rate is not None)
+            and not (names_time(c) and _time_score(c, False))
+            and not (names_index(c) and _counts(c.values))
+        ]
+
+    @property
+    def candidates(self) -> list[Column]:
+        """The columns that may be a record's values: numbers that change."""
+        return [c for c in self.values if _changes(c)]
+
+    def record(self, value: Column, choice: str = "", still: tuple[str, ...] = ()) -> RecordColumns:
+        """Return the record of one of the columns."""
+        time = None if self.time is value else self.time
+        why = (*self.why, choice) if choice else self.why
+        return RecordColumns(
+            value, time, None if time is not None else self.rate, self.run, why, still, choice
+        )
+
+
+def choose_columns(
+    content: Contents,
+    *,
+    time: str | int | None = None,
+    values: Sequence[str | int] = (),
+    rate: float | None = None,
+    runs: str | None = None,
+) -> list[RecordColumns]:
+    """Return the columns of the records in a file, as given or as chosen.
+
+    Parameters
+    ----------
+    content
+        What the file contains.
+    time, values
+        Columns by name or number from 1.
+    rate
+        Sampling rate in Hz, in place of the file's times.
+    runs
+        Such as `1,3-5`; all by default.
+
+    Raises
+    ------
+    InputError
+        One line that lists what there is, where a column does not exist or no choice is clear.
+    """
+    columns = content.columns
+    wanted = [column for value in values for column in find_columns(columns, value)]
+    timed = find_columns(columns, time) if time is not None else []
+    places = list(dict.fromkeys((split_run(c)[1], c.group) for c in columns))
+    # Where names mark runs, a column without a mark, such as the only one of times, belongs to all of them.
+    places = [p for p in places if p[0] or not any(q[0] and q[1] == p[1] for q in places)]
+    blocks = [_block(content, run, group, timed, rate) for run, group in places]
+    if runs is not None:
+        labels = list(dict.fromkeys(block.run for block in blocks if block.run))
+        blocks = [block for run in select_runs(runs, labels) for block in blocks if block.run == run]
+    blocks = [_with_named_time(block) for block in blocks]
+    if wanted:
+        chosen = [record for column in wanted if (record := _wanted_record(content, column, blocks))]
+        if not chosen:
+            raise InputError(
+                "the column asked for belongs to none of the runs asked for; leave out one of the two"
+            )
+        return chosen
+    blocks = [block for block in blocks if block.candidates] or [block for block in blocks if block.values]
+    if not blocks:
+        if len(columns) == 1:
+            raise InputError("has one column, and it holds the times; export the recorded quantity too")
+        raise InputError(f"only the times hold numbers that change; columns are {list_names(columns)}")
+    chosen = _choose_in_all(content, blocks)
+    left = [r for r in chosen if unit_said(r.value)[1] != "acceleration" or not _contains_gravity(r.value)]
+    if left:
+        return [_with_clock(record, content) for record in left]
+    column = chosen[0].value
+    kind = unit_said(column)
+    axes = [c for c in columns if c is not column and kind[0] and unit_said(c) == kind and _changes(c)]
+    named = f" ({', '.join(quote_name(columns, c) for c in axes[:3])})" if axes else ""
+    likely = next((c.name for c in axes if c.name and measure_swing(c.values).swings), "")
+    raise InputError(
+        f"{quote_name(columns, column)} contains gravity (mean {np.nanmean(column.values):.4g}): on a pendulum it "
+        f"swings at twice the frequency; give the axis along the swing{named}, or this one if it moves up and down",
+        arguments=["value"],
+        likely={"value": likely} if likely else {},
+    )
+
+
+def _block(content: Contents, run: str, group: str, timed: list[Column], rate: float | None) -> _Block:
+    """Return the columns of a run and group, with their times or their rate where the file has them."""
+    columns = tuple(c for c in content.columns if c.group == group and split_run(c)[1] in (run, ""))
+    own = tuple(c for c in columns if split_run(c)[1] == run) if run else columns
+    if rate is not None:
+        return _Block(run, own, None, rate, _other_rate(_time_column(own) or _time_column(columns), rate))
+    if timed:
+        mine = [c for c in timed if split_run(c)[1] == run] or timed
+        return _Block(run, own, mine[0])
+    size = max((c.values.size for c in own), default=0)
+    outside = tuple(
+        c for c in content.columns if c.group == "" and group and names_time(c) and c.values.size == size
+    )
+    time = _time_column(own) or _time_column(columns) or _time_column(outside)
+    facts = {  # of the group that the columns belong to
+        name: value
+        for name, value in content.facts.items()
+        if any(c.name.startswith(f"{name.rpartition('.')[0]}.") for c in own)
+    }
+    stated = sampling_rate(facts) or sampling_rate(content.facts)
+    if stated is not None and time is not None and seconds_of_unit(time) is None and _counts(time.values):
+        own, time = tuple(c for c in own if c is not time), None  # they number the samples
+    if time is not None:
+        named = time.name and len(content.columns) > 2
+        return _Block(run, own, time, None, (f"Times are those of column {time.name!r}.",) if named else ())
+    if stated is not None:
+        return _Block(run, own, None, stated[0], (f"The file says {stated[1]!r}: {stated[0]:g} Hz.",))
+    return _Block(run, own)
+
+
+def _other_rate(time: Column | None, rate: float) -> tuple[str, ...]:
+    """Return a sentence where the file's own times have another rate than the given one, in Hz."""
+    if time is None:
+        return ()
+    step = float(np.median(np.diff(time.values[np.isfinite(time.values)])))
+    seconds = seconds_of_unit(time)
+    if step <= 0 or (seconds is None and step == 1.0):  # which counts samples
+        return ()
+    own = 1 / (step * (seconds or 1.0))
+    sentence = (
+        f"Times in column {time.name!r} are at {own:.6g} Hz; the record is read at {rate:.6g} Hz, as asked."
+    )
+    return () if abs(rate / own - 1) < DIFFER else (sentence,)
+
+
+def separate_clocks(content: Contents) -> Contents:
+    """Put each column of times into a group with the values behind it, where a table has several that differ.
+
+    `Time A, A, Time B, B`: the times may also follow their values, if they do so throughout. A table whose runs are
+    marked is not changed.
+    """
+    columns = list(content.columns)
+    for group in dict.fromkeys(c.group for c in columns):
+        at = [i for i, c in enumerate(columns) if c.group == group and np.isfinite(c.values).any()]
+        if any(split_run(columns[i])[1] for i in at):
+            continue
+        clocks = [_time_score(columns[i], not columns[i].name) > 0 for i in at]
+        if clocks and clocks[-1]:
+            at, clocks = at[::-1], clocks[::-1]
+        starts = [k for k, clock in enumerate(clocks) if clock]
+        if len(starts) < 2 or starts[0] != 0:
+            continue
+        spans = list(zip(starts, [*starts[1:], len(at)], strict=True))
+        times = [columns[at[k]].values for k in starts]
+        same = all(np.array_equal(times[0], t, equal_nan=True) for t in times)
+        if same or any(stop - start == 1 for start, stop in spans):
+            continue
+        for number, (start, stop) in enumerate(spans, start=1):
+            for i in at[start:stop]:
+                columns[i] = replace(columns[i], group=f"{group} pair {number}".strip())
+        content = replace(content, paired=True)
+    return replace(content, columns=tuple(columns))
+
+
+def _time_column(columns: Sequence[Column]) -> Column | None:
+    """Return the first column that looks most like times, None where none does."""
+    scores = [_time_score(column, i == 0) for i, column in enumerate(columns)]
+    best = max(scores, default=0)
+    return columns[scores.index(best)] if best > 0 else None
+
+
+def _time_score(column: Column, first: bool) -> int:
+    """Return how much a column looks like times; 0 for not at all."""
+    y = column.values[np.isfinite(column.values)]
+    if y.size < 2 or column.rate is not None or names_index(column):
+        return 0
+    steps = np.diff(y)
+    back = float(np.mean(steps < 0))
+    if back > _BACK or not np.any(steps > 0):
+        return 0
+    if back:
+        return int(names_time(column))  # a clock that was set back: cleaning deals with it
+    if names_time(column):
+        unit = seconds_of_unit(column) is not None
+        return 4 + 2 * unit - column.clock
+    return 2 if first and np.all(steps > 0) else 0
+
+
+def _changes(column: Column) -> bool:
+    y = column.values[np.isfinite(column.values)]
+    return y.size >= LEAST and np.unique(y[:: max(1, y.size // 20000)]).size > LEVELS
+
+
+def _counts(y: np.ndarray) -> bool:
+    y = y[np.isfinite(y)]
+    return bool(y.size > 1 and np.all(np.diff(y) == 1))
+
+
+def _wanted_record(content: Contents, column: Column, blocks: list[_Block]) -> RecordColumns | None:
+    """Return the record of a column that was asked for; None where it is in none of the blocks."""
+    run, group = split_run(column)[1], column.group
+    home = [b for b in blocks if any(c is column for c in b.columns)]
+    home = home or [b for b in blocks if not run and any(c.group == group for c in b.columns)]
+    if not home:
+        return None
+    record = replace(home[0].record(column), run=run)
+    if record.time is None and record.rate is None and column.rate is None and len(content.columns) == 2:
+        other = next(c for c in content.columns if c is not column)
+        if other.values.size == column.values.size:
+            record = replace(record, time=other)
+    return _with_clock(record, content)
+
+
+def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
+    """Return the record, with its column's own rate where it has no times. Raises InputError where it has neither."""
+    if record.time is not None or record.rate is not None:
+        return record
+    if record.value.rate is not None:
+        note = f"The file gives the sampling rate: {record.value.rate:.9g} Hz."
+        return replace(record, rate=record.value.rate, why=(*record.why, note))
+    if len(content.columns) == 1:
+        what = "no time given, and its one column holds the values: export the times, or give the rate in Hz"
+        raise InputError(what, arguments=["rate"])
+    what = "no time given: name the time column or give the rate in Hz"
+    raise InputError(f"{what}; columns are {list_names(content.columns)}", arguments=["time", "rate"])
+
+
+def _with_named_time(block: _Block) -> _Block:
+    """Give a block without any clock the column that is named like times, even if its times do not increase.
+
+    Cleaning reports what is wrong with them. Raises InputError where that column has another length.
+    """
+    time = next((c for c in block.columns if names_time(c) and not names_index(c)), None)
+    clocked = block.time is not None or block.rate is not None
+    if time is None or clocked or any(c.rate is not None for c in block.columns):
+        return block
+    for other in block.columns:
+        if len(block.columns) == 2 and other.values.size != time.values.size:
+            raise InputError(
+                f"has {time.values.size} times in {time.name!r} and {other.values.size} values in "
+                f"{other.name!r}; a record has as many of both: export it again, or give the rate in Hz",
+                arguments=["rate"],
+            )
+    return replace(block, time=time)
+
+
+def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumns]:
+    """Return the choice in each block; of several runs, the column that most of them would choose."""
+    picks = [_choose_in_block(content, block) for block in blocks]
+    usual = Counter(tuple(split_run(c)[0] for c in chosen) for chosen, _ in picks).most_common(1)[0][0]
+    several = len({block.run for block in blocks}) > 1
+    records: list[RecordColumns] = []
+    for block, (chosen, choice) in zip(blocks, picks, strict=True):
+        if several:
+            chosen = [c for base in usual for c in block.columns if split_run(c)[0] == base] or chosen
+        still = tuple(c.name for c in block.values if c.name and not _changes(c))
+        records += [block.record(c, choice, still) for c in chosen]
+    for run in dict.fromkeys(record.run for record in records):
+        _refuse_unclear(content, [record for record in records if record.run == run])
+    return records
+
+
+def _refuse_unclear(content: Contents, records: list[RecordColumns]) -> None:
+    """Refuse a choice of several columns that are not channels of one kind. Raises InputError."""
+    chosen = [record.value for record in records]
+    kinds = {unit_said(c) for c in chosen}
+    if len(kinds) == 1 and all(unit for unit, _ in kinds):
+        return  # sensors of one unit
+    bare = {c.name.removeprefix(f"{c.group}.") for c in chosen}
+    if len(bare) == 1 and len({c.group for c in chosen}) == len(chosen):
+        return  # the same column of several sheets
+    if len(chosen) == 1 or content.channels or content.paired:
+        return
+    names = ", ".join(quote_name(content.columns, c) for c in chosen[:3])
+    more = f" and {len(chosen) - 3} more" if len(chosen) > 3 else ""
+    clockless = any(r.time is None and r.rate is None and r.value.rate is None for r in records)
+    no_times = " and no times" if clockless else ""
+    also = ", and the name of the times or the rate in Hz" if clockless else ""
+    raise InputError(
+        f"has {len(content.columns)} columns{no_times}, and {names}{more} may each be the record; give the name or "
+        f"number of one, or of several channels{also}; columns are {list_names(content.columns)}",
+        arguments=["value", "channels", *(["time", "rate"] if clockless else [])],
+        likely={"value": chosen[0].name or quote_name(content.columns, chosen[0])},
+    )
+
+
+def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], str]:
+    """Return the columns of one run that are a record each, and why."""
+    values = block.candidates or block.values
+    if len(values) == 1:
+        return values, ""
+    swings = {id(c): measure_swing(c.values) for c in values}
+    moving = [c for c in values if swings[id(c)].swings] or values
+    moving = [c for c in moving if swings[id(c)].lasts] or moving
+    if not content.channels or all(unit_said(c)[0] for c in moving):
+        moving = _lowest_derivative(_across_gravity(moving, swings))
+        if len(moving) <= _PAIRS:
+            moving = _independent(moving, swings)
+        moving = [c for c in moving if not _DERIVED.search(split_run(c)[0])] or moving
+        moving = [c for c in moving if swings[id(c)].dies] or moving
+    if not content.channels:
+        moving = _largest(moving, swings)
+        if not any(unit_said(c)[0] for c in moving):
+            moving = [c for c in moving if not swings[id(c)].grows_again] or moving
+    if len(moving) > 1:
+        out = ", ".join([quote_name(content.columns, c) for c in values if c not in moving][:LEFT_OUT])
+        return moving, f"Columns that do not swing and die down are left out: {out}." if out else ""
+    taken = f"Column {quote_name(content.columns, moving[0])} is taken"
+    return moving, f"{taken}: of {len(values)} that change, it is the one that swings and dies down."
+
+
+def _contains_gravity(column: Column) -> bool:
+    """Return whether a column's mean is that of gravity, and nothing states that it is not an acceleration."""
+    gravity, (unit, quantity) = UNITS["g"].factor, unit_said(column)
+    y = column.values[np.isfinite(column.values)]
+    if not y.size or np.abs(y).max() > LARGEST:
+        return False
+    factor = 1.0 if not unit else UNITS[unit].factor if unit in UNITS and UNITS[unit].base == "m" else 0.0
+    may_be = quantity == "acceleration" or not (unit or quantity)
+    return may_be and abs(abs(float(y.mean())) * factor / gravity - 1) < _ABOUT_G
+
+
+def _across_gravity(columns: list[Column], swings: dict[int, Swing]) -> list[Column]:
+    """Leave out accelerations that contain gravity where another axis swings at half their frequency.
+
+    The pull of a pendulum's string is largest twice in a cycle.
+    """
+    across: list[Column] = []
+    for column in columns:
+        if _contains_gravity(column):
+            others = [c for c in columns if unit_said(c) == unit_said(column) and not _contains_gravity(c)]
+            ratios = [swings[id(c)].period / swings[id(column)].period / 2 for c in others]
+            if any(abs(ratio - 1) < _ABOUT_TWICE for ratio in ratios):
+                continue
+        across.append(column)
+    return across
+
+
+def _independent(columns: list[Column], swings: dict[int, Swing]) -> list[Column]:
+    """Leave out what is another column in another unit."""
+    independent: list[Column] = []
+    for column in columns:
+        twin = next((c for c in independent if _proportional(c.values, column.values)), None)
+        if twin is None:
+            independent.append(column)
+        elif unit_said(twin) == unit_said(column) and swings[id(column)].size > swings[id(twin)].size:
+            # Of one unit, as the axes of a sensor are: the one that shows more.
+            independent[independent.index(twin)] = column
+    return independent
+
+
+def _lowest_derivative(columns: list[Column]) -> list[Column]:
+    """Leave out derivatives of other columns: a velocity where there is a displacement of the same kind."""
+    kinds = [unit_said(c) for c in columns]
+    ranks = [(UNITS[unit].base if unit in UNITS else unit, _ORDER[quantity]) for unit, quantity in kinds]
+    lowest = {base: min(order for other, order in ranks if other == base) for base, _ in ranks}
+    return [c for c, (base, order) in zip(columns, ranks, strict=True) if order == lowest[base]]
+
+
+def _largest(columns: list[Column], swings: dict[int, Swing]) -> list[Column]:
+    """Return, of sensors of one unit, those that swing nearly as much as the largest.
+
+    Where no unit is stated, that is the one that swings far more than all others.
+    """
+    sizes = [swings[id(c)].size for c in columns]
+    kinds = {unit_said(c) for c in columns}
+    if not any(unit for unit, _ in kinds):
+        far = [c for c, size in zip(columns, sizes, strict=True) if size >= _FAR * sorted(sizes)[-2:][0]]
+        return far if len(far) == 1 else columns
+    if len(kinds) > 1:
+        return columns
+    return [c for c, size in zip(columns, sizes, strict=True) if size >= _MINOR * max(sizes)]

@@ -1,1 +1,0 @@
-"""Which columns of a file are a record, and in which units."""

@@ -1,0 +1,297 @@
+"""What the names of columns state: a run, a unit, a quantity, times; and the columns that a user's text selects.
+
+Units are written in many ways: `Angle(deg)`, `Time [ms]`, `acceleration / (m/s²)`, `phi_deg`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from difflib import get_close_matches
+
+from bayesdamp.records.files.contents import Column
+from bayesdamp.types import InputError
+from bayesdamp.units import UNITS
+
+SECONDS = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden"), 1.0),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microsecond", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosecond", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("ps", "psec", "picosecond", "picoseconds"), 1e-12),
+    **dict.fromkeys(("min", "mins", "minute", "minutes", "minuten"), 60.0),
+    **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "std", "stunde", "stunden"), 3600.0),
+    **dict.fromkeys(("d", "day", "days", "tag", "tage"), 86400.0),
+}
+"""Seconds in a unit of time, by the ways of writing it."""
+_JOINED = re.compile(
+    r"(?:time|stamp|elapsed|(?<![^\W_])t)[.-]?(sec|[mµμun]s|[mun]sec|millis|micros|nanos)$", re.IGNORECASE
+)
+"""A unit that is joined to the name of times, as in ArduPilot's `TimeUS`."""
+TIMES = re.compile(
+    r"^t(\d*|[\s_.-]\w)$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value",
+    re.IGNORECASE,
+)
+"""Names of columns of times."""
+_ONLY_OF_TIMES = {text for text, seconds in SECONDS.items() if seconds > 60.0 or seconds < 1e-9}
+"""Units only behind a name of times: elsewhere `d`, `h`, `ps` and such are a depth, a height or horsepower."""
+_UNSURE = ("in", "v", "V", "g", "au", "foot")
+"""Behind a "_" these may as well be a word of the name."""
+_SHORT = ("mm", "cm", "um", "mV", "ms", "us")
+"""Units of two letters that are not words, so that a blank before them is enough."""
+_QUANTITIES = {
+    **dict.fromkeys(("velocity", "velocities", "vel", "speed", "gyro", "gyroscope"), "velocity"),
+    **dict.fromkeys(("acceleration", "accelerations", "accel", "acc", "accelerometer"), "acceleration"),
+}
+_PER = (
+    ("acceleration", re.compile(r"(/s2|/s/s|/\(s2\)|s-2|/sec2)$")),
+    ("velocity", re.compile(r"(/s|s-1|/sec)$")),
+)
+_RUN = r"(?:run|trial|take|test|rep|repeat|repetition|lauf|versuch|messung|durchgang|essai|prova|ensayo)"
+_RUN_BEHIND = re.compile(
+    rf"^(.+?)[\s,;:_-]*[(\[]?(?<![A-Za-z]){_RUN}\s*[#_:.-]?\s*(\d+)[)\]]?\s*$", re.IGNORECASE
+)
+_RUN_BEFORE = re.compile(rf"^{_RUN}\s*[#_.-]?\s*(\d+)\s*[:,;._\s-]\s*(.+)$", re.IGNORECASE)
+_RUN_LATEST = re.compile(r"^(latest)\s*:\s*(.+)$", re.IGNORECASE)
+"""How Vernier's Logger Pro marks the run that has no number yet."""
+_RUN_ALONE = re.compile(rf"^{_RUN}?\s*[#_.-]?\s*(\d+)$", re.IGNORECASE)
+_SECONDS_ALONE = re.compile(r"^(elapsed[\s_]*)?seconds([\s_]*elapsed)?$", re.IGNORECASE)
+_INDEX = re.compile(
+    r"^(unnamed: 0|index|idx|sample|samples|no|nr|n|i|row|frame|frames|count|counter|#|id)$", re.I
+)
+_BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]{1,12})\s*[)\]}]\s*$")
+MOST, WIDTH = 12, 110
+"""Number of names that a message lists, and the characters that they take."""
+
+
+def _plain(text: str) -> str:
+    """Return a unit in small letters, without blanks and signs of powers."""
+    return re.sub(r"[\s*^·.{}]", "", text.lower().replace("²", "2").replace("⁻", "-").replace("¹", "1"))
+
+
+_WRITTEN = {_plain(text): unit for unit in UNITS.values() for text in (unit.name, *unit.written)}
+
+
+def _bare(text: str) -> str:
+    return text.lower().replace("(s)", "s").strip(" .")
+
+
+def _unit_candidates(name: str) -> list[str]:
+    """Return the parts of a name that may be a unit: within brackets, or behind a "/", " in ", "_" or blank."""
+    inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
+    if inside:
+        return ["".join(groups).strip() for groups in inside]
+    behind = re.search(r"(?:^[^/\s]+/|\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
+    if behind:
+        unsure = behind[0][0] == "_" and behind[1] in _UNSURE
+        return [] if unsure else [behind[1].strip("()[]{}")]
+    last = re.search(r"(?:^|\s)([^\W\d_]+)\s*$", name)
+    if last and (_bare(last[1]) in SECONDS or _plain(last[1]) in _WRITTEN):
+        # A unit that nothing marks: `Angle degrees`, `adc`.
+        word, alone = last[1], last[1] == name.strip()
+        if (len(word) > 2 and word not in _UNSURE and word != "min") or (word in _SHORT and not alone):
+            return [word]
+    return []
+
+
+def seconds_in(name: str) -> float | None:
+    """Return the seconds in the unit that the name of a column of times states; None where it states none."""
+    units = [unit for unit in map(_bare, _unit_candidates(name)) if unit in SECONDS]
+    if not units and (joined := _JOINED.search(name.strip())):
+        units = [joined[1].lower()]
+    seconds = set[float]()
+    for unit in units:
+        if unit in _ONLY_OF_TIMES and name.strip().lower() not in ("hours", "days", "stunden", "tage"):
+            rest = re.sub(r"[\s_/(\[{]+(in\s+)?$", "", name[: name.lower().rindex(unit.removesuffix("s"))])
+            if not TIMES.search(rest.rpartition(".")[2].strip()):
+                continue
+        seconds.add(SECONDS[unit])
+    return seconds.pop() if len(seconds) == 1 else None
+
+
+def seconds_written(unit: str) -> float | None:
+    """Return the seconds in a unit of time such as `h` or `ms since 2024-01-01`; None for other units."""
+    return SECONDS.get(_bare(re.sub(r"\s+since\s.*$", "", unit.strip(" ()[]"))))
+
+
+def may_be_unit(cell: str, name: str) -> bool:
+    """Return whether the cell below a column's name is its unit, or empty."""
+    text = cell.strip("()[] ")
+    if _bare(text) in SECONDS:
+        return _bare(text) not in _ONLY_OF_TIMES or bool(TIMES.search(name))
+    return text in ("", "-") or unit_written(text) is not None
+
+
+def unit_and_quantity(name: str) -> tuple[str, str] | None:
+    """Return the displacement's unit and the quantity in a column's name; None where it has none, or several."""
+    units = {unit for unit in map(unit_written, _unit_candidates(name)) if unit is not None}
+    if len(units) != 1:
+        return None
+    unit, quantity = units.pop()
+    return unit, quantity if UNITS[unit].physical else _quantity_of(name) or quantity
+
+
+def _quantity_of(name: str) -> str | None:
+    """Return the quantity that a word of a name states: velocity or acceleration; None where none does."""
+    words = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower())
+    quantities = {_QUANTITIES[word] for word in words if word in _QUANTITIES}
+    return quantities.pop() if len(quantities) == 1 else None
+
+
+def unit_written(text: str) -> tuple[str, str] | None:
+    """Return the unit and the quantity that the text of a unit stands for; None where it is not known."""
+    text = _plain(text)
+    if text in _WRITTEN:
+        return _WRITTEN[text].name, _WRITTEN[text].quantity or "angle"
+    for quantity, per in _PER:
+        unit = _WRITTEN.get(text[: at.start()]) if (at := per.search(text)) else None
+        if unit is not None and unit.quantity is None:
+            return unit.name, quantity
+    return None
+
+
+def by_name(unit: str | None, quantity: str | None) -> tuple[str | None, str | None]:
+    """Return a given unit by its name in `UNITS`, and the quantity.
+
+    The unit may be written as in the head of a column: `°`, `degrees`, or `deg/s`, which gives the quantity too unless
+    that is given.
+    """
+    if unit is None or unit in UNITS or (written := unit_written(unit)) is None:
+        return unit, quantity
+    name, what = written
+    return name, quantity or (what if what != "angle" else None)
+
+
+def split_run(column: Column) -> tuple[str, str]:
+    """Return a column's name without the mark of a run, and the run's label, empty where the file has none."""
+    bare = column.name.removeprefix(f"{column.group}.") if column.group else column.name
+    if column.run:
+        bare = bare.removeprefix(f"{column.run}.")  # an element of a list in which each element is a run
+    for pattern, run, rest in ((_RUN_BEHIND, 2, 1), (_RUN_BEFORE, 1, 2)):
+        at = pattern.match(bare)
+        if at is not None:
+            return at[rest].strip(), column.run or str(int(at[run][:9]))
+    latest = _RUN_LATEST.match(bare)
+    if latest is not None:
+        return latest[2].strip(), column.run or "latest"
+    alone = _RUN_ALONE.match(column.group)
+    if column.run or (alone and not column.group.isdigit()):
+        return bare, column.run or str(int(alone[1][:9]) if alone else "")
+    return column.name, ""
+
+
+def seconds_of_unit(column: Column) -> float | None:
+    """Return the seconds in the unit of a column of times, stated in or outside its name; None where it has none."""
+    seconds = seconds_in(split_run(column)[0]) or seconds_written(column.unit)
+    return 1.0 if seconds is None and _SECONDS_ALONE.match(column.name) else seconds
+
+
+def unit_said(column: Column) -> tuple[str, str]:
+    """Return the unit and the quantity of a column; each empty where the file does not state it.
+
+    The unit is the displacement's, by its name in UNITS; a unit that is not in UNITS is returned as it is written.
+    """
+    name = split_run(column)[0]
+    named = _quantity_of(name) or column.quantity
+    if column.unit:
+        written = unit_written(column.unit.strip("()[]"))
+        if written is None:
+            return (column.unit if len(column.unit) < 20 else ""), named
+        unit, quantity = written
+        return unit, (quantity if UNITS[unit].quantity or quantity != "angle" else named or quantity)
+    known = unit_and_quantity(name)
+    if known is not None:
+        return known
+    behind = _BRACKETS.search(name)
+    return (behind[1].strip() if behind and not behind[1].strip().isdigit() else ""), named
+
+
+def names_time(column: Column) -> bool:
+    """Return whether a column's name or unit states that it holds times."""
+    bare = re.sub(r"[(\[{].*?[)\]}]", "", split_run(column)[0]).rpartition(".")[2].strip()
+    return bool(TIMES.search(bare)) or column.clock or seconds_of_unit(column) is not None
+
+
+def names_index(column: Column) -> bool:
+    """Return whether a column's name states that it counts the samples."""
+    return bool(_INDEX.match(split_run(column)[0].rpartition(".")[2].strip()))
+
+
+def quote_name(columns: Sequence[Column], column: Column) -> str:
+    """Return a column's name in quotes, or its number from 1 where it has none."""
+    if column.name:
+        return repr(column.name[:60])
+    return str(next(i for i, c in enumerate(columns, start=1) if c is column))
+
+
+def list_names(columns: Sequence[Column]) -> str:
+    """Return the names that a user may type, in a line."""
+    if not any(column.name for column in columns):
+        return f"1 to {len(columns)} (they have no names)" if len(columns) > 1 else "1 (it has no name)"
+    names = [repr(c.name) if c.name else str(i) for i, c in enumerate(columns, start=1)]
+    shown: list[str] = []
+    for name in names:
+        if len(shown) == MOST or len(", ".join([*shown, name])) > WIDTH:
+            return f"{', '.join(shown)} and {len(names) - len(shown)} more"
+        shown.append(name)
+    return ", ".join(shown)
+
+
+def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
+    """Return the columns that a user means.
+
+    That is the one of this name, or of this number from 1, or, in a file of several runs, those of this name without
+    the run and the unit. Raises InputError with the nearest name.
+    """
+    name = str(wanted).strip()
+    exact = [column for column in columns if name and column.name == name]
+    if len(exact) == 1:
+        return exact
+    if exact:
+        raise InputError(f"{len(exact)} columns are named {name!r}; give the column's number")
+    if name.isdigit():
+        if len(name) < 9 and 1 <= int(name) <= len(columns):
+            return [columns[int(name) - 1]]
+        raise InputError(f"there is no column {name[:20]}, the file has {len(columns)}")
+    forms = [(column, _forms(column)) for column in columns if column.name]
+    for i in range(4):
+        same = [column for column, names in forms if names[i].casefold() == name.casefold()]
+        if same and len({split_run(column)[1] for column in same}) == len(same):
+            return same
+    valid = list(dict.fromkeys(column.name for column, _ in forms))
+    bare = [text for _, names in forms for text in names[2:]]
+    close = get_close_matches(name, [*valid, *bare], n=1, cutoff=0.6)
+    if close:
+        raise InputError(f"unknown column {name[:60]!r}; did you mean {close[0]!r}?")
+    what = f"valid are {', '.join(valid)}" if 0 < len(valid) <= MOST else f"columns are {list_names(columns)}"
+    raise InputError(f"unknown column {name[:60]!r}; {what}")
+
+
+def _forms(column: Column) -> tuple[str, str, str, str]:
+    """Return the ways of typing a column: its name, with its unit, without its run, and without run and unit."""
+    bare = split_run(column)[0]
+    without_unit = re.sub(r"\s*[(\[{][^()\[\]{}]*[)\]}]\s*$", "", bare).strip() or bare
+    return column.name, column.label, bare, without_unit
+
+
+def select_runs(text: str, labels: Sequence[str]) -> list[str]:
+    """Return the labels among those of a file that a text such as `1,3-5` selects. Raises InputError."""
+    more = f" and {len(labels) - MOST} more" if len(labels) > MOST else ""
+    choice = "there are " + (f"runs {', '.join(labels[:MOST])}{more}" if labels else "none to choose from")
+    wanted: list[str] = []
+    for part in filter(None, (piece.strip() for piece in text.split(","))):
+        if part in labels:
+            wanted.append(part)
+            continue
+        at = re.fullmatch(r"(\d{1,6})(?:\s*-\s*(\d{1,6}))?", part)
+        if at is None or int(at[2] or at[1]) < int(at[1]):
+            what = f"no runs {text[:40]!r}; give numbers such as 1,3-5; {choice}"
+            raise InputError(what, arguments=["runs"])
+        low, high = int(at[1]), int(at[2] or at[1])
+        numbered = [label for label in labels if label.isdigit() and low <= int(label) <= high]
+        if not numbered:
+            raise InputError(f"no runs {text[:40]!r}; {choice}", arguments=["runs"])
+        wanted += numbered
+    if not wanted:
+        raise InputError(f"runs {text[:40]!r} select none; {choice}", arguments=["runs"])
+    return list(dict.fromkeys(wanted))
