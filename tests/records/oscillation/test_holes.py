@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.records.decay.window import free_decay
+from bayesdamp.records.cleaning.window import free_decay
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.first_look import first_words
-from bayesdamp.records.oscillation.one import other_than_one
+from bayesdamp.records.oscillation.modes import other_than_one
 from bayesdamp.types import Signal
 
 FREQUENCY, RATE, START, NOISE = 1.3, 0.05, 0.4, 0.002

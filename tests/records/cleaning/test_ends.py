@@ -12,7 +12,7 @@ from scipy.signal import butter, sosfiltfilt
 import bayesdamp as bd
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.decay.window import free_decay
+from bayesdamp.records.cleaning.window import free_decay
 from bayesdamp.records.oscillation.first_look import first_words
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Signal
