@@ -210,7 +210,7 @@ def _forget() -> None:
 def _load_plugins(module: PluginModule) -> list[tuple[Registry[Any], str, Any]]:
     """Run a module, and return the registry and the name of each of its plug-ins, with the plug-in."""
     loaded = _run(module)
-    plugins = list(getattr(loaded, "PLUGINS", ()))
+    plugins: list[object] = list(getattr(loaded, "PLUGINS", ()))
     plugins += [loaded.PLUGIN] if hasattr(loaded, "PLUGIN") else []
     where = f"plug-in {module.file}"
     if not plugins:

@@ -74,10 +74,15 @@ def test_asked_window_in_the_files_own_seconds():
 
 
 @pytest.mark.parametrize(
-    ("unit", "scale", "base"),
-    [("deg", np.pi / 180, "rad"), ("mm", 1e-3, "m"), ("m", 1, "m"), ("in", 0.0254, "m"), ("mV", 1e-3, "V")],
+    ("unit", "scale", "base", "quantity"),
+    [
+        ("deg", np.pi / 180, "rad", "angle"),
+        ("mm", 1e-3, "m", "angle"),
+        ("in", 0.0254, "m", "velocity"),
+        ("m", 1, "m", "acceleration"),
+        ("mV", 1e-3, "V", "acceleration"),
+    ],
 )
-@pytest.mark.parametrize("quantity", ["angle", "velocity", "acceleration"])
 def test_units(unit, scale, base, quantity):
     t = np.arange(1000) * 0.01
     signal = clean(record(t, decay(t)), name="x", unit=unit, quantity=quantity)
