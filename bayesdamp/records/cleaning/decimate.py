@@ -24,18 +24,18 @@ UNEVEN = 2.0
 """Samples, or ticks of the clock that stamps them, by which a stamp may be off an even clock."""
 
 
-def decimated(raw: RawRecord, most: int = MOST) -> RawRecord:
-    """Return the record with as many samples as its oscillation needs, itself where it has no more than `most`.
+def decimated(raw: RawRecord) -> RawRecord:
+    """Return the record with as many samples as its oscillation needs, itself where it has no more than `MOST`.
 
     The times of the result are in s of the file's own; a note in the provenance describes the filter. The first and
     last samples, for which the filter lacks neighbours, are left out. A record that is not evenly sampled stays as it
     is. The remaining noise and rounding error are those within the band that passes.
     """
-    clock = _even_clock(raw) if raw.y.size > most else None
+    clock = _even_clock(raw) if raw.y.size > MOST else None
     if clock is None:
         return raw
     start, rate = clock
-    factor = _thinning_factor(raw.y, rate, most)
+    factor = _thinning_factor(raw.y, rate)
     if factor < 2:
         return raw
     y, first = thinned(raw.y, factor)
@@ -89,7 +89,7 @@ def _even_clock(raw: RawRecord) -> tuple[float, float] | None:
     return float(np.mean(raw.t) - step * np.mean(rows)), 1 / step
 
 
-def _thinning_factor(y: np.ndarray, rate: float, most: int) -> int:
+def _thinning_factor(y: np.ndarray, rate: float) -> int:
     """Return the factor by which a record y (n,) at a rate in Hz may be thinned, 1 for not at all."""
     from scipy.signal import welch
 
@@ -101,5 +101,5 @@ def _thinning_factor(y: np.ndarray, rate: float, most: int) -> int:
     peak = float(frequency[int(np.argmax(power))])
     highest = float(frequency[np.flatnonzero(power > HEARD * power.max())[-1]])
     cycles = peak * y.size / rate
-    per_cycle = float(np.clip(most / cycles, LEAST_PER_CYCLE, PER_CYCLE))
+    per_cycle = float(np.clip(MOST / cycles, LEAST_PER_CYCLE, PER_CYCLE))
     return max(int(rate / max(per_cycle * peak, 2 * highest / PASS)), 1)

@@ -23,9 +23,9 @@ def averaged(values: np.ndarray, block: int) -> np.ndarray:
     return values[: values.size // block * block].reshape(-1, block).mean(axis=1)
 
 
-def on_grid(t: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[float, np.ndarray]:
-    """Interpolate y (n,) linearly on equally spaced times: return their spacing in s and the values, (m ≤ most,)."""
-    block = -(-t.size // most)
+def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
+    """Interpolate y (n,) linearly on equally spaced times: return their spacing in s and the values, (m ≤ MOST,)."""
+    block = -(-t.size // MOST)
     t, y = averaged(t, block), averaged(y, block)
     spacing = float((t[-1] - t[0]) / (t.size - 1))
     return spacing, np.interp(t[0] + spacing * np.arange(t.size), t, y)

@@ -40,10 +40,10 @@ def true_runs(flags: np.ndarray) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def local_median(values: np.ndarray, beside: int = 4) -> np.ndarray:
-    """Return the median of each of values (k,) and of up to so many on either side of it, (k,)."""
-    padded = np.pad(values.astype(float), beside, constant_values=np.nan)
-    return np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 2 * beside + 1).copy(), axis=1)
+def local_median(values: np.ndarray) -> np.ndarray:
+    """Return the median of each of values (k,) and of up to four on either side of it, (k,)."""
+    padded = np.pad(values.astype(float), 4, constant_values=np.nan)
+    return np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 9).copy(), axis=1)
 
 
 def thinned(
