@@ -107,10 +107,6 @@ class Registry(Generic[T]):
         entries = _entry_points(tuple(sys.path)).select(group=group) if group else ()
         return {e.name: e for e in entries if e.name not in self._modules}
 
-    def is_home_of(self, module: str) -> bool:
-        """Return whether a module's classes are of this kind."""
-        return module.startswith((f"{self.home}.", f"{self.package}."))
-
     def ships(self, name: str) -> bool:
         """Return whether a plug-in is the package's own."""
         return name in self._modules and name not in self._added
@@ -221,7 +217,9 @@ def _load_plugins(module: PluginModule) -> list[tuple[Registry[Any], str, Any]]:
             raise InputError(f"{where}: {plugin.__name__} is a class; give an instance, {plugin.__name__}()")
         homes = [cls.__module__ for cls in type(plugin).__mro__]
         registries = sorted(_REGISTRIES.values(), key=lambda r: -len(r.home))
-        registry = next((r for r in registries if any(r.is_home_of(home) for home in homes)), None)
+        registry = next(
+            (r for r in registries if any(h.startswith((f"{r.home}.", f"{r.package}.")) for h in homes)), None
+        )
         if registry is None:
             raise InputError(
                 f"{where}: PLUGIN is of type {type(plugin).__name__}, which is not a plug-in; derive its class from "

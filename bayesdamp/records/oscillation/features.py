@@ -59,7 +59,7 @@ def wandering(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
     whole = variance_of_changes(period) - 2 * noise**2
     half = variance_of_changes(0.5 * period) - 2 * noise**2
     if np.isfinite(whole) and half > 0 and whole > NO_NEARER * half:
-        return "after a period it is no nearer to where it was than after half of one"
+        return "after a whole period it is no closer to its earlier values than after half a period"
     return ""
 
 

@@ -165,28 +165,23 @@ def _add_mode(
     low = np.tile([0.5, -12.0], count)
     high = np.tile([np.pi / spacing / scale[0], 60.0], count)
 
-    def search(start: np.ndarray) -> np.ndarray | None:
-        at = np.clip(start.ravel() / scale, low + 1e-6, high - 1e-6)
-        try:
-            fit = least_squares(
-                lambda z: _residuals(few, few_y, (z * scale).reshape(-1, 2)),
-                at,
-                bounds=(low, high),
-                max_nfev=60,
-                x_scale=np.tile([0.1, 0.3], count),
-            )
-        except (ValueError, np.linalg.LinAlgError):
-            return None
-        return (fit.x * scale).reshape(-1, 2)
+    def residuals(z: np.ndarray) -> np.ndarray:
+        return _residuals(few, few_y, (z * scale).reshape(-1, 2))
 
     best: tuple[np.ndarray, np.ndarray] | None = None
     for omega in starts:
         is_near = np.any(np.abs(points[:, 0] - omega) < APART * bin_width)
         if omega <= 0 or (best is not None and is_near):
             continue
-        modes = search(np.vstack([points, [omega, 1.0 / t[-1]]]))
-        if modes is None:
+        start = np.vstack([points, [omega, 1.0 / t[-1]]]).ravel() / scale
+        start = np.clip(start, low + 1e-6, high - 1e-6)
+        try:
+            fit = least_squares(
+                residuals, start, bounds=(low, high), max_nfev=60, x_scale=np.tile([0.1, 0.3], count)
+            )
+        except (ValueError, np.linalg.LinAlgError):
             continue
+        modes = (fit.x * scale).reshape(-1, 2)
         left = _residuals(t, y, modes)
         if best is None or float(left @ left) < float(best[1] @ best[1]):
             best = modes, left
