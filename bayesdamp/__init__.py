@@ -1,16 +1,16 @@
-"""bayesdamp: how large is the damping of a decaying oscillation, which is it, and how sure may one be?
+"""bayesdamp: how large is the damping of a decaying oscillation, of which kind is it, and how certain is that?
 
-The public interface, each name loaded when it is first used (docs/python.md shows it at work):
+The public interface; each name is loaded at its first use (docs/python.md has examples):
 
-- records: `read(path)`, a `Record`, whose `signal()` is the free decay in it; `signal(t, y)` from arrays;
+- records: `read(path)` returns a `Record`, whose `signal()` is the free decay in it; `signal(t, y)` from arrays;
 `simulate(...)`.
 - one model on one record: `Model(...)` with priors (`HalfNormal`, `LogNormal`, `LogUniform`, `Normal`,
 `Uniform`); `estimate(signal, name, model)`, `fit(signal, model)`, `sample(fit)`, `evidence(posterior)`,
 `model.bind(signal)`.
 - `read_envelope(path)`: where only the amplitude was recorded.
 - studies: `load_study(path)`, `run_study(study)`.
-- `load(path)`: whatever a result's `save` wrote. `InputError`, `Refusal`: what they raise.
-- underneath: `read_record`, `clean`, `features`, `Oscillator`, `trajectory(oscillator, parameters, times)`.
+- `load(path)`: what a result's `save` wrote. `InputError`, `Refusal`: the exceptions.
+- lower level: `read_record`, `clean`, `features`, `Oscillator`, `trajectory(oscillator, parameters, times)`.
 """
 
 import os
@@ -18,7 +18,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-# Before any array is made: double precision everywhere. JAX takes a second to load, and reads this when it does.
+# Double precision everywhere, before any array exists. JAX takes a second to load, and reads this when it does.
 os.environ["JAX_ENABLE_X64"] = "1"
 if "jax" in sys.modules:
     sys.modules["jax"].config.update("jax_enable_x64", True)
@@ -54,10 +54,10 @@ _NAMES = {
     "types": ("InputError", "Refusal"),
     "verdict.types": ("Verdict",),
 }
-"""The public names, by the module of this package that each comes from."""
+"""The public names, by their module in this package."""
 _HOME = {name: f"bayesdamp.{module}" for module, names in _NAMES.items() for name in names}
-_THERE = {"trajectory": "simulate"}
-"""What a name is called where it comes from, if something else."""
+_NAME_THERE = {"trajectory": "simulate"}
+"""The name in its module, where that differs from the public one."""
 __all__ = ["__version__", "trajectory", *(_HOME.keys() - {"trajectory"})]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
@@ -107,14 +107,14 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(import_module(_HOME[name]), _THERE.get(name, name))
-    if callable(found) and not isinstance(found, type):
+    value = getattr(import_module(_HOME[name]), _NAME_THERE.get(name, name))
+    if callable(value) and not isinstance(value, type):
         from bayesdamp.calls import told
 
-        found = told(found, name)
-        found.__module__, found.__qualname__ = __name__, name  # where other processes find it
-    globals()[name] = found
-    return found
+        value = told(value, name)
+        value.__module__, value.__qualname__ = __name__, name  # where other processes find it
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

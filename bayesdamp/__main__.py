@@ -1,4 +1,4 @@
-"""`python -m bayesdamp`: the command line."""
+"""Run the command line: `python -m bayesdamp`."""
 
 import sys
 

@@ -1,10 +1,10 @@
-"""Calls from Python: what cannot be meant is refused in one line, in the words of Python."""
+"""Check calls of public functions: a wrong argument is refused in one line that names the keyword."""
 
 from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import wraps
 from numbers import Real
 from types import FunctionType
@@ -23,11 +23,11 @@ KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "quantity": ((str,), "a quantity's name"),
     "rate": ((Real,), "a number, in Hz"),
 }
-"""What an argument of this name is, wherever it stands; None where that is its default."""
+"""Types of the arguments with these names in all functions, and their description; the default is valid too."""
 
 
 class Told:
-    """Base of public classes: their methods are `told`."""
+    """Base of public classes, whose methods check their arguments."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -41,34 +41,34 @@ class Told:
 
 
 def told(function: Callable[P, R], name: str) -> Callable[P, R]:
-    """Return the function under a public name, with InputError for a keyword that it has not, an argument that is
-    missing, or one of `KINDS` that is of another type; what it refuses names keywords, not the command's options."""
+    """Return the function with a check of its arguments, under its public name.
+
+    It then raises InputError for an unknown keyword, a missing argument, or one of `KINDS` of another type. Its own
+    errors name keywords instead of the command's options.
+    """
     signature = inspect.signature(function)
 
     @wraps(function)
-    def called(*args: P.args, **given: P.kwargs) -> R:
+    def checked(*args: P.args, **keywords: P.kwargs) -> R:
         try:
-            bound = signature.bind(*args, **given)
+            bound = signature.bind(*args, **keywords)
         except TypeError as error:
-            raise InputError(_wrong(signature, name, given) or f"{name}: {error}") from None
+            what = str(error)
+            known = [n for n in signature.parameters if n not in ("self", "cls")]
+            unknown = next((n for n in keywords if n not in known), None)
+            takes_any = any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
+            if unknown is not None and not takes_any:
+                what = f"unknown argument {unknown!r}{nearest(unknown, known)}"
+            raise InputError(f"{name}: {what}") from None
         for argument, value in bound.arguments.items():
             kinds, what = KINDS.get(argument, ((object,), ""))
             if not isinstance(value, kinds) and value is not signature.parameters[argument].default:
                 raise InputError(f"{name}: {argument} is {type(value).__name__}; it must be {what}")
         try:
-            return function(*args, **given)
+            return function(*args, **keywords)
         except InputError as error:
             if not error.arguments:
                 raise
             raise error.naming(lambda argument: f"{argument}=") from None
 
-    return called
-
-
-def _wrong(signature: inspect.Signature, name: str, given: Mapping[str, object]) -> str:
-    """What is wrong with a keyword; empty where all may stand."""
-    if any(one.kind is inspect.Parameter.VAR_KEYWORD for one in signature.parameters.values()):
-        return ""
-    known = [n for n in signature.parameters if n not in ("self", "cls")]
-    wrong = next((n for n in given if n not in known), None)
-    return "" if wrong is None else f"{name}: unknown argument {wrong!r}{nearest(wrong, known)}"
+    return checked

@@ -1,4 +1,4 @@
-"""Numbers, probabilities and durations as text: the one place that formats them."""
+"""Format numbers, probabilities and durations as text."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import re
 from collections.abc import Iterable, Sequence
 
 NONE = "–"
-"""Where there is no number."""
+"""Text for a missing number."""
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """A number to so many significant digits; a dash where there is none."""
+    """Return a number to so many significant digits; a dash where there is none."""
     if value is None or math.isnan(value):
         return NONE
     if math.isinf(value):
@@ -22,32 +22,32 @@ def number(value: float | None, digits: int = 4) -> str:
     power = _power(value, digits)
     if -4 <= power < 6:
         return _signed(f"{value:.{max(0, digits - 1 - power)}f}")
-    return f"{_signed(f'{value / 10.0**power:.{digits - 1}f}')} × 10{str(power).translate(_RAISED)}"
+    return f"{_signed(f'{value / 10.0**power:.{digits - 1}f}')}{_times_ten(power)}"
 
 
 def short(error: float) -> str:
-    """An error where there is little room: two digits, below a ten-thousandth one and a power."""
+    """Return an error in little space: two digits, below a ten-thousandth one digit and a power."""
     if not math.isfinite(error) or error == 0 or abs(error) >= 1e-4:
         return number(error, 2)
     return f"{error:.0e}".replace("e-0", "e-").replace("-", "−")
 
 
 def fixed(value: float, places: int) -> str:
-    """A number to so many decimals."""
+    """Return a number to so many decimals."""
     return _signed(f"{round(value, places) + 0.0:.{places}f}") if math.isfinite(value) else number(value)
 
 
 def given(value: float) -> str:
-    """A number that somebody chose: without digits that were not given."""
+    """Return a number that a user specified, without further digits."""
     return _signed(f"{value:.6g}") if 1e-4 <= abs(value) < 1e6 or value == 0 else number(value, 3)
 
 
 NEGLIGIBLE = 1e-7
-"""Share of a value below which its error is that of a record without noise, and not written."""
+"""Share of a value below which its error is that of a record without noise, and omitted."""
 
 
 def with_error(value: float | None, error: float | None) -> str:
-    """value ± error, to two significant digits of the error; the value alone where there is none, or next to none."""
+    """Return value ± error, to two significant digits of the error; the value alone where that is missing or tiny."""
     if value is None or not math.isfinite(value) or error is None or not math.isfinite(error) or error <= 0:
         return number(value)
     if error < NEGLIGIBLE * abs(value):
@@ -59,12 +59,11 @@ def with_error(value: float | None, error: float | None) -> str:
         return f"{_signed(f'{value:.{places}f}')} ± {error:.{places}f}"
     places = max(0, top + decimals)
     tens = 10.0**top
-    body = f"({value / tens:.{places}f} ± {error / tens:.{places}f})"
-    return f"{_signed(body)} × 10{str(top).translate(_RAISED)}"
+    return f"{_signed(f'({value / tens:.{places}f} ± {error / tens:.{places}f})')}{_times_ten(top)}"
 
 
 def nats(value: float | None, error: float = math.nan) -> str:
-    """A logarithm of probability: never finer than a hundredth, for nothing hangs on that."""
+    """Return a logarithm of probability, to a hundredth at most, as no decision depends on more."""
     if value is None or not math.isfinite(value):
         return number(value)
     places = 2 if abs(value) < 100 or error < 0.5 else 1 if abs(value) < 1000 else 0
@@ -75,7 +74,7 @@ def nats(value: float | None, error: float = math.nan) -> str:
 
 
 def interval(low: float | None, high: float | None) -> str:
-    """[low, high] to two significant digits of the width."""
+    """Return [low, high] to two significant digits of the width."""
     if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
         return NONE
     width = high - low
@@ -88,11 +87,11 @@ def interval(low: float | None, high: float | None) -> str:
 
 
 AGREE = 1e-6
-"""Relative difference below which values are one."""
+"""Relative difference below which values are equal."""
 
 
 def spread(values: Sequence[float]) -> str:
-    """Return the values from the least to the largest; one value where they agree."""
+    """Return the least and the largest value; a single value where they agree."""
     low, high = min(values), max(values)
     agree = high - low <= AGREE * abs(high)
     return number(high, 6) if agree else f"{number(low, 5)} to {number(high, 5)}"
@@ -110,7 +109,7 @@ def probability(value: float | None) -> str:
 
 
 def duration(seconds: float | None) -> str:
-    """Seconds as a reader says them."""
+    """Return a duration in ms, s, min or h."""
     if seconds is None or not math.isfinite(seconds):
         return NONE
     if seconds < 0.0995:
@@ -124,18 +123,23 @@ def duration(seconds: float | None) -> str:
 
 
 def listing(items: Iterable[str], last: str = "and") -> str:
-    """a, b and c."""
-    every = list(items)
-    return f"{', '.join(every[:-1])} {last} {every[-1]}" if len(every) > 1 else "".join(every)
+    """Return "a, b and c"."""
+    texts = list(items)
+    return f"{', '.join(texts[:-1])} {last} {texts[-1]}" if len(texts) > 1 else "".join(texts)
 
 
 def _power(value: float, digits: int) -> int:
-    """Decimal exponent of a number once it is rounded to so many digits."""
+    """Return the decimal exponent of a number once it is rounded to so many digits."""
     return int(f"{value:.{digits - 1}e}".split("e")[1])
 
 
 def _signed(text: str) -> str:
+    """Return text with a minus sign in place of each hyphen."""
     return text.replace("-", "−")
+
+
+def _times_ten(power: int) -> str:
+    return f" × 10{str(power).translate(_RAISED)}"
 
 
 def compact(value: float, digits: int = 4) -> str:
@@ -144,12 +148,12 @@ def compact(value: float, digits: int = 4) -> str:
 
 
 FIXED, SMALL, LARGE = 8, 1e-3, 1e6
-"""Places up to which a small number is written without an exponent; what small is, and the size from which a number may
+"""Places up to which a small number has no exponent, the size of small numbers, and the size from which a number may
 have an exponent."""
 
 
 def digits(value: float, width: float) -> str:
-    """A value with as many digits as its interval's width allows."""
+    """Return a value with as many digits as its interval's width allows."""
     if not width > 0 or value == 0:
         return f"{value:.3g}"
     places = 1 - math.floor(math.log10(width))
@@ -160,12 +164,12 @@ def digits(value: float, width: float) -> str:
 
 
 def rounded(percent: float) -> str:
-    """A percentage that is hardly known: whole, below ten to one digit."""
+    """Return an uncertain percentage: whole, below ten to one digit."""
     return f"{percent:.0f}" if percent >= 9.5 else f"{percent:.1g}"
 
 
 def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
-    """`0.65 % (0.64 to 0.66)`; a dash where there is no value, and no interval where it has no ends."""
+    """Return `0.65 % (0.64 to 0.66)`; a dash where there is no value, and no interval where it has no ends."""
     if not math.isfinite(value):
         return NONE
     if not (math.isfinite(low) and math.isfinite(high)):
@@ -176,5 +180,5 @@ def with_interval(value: float, low: float, high: float, unit: str = "", scale: 
 
 
 def by_ten(text: str) -> str:
-    """Text whose numbers have their power of ten in words: `3.57 × 10⁷` in place of `3.57e+07`."""
-    return re.sub(r"e([+-]\d+)\b", lambda found: f" × 10{str(int(found[1])).translate(_RAISED)}", text)
+    """Return text with `3.57 × 10⁷` in place of `3.57e+07`."""
+    return re.sub(r"e([+-]\d+)\b", lambda match: _times_ten(int(match[1])), text)

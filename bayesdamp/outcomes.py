@@ -1,32 +1,31 @@
-"""What became of a task, and whether a model fits: values, and the only place that writes and reads how tables say it.
+"""The outcome of a task, and whether a model fits: as values, and as the text of tables.
 
-A table holds an outcome as text: `ok`, or a sentence that begins with the words of its status where it has one. A
-sentence without is a method's own refusal.
+In a table an outcome is `ok`, or a sentence that begins with the words of its status. A sentence without these is a
+method's own refusal. No other module writes or reads these words.
 """
 
 from __future__ import annotations
 
 from enum import Enum
 
-_BETWEEN = ": "
 P_LIMIT = 0.01
-"""Predictive p below which, and above one less it, records drawn from a model look different from the record."""
+"""Predictive p below which, or above 1 − it, records drawn from a model look different from the record."""
 
 
 class _Beginning(Enum):
-    """A value is how a sentence begins."""
+    """Values are the beginnings of sentences."""
 
     def because(self, reason: str) -> str:
-        """Return the sentence that says this and why."""
-        return f"{self.value}{_BETWEEN}{reason}"
+        """Return the sentence with this beginning and a reason."""
+        return f"{self.value}: {reason}"
 
 
 class Status(_Beginning):
-    """What became of a task; the value is how its outcome begins.
+    """The outcome of a task; the value is the beginning of its sentence.
 
-    FAILED: by a fault of the program; NOT_COMPUTED: it depends on one that failed; both are tried again. PRUNED: a
-    model far behind; NOT_SAMPLED: one whose evidence is enough; NOT_APPLICABLE: nothing to infer from; REFUSED: a
-    method cannot work on this record, and says why.
+    FAILED: by a fault of the program. NOT_COMPUTED: it depends on a task that failed. Both are tried again. PRUNED: a
+    model of far lower evidence. NOT_SAMPLED: a model whose evidence suffices. NOT_APPLICABLE: there is nothing to infer
+    from. REFUSED: a method cannot work on this record; the sentence is the reason.
     """
 
     OK = "ok"
@@ -39,14 +38,14 @@ class Status(_Beginning):
 
 
 class Fitting(_Beginning):
-    """Whether a model fits a record; the value is how its sentence begins."""
+    """Whether a model fits a record; the value is the beginning of its sentence."""
 
     FITS = "fits"
     DOES_NOT_FIT = "does not fit"
 
 
 def status_of(outcome: str) -> Status:
-    """The status that an outcome tells."""
+    """Return the status of an outcome."""
     if outcome == Status.OK.value:
         return Status.OK
     named = (s for s in Status if s not in (Status.OK, Status.REFUSED))
@@ -54,21 +53,23 @@ def status_of(outcome: str) -> Status:
 
 
 def fitting_of(sentence: str) -> Fitting | None:
-    """Whether a model fits, by the sentence on its fit; None where nothing was checked."""
-    return next((one for one in Fitting if sentence.startswith(one.value)), None)
+    """Return whether a model fits, by the sentence on its fit; None where nothing was checked."""
+    return next((fitting for fitting in Fitting if sentence.startswith(fitting.value)), None)
 
 
-def reason_of(said: str) -> str:
-    """Why, without the words of the status or of the fit."""
-    for one in (*Status, *Fitting):
-        if one.value and said.startswith(f"{one.value}:"):
-            return said.removeprefix(f"{one.value}:").lstrip()
-    return said
+def reason_of(sentence: str) -> str:
+    """Return the reason in a sentence, without the words of the status or of the fit."""
+    for beginning in (*Status, *Fitting):
+        if beginning.value and sentence.startswith(f"{beginning.value}:"):
+            return sentence.removeprefix(f"{beginning.value}:").lstrip()
+    return sentence
 
 
 def following(name: str, outcome: str) -> str:
-    """The outcome of what depends on a task with this name and outcome, which is not ok: where it failed, this says
-    which one."""
+    """Return the outcome of a task that depends on another one, of this name and outcome, which is not ok.
+
+    Where the other one failed, the outcome names it.
+    """
     if status_of(outcome) is Status.FAILED:
         return Status.NOT_COMPUTED.because(f"{name} {outcome}")
     return outcome

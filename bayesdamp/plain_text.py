@@ -1,4 +1,4 @@
-"""Small text files of the user: read whole, and only where they are plain files."""
+"""Read small text files of the user, only where they are plain files."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ LARGEST = 2**24
 def read_plain(path: Path, right: str) -> str:
     """Return a file's text in UTF-8.
 
-    right: what to give in its place where it cannot be read. Raises InputError for all that is not a plain file in
-    UTF-8, is larger than LARGEST or has a name that no file has.
+    right: in the message, what to give instead. Raises InputError where it is not a plain file in UTF-8 of at most
+    LARGEST bytes.
     """
     try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
-            raise OSError(errno.EINVAL, "is a device or a pipe, no file")
-        if found.st_size > LARGEST:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode) and not stat.S_ISDIR(status.st_mode):
+            raise OSError(errno.EINVAL, "is a device or a pipe, not a file")
+        if status.st_size > LARGEST:
             raise OSError(errno.EFBIG, f"has more than {LARGEST >> 20} MiB")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -35,7 +35,7 @@ def read_plain(path: Path, right: str) -> str:
 
 
 def at_home(path: Path) -> Path:
-    """A path whose `~` is written out, or as it is where there is no such home."""
+    """Return a path with `~` expanded, or as it is where there is no such home folder."""
     try:
         return path.expanduser()
     except RuntimeError:

@@ -1,6 +1,6 @@
-"""One way to find a plug-in by its name: in the package, in modules that a user names, or by entry points.
+"""Find plug-ins by name: in the package, in modules that a user names, or by entry points.
 
-Nothing is imported before it is asked for by its name.
+A plug-in is imported at the first request by its name.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ GROUPS = {
     "bayesdamp.records.readers": "bayesdamp.readers",
     "bayesdamp.report.sections": "bayesdamp.sections",
 }
-"""The entry points' group of each package of plug-ins."""
+"""The group of entry points of each package of plug-ins."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _COMPILED = ("bayesdamp.physics.", "bayesdamp.inference.", "bayesdamp.estimators.", "bayesdamp.records.")
-"""Where functions keep what they made of plug-ins under the plug-ins' names."""
+"""Modules whose functions cache results of plug-ins under the plug-ins' names."""
 
 _EXTENDED: list[str] = []
 _REGISTRIES: dict[str, Registry[Any]] = {}
@@ -52,9 +52,9 @@ _USED: list[PluginModule] = []
 
 @dataclass(frozen=True)
 class PluginModule:
-    """A user's module that holds plug-ins, with its source, which goes to every process.
+    """A user's module of plug-ins, with its source, which every process receives.
 
-    file: as the user wrote it.
+    file: its path as the user wrote it.
     """
 
     file: str
@@ -62,21 +62,14 @@ class PluginModule:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the source."""
+        """Return the SHA-256 of the source."""
         return hashlib.sha256(self.source.encode()).hexdigest()
 
 
-@lru_cache(maxsize=2)
-def _every_entry(path: tuple[str, ...]) -> Any:
-    """Those of all packages that are installed on a path, which all have to be read for those of one group too."""
-    del path
-    return importlib.metadata.entry_points()
-
-
 class Registry(Generic[T]):
-    """Plug-ins of one kind: each module of `package` holds one, bound to the name `PLUGIN`.
+    """Plug-ins of one kind: each module of `package` contains one, with the name `PLUGIN`.
 
-    home: the package that holds the base class, by which a user's plug-in is known to be of this kind.
+    home: the package of the base class, which identifies a user's plug-in as one of this kind.
     """
 
     def __init__(self, package: str, kind: str, home: str | None = None) -> None:
@@ -88,40 +81,40 @@ class Registry(Generic[T]):
         _REGISTRIES[package] = self
 
     def names(self) -> list[str]:
-        """All names, sorted; nothing is imported."""
+        """Return all names, sorted; nothing is imported."""
         return sorted({*self._modules, *self._added, *self._entries})
 
     def present(self) -> list[str]:
-        """The names that ship or were asked for, without those that are merely installed; nothing is imported."""
+        """Return the shipped and the added names, without those that are merely installed; nothing is imported."""
         return sorted({*self._modules, *self._added})
 
     def added(self) -> list[str]:
-        """The names that were asked for and do not ship; nothing is imported."""
+        """Return the added names, which do not ship; nothing is imported."""
         return sorted(self._added)
 
     @cached_property
     def _modules(self) -> dict[str, str]:
-        """Name to module of what ships, in the package or in a folder of it."""
+        """Map names to modules of the shipped plug-ins, in the package or in a folder of it."""
         path = importlib.import_module(self.package).__path__
-        found = [m for m in pkgutil.walk_packages(path, f"{self.package}.") if not m.ispkg]
-        names = {m.name.rpartition(".")[2]: m.name for m in found}
+        modules = [m.name for m in pkgutil.walk_packages(path, f"{self.package}.") if not m.ispkg]
+        names = {module.rpartition(".")[2]: module for module in modules}
         return {name: module for name, module in names.items() if not name.startswith("_")}
 
     @cached_property
     def _entries(self) -> dict[str, importlib.metadata.EntryPoint]:
-        """Plug-ins of installed packages; a name that ships stays what it is."""
+        """Map names to plug-ins of installed packages; these do not replace a shipped one."""
         group = GROUPS.get(self.package)
-        found = _every_entry(tuple(sys.path)).select(group=group) if group else ()
-        return {e.name: e for e in found if e.name not in self._modules}
+        entries = _entry_points(tuple(sys.path)).select(group=group) if group else ()
+        return {e.name: e for e in entries if e.name not in self._modules}
 
     def ships(self, name: str) -> bool:
-        """Whether a plug-in is the package's own."""
+        """Return whether a plug-in is the package's own."""
         return name in self._modules and name not in self._added
 
     def add(self, name: str, plugin: T, source: str | None = None) -> None:
-        """Make a plug-in known that has no module in the package (a user's own).
+        """Add a plug-in that has no module in the package (a user's own).
 
-        source: of its code; by default of its class, where that can be found. Raises InputError for a name that ships.
+        source: of its code; by default that of its class, where it is available. Raises InputError for a shipped name.
         """
         if name in self._modules:
             raise InputError(f"a {self.kind} {name!r} ships already; give it another name")
@@ -130,27 +123,26 @@ class Registry(Generic[T]):
         _EXTENDED.append(name)
 
     def remove(self, name: str) -> None:
-        """Forget a plug-in that `add` made known."""
+        """Remove a plug-in that was added."""
         self._added.pop(name, None)
         self._sources.pop(name, None)
 
     def get(self, name: str) -> T:
-        """The plug-in of that name. Raises InputError with the nearest valid name."""
+        """Return the plug-in with a name. Raises InputError with the nearest valid name."""
         if name in self._added:
             return self._added[name]
         if name in self._modules:
             return importlib.import_module(self._modules[name]).PLUGIN
         if name in self._entries:
-            entry = self._entries[name]
-            plugin, source = _installed(entry, self.kind)
-            self.add(name, plugin, source)
+            plugin = _load_entry(self._entries[name], self.kind)
+            self.add(name, plugin)
             return plugin
         raise InputError(f"unknown {self.kind} {name!r}{nearest(name, self.names())}")
 
     def source(self, name: str) -> str:
-        """A digest of the source of a plug-in: of one that ships with all that it imports of the package.
+        """Return a digest of the source of a plug-in; for a shipped one with all that it imports from the package.
 
-        Raises InputError where there is none of that name.
+        Raises InputError for an unknown name.
         """
         if name not in self._added and name in self._modules:
             return code_digest(self._modules[name])
@@ -159,30 +151,30 @@ class Registry(Generic[T]):
 
 
 def sources_below(package: str) -> list[str]:
-    """Digests of the sources of all plug-ins that are present, of the kinds whose packages are below this one."""
-    found = sorted(p for p in _REGISTRIES if p.startswith(f"{package}."))
-    return [_REGISTRIES[p].source(name) for p in found for name in _REGISTRIES[p].present()]
+    """Return digests of the sources of all plug-ins that are present, of the kinds below this package."""
+    registries = [_REGISTRIES[p] for p in sorted(_REGISTRIES) if p.startswith(f"{package}.")]
+    return [registry.source(name) for registry in registries for name in registry.present()]
 
 
 def read_modules(files: Iterable[str | Path], folder: Path | None = None) -> tuple[PluginModule, ...]:
-    """Modules of plug-ins, read but not run. folder: where relative paths start; the working one by default.
+    """Read modules of plug-ins, without running them. Raises InputError where one cannot be read.
 
-    Raises InputError where one cannot be read.
+    folder: the start of relative paths; by default the working folder.
     """
-    found: list[PluginModule] = []
+    modules: list[PluginModule] = []
     for file in dict.fromkeys(str(f) for f in files):
         path = (folder or Path()) / at_home(Path(file))
         try:
-            found.append(PluginModule(file, read_plain(path, "a Python file")))
+            modules.append(PluginModule(file, read_plain(path, "a Python file")))
         except InputError as error:
             raise InputError(f"plug-in {file}: {error}") from None
-    return tuple(found)
+    return tuple(modules)
 
 
 def use(modules: Sequence[PluginModule]) -> None:
-    """Have the plug-ins of these modules, and of no others, in this process.
+    """Use the plug-ins of these modules, and of no others, in this process.
 
-    Raises InputError where a module cannot be run, or holds what is no plug-in.
+    Raises InputError where a module cannot be run, or contains something other than a plug-in.
     """
     if list(modules) == _USED:
         return
@@ -191,7 +183,7 @@ def use(modules: Sequence[PluginModule]) -> None:
     try:
         for module in modules:
             _USED.append(module)
-            for registry, name, plugin in _plugins_of(module):
+            for registry, name, plugin in _load_plugins(module):
                 registry.add(name, plugin, module.source)
     except BaseException:
         _forget()
@@ -199,104 +191,105 @@ def use(modules: Sequence[PluginModule]) -> None:
 
 
 def _forget() -> None:
-    """Forget all modules' plug-ins, and what was made of them under their names."""
+    """Remove all modules' plug-ins, and the cached results under their names."""
     sources = {module.source for module in _USED}
     for registry in _REGISTRIES.values():
         for name in [n for n, source in registry._sources.items() if source in sources]:
             registry.remove(name)
     _USED.clear()
-    for one in gc.get_objects():
-        # By type: asking an object for its class may run code of its own.
-        if type(one) is functools._lru_cache_wrapper and (one.__module__ or "").startswith(_COMPILED):
-            one.cache_clear()
+    for value in gc.get_objects():
+        # By type: isinstance may run code of the object.
+        if type(value) is functools._lru_cache_wrapper and (value.__module__ or "").startswith(_COMPILED):
+            value.cache_clear()
 
 
-def _plugins_of(module: PluginModule) -> list[tuple[Registry[Any], str, Any]]:
+def _load_plugins(module: PluginModule) -> list[tuple[Registry[Any], str, Any]]:
+    """Run a module, and return the registry and the name of each of its plug-ins, with the plug-in."""
     loaded = _run(module)
-    plugins = list(getattr(loaded, "PLUGINS", ()))
+    plugins: list[object] = list(getattr(loaded, "PLUGINS", ()))
     plugins += [loaded.PLUGIN] if hasattr(loaded, "PLUGIN") else []
     where = f"plug-in {module.file}"
     if not plugins:
-        raise InputError(f"{where}: holds neither PLUGIN nor PLUGINS; end it with PLUGIN = MyTerm()")
-    found = []
+        raise InputError(f"{where}: contains neither PLUGIN nor PLUGINS; end it with PLUGIN = MyTerm()")
+    checked: list[tuple[Registry[Any], str, Any]] = []
     for plugin in plugins:
         if isinstance(plugin, type):
+            raise InputError(f"{where}: {plugin.__name__} is a class; give an instance, {plugin.__name__}()")
+        homes = [cls.__module__ for cls in type(plugin).__mro__]
+        registries = sorted(_REGISTRIES.values(), key=lambda r: -len(r.home))
+        registry = next(
+            (r for r in registries if any(h.startswith((f"{r.home}.", f"{r.package}.")) for h in homes)), None
+        )
+        if registry is None:
             raise InputError(
-                f"{where}: {plugin.__name__} is a class; give one of its kind, {plugin.__name__}()"
+                f"{where}: PLUGIN is of type {type(plugin).__name__}, which is not a plug-in; derive its class from "
+                "one such as bayesdamp.physics.damping.DampingTerm"
             )
-        registry, name = _registry_of(plugin, where), getattr(plugin, "name", None)
+        name = getattr(plugin, "name", None)
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise InputError(
                 f"{where}: the name of a {registry.kind} is {name!r}; it must be letters, digits and _"
             )
         if registry.ships(name):
             raise InputError(f"{where}: a {registry.kind} {name!r} ships already; give it another name")
-        if (registry, name) in [(r, n) for r, n, _ in found] or name in registry._added:
+        if (registry, name) in [(r, n) for r, n, _ in checked] or name in registry._added:
             raise InputError(f"{where}: there is another {registry.kind} {name!r}; give it another name")
-        found.append((registry, name, plugin))
-    return found
-
-
-def _registry_of(plugin: object, where: str) -> Registry[Any]:
-    """The registry of the kind that a plug-in's classes are of."""
-    homes = [cls.__module__ for cls in type(plugin).__mro__]
-    for registry in sorted(_REGISTRIES.values(), key=lambda r: -len(r.home)):
-        if any(home.startswith((f"{registry.home}.", f"{registry.package}.")) for home in homes):
-            return registry
-    raise InputError(
-        f"{where}: PLUGIN is of type {type(plugin).__name__}, which is no plug-in; derive its class from one such as "
-        "bayesdamp.physics.damping.DampingTerm"
-    )
+        checked.append((registry, name, plugin))
+    return checked
 
 
 def _run(module: PluginModule) -> ModuleType:
-    """Run a module's source under a name of its own, so that its classes can be pickled and traced."""
+    """Run a module's source under its own name, so that its classes can be pickled and traced."""
     name = f"bayesdamp_plugin_{module.digest[:12]}"
     loaded = ModuleType(name)
     loaded.__file__ = module.file
-    linecache.cache[module.file] = (
-        len(module.source), None, module.source.splitlines(keepends=True), module.file
-    )  # fmt: skip
+    lines = module.source.splitlines(keepends=True)
+    linecache.cache[module.file] = (len(module.source), None, lines, module.file)
     sys.modules[name] = loaded
     try:
         exec(compile(module.source, module.file, "exec"), loaded.__dict__)
     except InputError:
         raise
     except SyntaxError as error:
-        raise InputError(f"plug-in {module.file}, line {error.lineno}: {error.msg}; mend it there") from error
-    except Exception as error:
-        line = next((t.lineno for t in _frames(error) if t.filename == module.file), None)
-        at, what = f", line {line}" if line else "", " ".join(str(error).split())
         raise InputError(
-            f"plug-in {module.file}{at}: {type(error).__name__}: {what}; mend it there"
+            f"plug-in {module.file}, line {error.lineno}: {error.msg}; correct it there"
         ) from error
+    except Exception as error:
+        frames = inspect.getinnerframes(error.__traceback__)[::-1] if error.__traceback__ else []
+        line = next((frame.lineno for frame in frames if frame.filename == module.file), None)
+        at = f", line {line}" if line else ""
+        raise InputError(f"plug-in {module.file}{at}: {_in_one_line(error)}; correct it there") from error
     return loaded
 
 
-def _frames(error: Exception) -> list[inspect.FrameInfo]:
-    return inspect.getinnerframes(error.__traceback__)[::-1] if error.__traceback__ else []
+def _in_one_line(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
-def _installed(entry: importlib.metadata.EntryPoint, kind: str) -> tuple[Any, str]:
-    """The plug-in of an entry point (an instance, a class of one, or a module with PLUGIN) and its source."""
+@lru_cache(maxsize=2)
+def _entry_points(path: tuple[str, ...]) -> Any:
+    """Return the entry points of all packages on a path: one group takes as long as all of them."""
+    del path
+    return importlib.metadata.entry_points()
+
+
+def _load_entry(entry: importlib.metadata.EntryPoint, kind: str) -> Any:
+    """Return the plug-in of an entry point, which is an instance, its class, or a module with PLUGIN."""
     try:
-        found = entry.load()
+        value = entry.load()
     except Exception as error:
-        what = " ".join(str(error).split())
-        raise InputError(
-            f"{kind} {entry.name!r}: its package cannot be loaded: {type(error).__name__}: {what}"
-        ) from error
-    found = found.PLUGIN if isinstance(found, ModuleType) else found
-    plugin = found() if isinstance(found, type) else found
+        what = f"its package cannot be loaded: {_in_one_line(error)}"
+        raise InputError(f"{kind} {entry.name!r}: {what}") from error
+    value = value.PLUGIN if isinstance(value, ModuleType) else value
+    plugin = value() if isinstance(value, type) else value
     if getattr(plugin, "name", entry.name) != entry.name:
-        raise InputError(
-            f"{kind} {entry.name!r}: calls itself {plugin.name!r}; its package must use one name for both"
-        )
-    return plugin, _source_of(plugin)
+        what = f"its own name is {plugin.name!r}; its package must use the same name for both"
+        raise InputError(f"{kind} {entry.name!r}: {what}")
+    return plugin
 
 
 def _source_of(plugin: object) -> str:
-    """The source of the module of a plug-in's class, of the class alone where it has no file, or its name."""
+    """Return the source of the module of a plug-in's class, or the class's name where it has no file."""
     cls = type(plugin)
     try:
         return inspect.getsource(sys.modules[cls.__module__])
@@ -305,11 +298,11 @@ def _source_of(plugin: object) -> str:
 
 
 def extended() -> bool:
-    """Whether this process has had a plug-in that is not in the package."""
+    """Return whether this process has ever had a plug-in that is not in the package."""
     return bool(_EXTENDED)
 
 
 def nearest(name: str, valid: list[str]) -> str:
-    """A clause that names the nearest valid name, or all of them."""
+    """Return a clause with the nearest valid name, or all of them."""
     close = get_close_matches(name, valid, n=1, cutoff=0.6)
     return f"; did you mean {close[0]!r}?" if close else f"; valid are {', '.join(valid)}"

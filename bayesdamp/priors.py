@@ -1,8 +1,7 @@
-"""Priors of one parameter, as a study file writes them.
+"""Priors of a parameter, as in a study file.
 
-Every prior is a monotone map of a standard normal score z (a half-normal is the reflected one, x = scale·|z|),
-so that any model's prior in the scores is N(0, 1) in each direction and its density is normalised without
-further ado.
+Every prior is a monotone map of a standard normal score z (a half-normal is a reflected one, x = scale·|z|), so that
+any model's prior in the scores is N(0, 1) in each direction, with a normalised density.
 """
 
 from __future__ import annotations
@@ -17,14 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeA
 import numpy as np
 import scipy.special as host
 from numpy.typing import ArrayLike
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    PositiveFloat,
-    ValidationError,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
 
 from bayesdamp.types import InputError
 
@@ -36,22 +28,20 @@ _HOST = SimpleNamespace(exp=np.exp, log=np.log, ndtr=host.ndtr)
 _NUMBER = SimpleNamespace(
     exp=lambda z: math.exp(min(z, 709.0)), log=math.log, ndtr=lambda z: 0.5 * math.erfc(-z / math.sqrt(2.0))
 )
-"""The same of one number, several times faster; exponentials stay finite."""
-
-
-def _functions(z: Any) -> SimpleNamespace:
-    if isinstance(z, float):
-        return _NUMBER
-    return _traced() if _is_traced(z) else _HOST
+"""The same for a single number, several times faster; exponentials stay finite."""
 
 
 def _is_traced(value: object) -> bool:
-    """Whether a value is an array of JAX, which NumPyro's models have; loads nothing."""
+    """Return whether a value is an array of JAX, as in NumPyro's models; loads nothing."""
     return "jax" in sys.modules and isinstance(value, sys.modules["jax"].Array)
 
 
-@cache
-def _traced() -> SimpleNamespace:
+def _functions(z: Any) -> SimpleNamespace:
+    """Return the functions exp, log and ndtr for values of this type."""
+    if isinstance(z, float):
+        return _NUMBER
+    if not _is_traced(z):
+        return _HOST
     from jax import numpy as jnp
     from jax.scipy.special import ndtr
 
@@ -59,8 +49,8 @@ def _traced() -> SimpleNamespace:
 
 
 @cache
-def _numbers(kind: type[BaseModel]) -> tuple[str, ...]:
-    """Names of the fields that a kind of prior has numbers in."""
+def _field_names(kind: type[BaseModel]) -> tuple[str, ...]:
+    """Return the names of the numbers of a kind of prior."""
     return tuple(name for name, field in kind.model_fields.items() if name != "prior" and not field.exclude)
 
 
@@ -70,8 +60,10 @@ class _Prior(BaseModel):
     reflected: bool = Field(default=False, exclude=True, init=False, repr=False)
 
     def _begin(self, **numbers: float) -> None:
-        """A prior that somebody writes in Python. Raises InputError, one line; a study's tables are checked by their
-        reader, which does not come this way."""
+        """Make a prior in Python. Raises InputError with one line.
+
+        The reader of study files validates tables in another way.
+        """
         try:
             super().__init__(**numbers)
         except ValidationError as error:
@@ -82,23 +74,23 @@ class _Prior(BaseModel):
             raise InputError(f"{type(self).__name__}: {shown}{right}") from None
 
     def __init_subclass__(cls, **options: Any) -> None:
-        # So that pydantic goes on to validate tables by itself, strictly where that is asked for.
+        # So that pydantic continues to validate tables by itself, strictly where a model demands that.
         cls.__init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
         super().__init_subclass__(**options)
 
     transform: ClassVar[Callable[..., Any]]
-    """(z, *numbers): the parameter at the normal score z (any shape) for a prior with these numbers. Of arrays of
-    JAX it is traced, of NumPy's it is computed at once."""
+    """(z, *numbers): the parameter at the normal score z (any shape) for a prior with these numbers, traced for arrays
+    of JAX."""
     derivative: ClassVar[Callable[..., Any]]
     """(z, *numbers): the derivative of `transform` by z."""
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """What distinguishes this prior from others of its kind, in the order of `transform`."""
-        return tuple(getattr(self, name) for name in _numbers(type(self)))
+        """Return the numbers of this prior, in the order of `transform`."""
+        return tuple(getattr(self, name) for name in _field_names(type(self)))
 
     def value(self, z: ArrayLike) -> np.ndarray:
-        """The parameter at the normal score z (any shape)."""
+        """Return the parameter at the normal score z (any shape)."""
         return self.transform(np.asarray(z, float), *self.numbers)
 
     def rate(self, z: ArrayLike) -> np.ndarray:
@@ -107,19 +99,19 @@ class _Prior(BaseModel):
         return np.broadcast_to(self.derivative(z, *self.numbers), z.shape)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """A normal score of the value x, the non-negative one where the prior is reflected."""
+        """Return a normal score of the value x, the non-negative one where the prior is reflected."""
         raise NotImplementedError
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """Normalised log density at x, −∞ outside the support."""
+        """Return the normalised log density at x, −∞ outside the support."""
         raise NotImplementedError
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """Derivative of `log_density` at x inside the support."""
+        """Return the derivative of `log_density` at x inside the support."""
         raise NotImplementedError
 
     def describe(self) -> str:
-        """In words, for tables."""
+        """Return it in words, for tables."""
         body = self.model_dump(exclude={"prior"})
         return f"{self.prior}({', '.join(f'{k} {v:.4g}' for k, v in body.items())})"  # type: ignore[attr-defined]
 
@@ -128,7 +120,7 @@ _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
 
 
 def _density(z: Any) -> Any:
-    """φ(z), the standard normal density."""
+    """Return φ(z), the standard normal density."""
     return _functions(z).exp(-0.5 * z**2 - _HALF_LOG_2PI)
 
 
@@ -166,7 +158,7 @@ class Normal(_Prior):
 
 
 class HalfNormal(_Prior):
-    """|Normal(0, scale)|: touches zero without a boundary in the score."""
+    """|Normal(0, scale)|: it includes zero without a boundary in the score."""
 
     prior: Literal["halfnormal"] = "halfnormal"
     scale: PositiveFloat = Field(description="a number above 0")
@@ -202,10 +194,10 @@ class HalfNormal(_Prior):
 
 
 class SharedHalfNormal(_Prior):
-    """Half-normal of an equivalent damping ratio whose scale is unknown and the same for all terms of a model.
+    """Half-normal of an equivalent damping ratio, whose scale is unknown and the same for all terms of a model.
 
-    The scale is one of `SHARED_SCALES`, all equally probable, so that evidence does not depend on how small the damping
-    is. As the terms share it, their joint density is no product: `shared_log_density` gives it.
+    The scale is one of `SHARED_SCALES`, all equally probable, so that the evidence does not depend on how small the
+    damping is. As the terms share it, their joint density is not a product: it is `shared_log_density`.
 
     Parameters
     ----------
@@ -222,32 +214,32 @@ class SharedHalfNormal(_Prior):
 
     @staticmethod
     def transform(z: Any, per_ratio: Scalar) -> Any:
-        """The coefficient at a score z, which is the damping ratio in units of `SCORE_RATIO`, reflected at zero."""
+        """Return the coefficient at a score z, the damping ratio in units of `SCORE_RATIO`, reflected at zero."""
         return SCORE_RATIO * per_ratio * abs(z)
 
     @staticmethod
     def derivative(z: Any, per_ratio: Scalar) -> Any:
-        """The coefficient at a score of 1, with the sign of z."""
+        """Return the coefficient at a score of 1, with the sign of z."""
         return SCORE_RATIO * per_ratio * np.sign(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """The damping ratio of the coefficient x in units of `SCORE_RATIO`."""
+        """Return the damping ratio of the coefficient x in units of `SCORE_RATIO`."""
         with np.errstate(divide="ignore", invalid="ignore"):  # a coefficient that is absent has `per_ratio` 0
             return np.asarray(np.abs(x) / (SCORE_RATIO * self.per_ratio))
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """Log density of one coefficient x by itself, the other terms' integrated out; −∞ below 0."""
+        """Return the marginal log density of a single coefficient x; −∞ below 0."""
         x = np.asarray(x, float)
         inside = shared_log_density(self.score(x) ** 2, 1) - math.log(SCORE_RATIO * self.per_ratio)
         return np.where(x >= 0, inside, -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """Derivative of `log_density` at x ≥ 0."""
+        """Return the derivative of `log_density` at x ≥ 0."""
         z = self.score(x)
         return -shared_precision(z**2, 1) * z / (SCORE_RATIO * self.per_ratio)
 
     def describe(self) -> str:
-        """In words, for tables."""
+        """Return it in words, for tables."""
         return (
             f"half-normal on the damping ratio, its scale shared by the terms and unknown between "
             f"{LEAST_SCALE:g} and {MOST_SCALE:g}"
@@ -255,26 +247,27 @@ class SharedHalfNormal(_Prior):
 
 
 SCORE_RATIO = 0.1
-"""Equivalent damping ratio at a score of 1: a unit of computation, on which no result depends."""
+"""Equivalent damping ratio at a score of 1: a unit of computation, on which no result depends (conventional)."""
 LEAST_SCALE, MOST_SCALE = 1e-8, 0.3
-"""Scales of the damping ratio between which the prior is uniform in the logarithm: Q from 1.7 to 5e7."""
+"""Scales of the damping ratio between which the prior is uniform in the logarithm: Q from 1.7 to 5e7
+(conventional)."""
 SHARED_SCALES = LEAST_SCALE * (MOST_SCALE / LEAST_SCALE) ** ((np.arange(25) + 0.5) / 25)
 """Scales that are summed over, equally probable: the middles of 25 cells, each scale about twice the one before. The
 sum follows the integral to 0.02 nats for three terms and far better for fewer (the Fourier transform of the integrand,
 a gamma function, bounds the error of the midpoint rule)."""
 SHARED_SIGMAS = SHARED_SCALES / SCORE_RATIO
-"""The same as scores."""
+"""The same scales as scores."""
 
 
 def shared_log_density(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> Any:
-    """Log density of the scores of `count` coefficients that share a scale, each ≥ 0, given their sum of squares.
+    """Return the log density of the scores of `count` coefficients that share a scale, each ≥ 0.
 
     Parameters
     ----------
     squares
-        Sum of the squared scores, any shape. Of arrays of JAX the result is traced.
+        Sum of the squared scores, any shape. For arrays of JAX the result is traced.
     count
-        Number of the coefficients; traced too where it depends on numbers that are.
+        Number of the coefficients; traced too where it depends on traced numbers.
     scales
         Scales in scores, (s,), all equally probable.
     """
@@ -282,12 +275,15 @@ def shared_log_density(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) ->
 
 
 def shared_precision(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> Any:
-    """Mean of 1/σ² over the scales given the sum of squares: minus the slope of the log density by a score is the
-    score times this. Arguments as of `shared_log_density`."""
+    """Return the mean of 1/σ² over the scales, given the sum of squares. Arguments as for `shared_log_density`.
+
+    The slope of the log density by a score is minus the score times this.
+    """
     return _over_scales(squares, count, scales)[1]
 
 
 def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
+    """Return `shared_log_density` and `shared_precision`."""
     np_: Any = sys.modules["jax"].numpy if _is_traced(squares) else np
     scales = np_.asarray(scales)
     each = -0.5 * np_.asarray(squares)[..., None] / scales**2 - count * np_.log(scales)
@@ -302,8 +298,11 @@ def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
 def log_prior_of(
     z: np.ndarray, positive: np.ndarray, shared: np.ndarray, scales: ArrayLike = SHARED_SIGMAS
 ) -> np.ndarray:
-    """Log prior density of scores z, (..., d), shape (...): standard normal, or with one unknown scale where `shared`,
-    (d,); folded where `positive`, (d,), and −∞ where one of these is negative."""
+    """Return the log prior density of scores z, (..., d), shape (...).
+
+    They are standard normal, or have a common unknown scale where `shared`, (d,). They are folded where `positive`,
+    (d,), and the density is −∞ where one of these is negative.
+    """
     plain = z[..., ~shared]
     value = -0.5 * np.sum(plain**2, axis=-1) - plain.shape[-1] * _HALF_LOG_2PI
     if shared.any():
@@ -317,9 +316,9 @@ def log_prior_of(
 def joint_log_density(
     priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHARED_SIGMAS
 ) -> np.ndarray:
-    """Normalised log density of parameters x, (..., d), shape (...); −∞ outside the support.
+    """Return the normalised log density of parameters x, (..., d), shape (...); −∞ outside the support.
 
-    The priors are independent but for those that share an unknown scale, one of `scales` (in scores).
+    The priors are independent except for those that share an unknown scale, one of `scales` (in scores).
     """
     shared = [i for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)]
     total = np.zeros(x.shape[:-1])
@@ -339,7 +338,7 @@ def joint_log_density(
 
 
 def joint_slope(priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHARED_SIGMAS) -> np.ndarray:
-    """Gradient of `joint_log_density` at x, (d,), inside the support."""
+    """Return the gradient of `joint_log_density` at x, (d,), inside the support."""
     scores = {i: float(p.score(x[i])) for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)}
     precision = shared_precision(sum(z * z for z in scores.values()), len(scores), scales) if scores else 1.0
     return np.array(
@@ -474,6 +473,6 @@ class LogUniform(_Between):
 
 
 GivenPrior = Annotated[Normal | HalfNormal | LogNormal | Uniform | LogUniform, Field(discriminator="prior")]
-"""What a user may state."""
+"""The priors that a user may specify."""
 Prior = Normal | HalfNormal | SharedHalfNormal | LogNormal | Uniform | LogUniform
-"""What a model may have."""
+"""The priors that a model may have."""

@@ -1,4 +1,4 @@
-"""How a record was read, and what was done to it."""
+"""The provenance of a record: how it was read, and what was done to it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Fact = str | float
 
 @dataclass(frozen=True)
 class FreeDecay:
-    """One of the free decays of a record: start and stop in s of the record's own times."""
+    """A free decay in a record: start and stop in s of the record's own times."""
 
     start: float
     stop: float
@@ -21,12 +21,12 @@ class FreeDecay:
 class Provenance:
     """How a record was read, and what was done to it.
 
-    warnings: sentences that a user has to know of; notes: sentences on what was done; header_lines: how many were
-    skipped. facts: what the file says beside its numbers. time_column, value_column: labels in the file; time_unit: who
-    says the unit of the times, "given", "file", or nobody; first_line: line of the file (from 1) with the first row of
-    numbers; constant_columns: what was left out. unit: of UNITS, in which the record came. start, stop: of what was
-    kept, s of the record's own times; offset: what was taken off all values (unit of the signal's y); decays: all free
-    decays of the record, the one that was kept among them. more: numbers and words that only run.json takes.
+    warnings: sentences that a user must know; notes: sentences on what was done; header_lines: how many were skipped.
+    facts: metadata in the file. time_column, value_column: labels in the file; time_unit: the source of the unit of the
+    times, "given", "file", or empty; first_line: line of the file (from 1) with the first row of numbers;
+    constant_columns: columns that were left out. unit: of the record, a name in UNITS. start, stop: of the part that is
+    used, in s of the record's own times; offset: what was subtracted from all values (unit of the signal's y); decays:
+    all free decays of the record, with the one that is used. more: numbers and words for run.json alone.
     """
 
     warnings: tuple[str, ...] = ()
@@ -47,24 +47,24 @@ class Provenance:
 
     @property
     def said(self) -> tuple[str, ...]:
-        """What a user reads: warnings, how many header lines the file has, notes."""
+        """Return the sentences for the user: warnings, the number of header lines, notes."""
         head = self.header_lines
-        some = [f"Beware: {text}" for text in self.warnings]
-        some += [f"{head} header line{'s' if head != 1 else ''} skipped."] if head else []
-        return (*some, *self.notes)
+        lines = [f"Beware: {text}" for text in self.warnings]
+        lines += [f"{head} header line{'s' if head != 1 else ''} skipped."] if head else []
+        return (*lines, *self.notes)
 
     def to_dict(self) -> dict[str, Any]:
-        """As run.json holds it: what is said of a record, `more` among it; `of` is the inverse."""
-        found = asdict(self)
-        always = {name: list(found.pop(name)) for name in ("warnings", "notes")}
-        more = found.pop("more")
-        return {**more, **{n: v for n, v in found.items() if v not in ((), {}, "", None)}, **always}
+        """Return it as in run.json, without empty fields; `of` is the inverse."""
+        values = asdict(self)
+        always = {name: list(values.pop(name)) for name in ("warnings", "notes")}
+        more = values.pop("more")
+        return {**more, **{n: v for n, v in values.items() if v not in ((), {}, "", None)}, **always}
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Self:
-        """The inverse of `to_dict`, after a file too."""
+        """Return the provenance of which `to_dict` made this, also after it was a file."""
         own = {f.name for f in fields(cls)} - {"more"}
-        found = {name: value for name, value in given.items() if name in own and value is not None}
-        found |= {name: tuple(found.get(name, ())) for name in ("warnings", "notes", "constant_columns")}
-        found["decays"] = tuple(FreeDecay(**decay) for decay in found.get("decays", ()))
-        return cls(**found, more={name: value for name, value in given.items() if name not in own})
+        values = {name: value for name, value in given.items() if name in own and value is not None}
+        values |= {name: tuple(values.get(name, ())) for name in ("warnings", "notes", "constant_columns")}
+        values["decays"] = tuple(FreeDecay(**decay) for decay in values.get("decays", ()))
+        return cls(**values, more={name: value for name, value in given.items() if name not in own})

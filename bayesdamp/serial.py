@@ -1,4 +1,4 @@
-"""Values as JSON and named arrays hold them, and back, by the types of a dataclass's fields."""
+"""Convert values to JSON and named arrays, and back, by the types of a dataclass's fields."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ UNIONS = (Union, UnionType)
 
 
 class Reduced:
-    """A value that is stored as another one, of the class `_STORED`, from which it is made again."""
+    """A value that is stored as another one, of the class `_STORED`, and restored from it."""
 
     _STORED: type
 
     def _reduced(self) -> Any:
-        """Return what is stored of it."""
+        """Return the value to store."""
         raise NotImplementedError
 
     @classmethod
     def _restored(cls, stored: Any) -> Any:
-        """Return the value of which that was stored."""
+        """Return the value from the stored one."""
         raise NotImplementedError
 
 
 def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str = "") -> Any:
-    """Return a value as JSON can hold it.
+    """Return a value in the types of JSON.
 
     Parameters
     ----------
     value
-        Of dataclasses, pydantic models, mappings, sequences, arrays and what JSON holds. Numbers that are not finite
+        Of dataclasses, pydantic models, mappings, sequences, arrays and the types of JSON. Numbers that are not finite
         stay floats.
     arrays
-        Receives each array under its path in the value, such as `signal/t`; without it arrays become lists.
+        Receives each array under its path in the value, such as `signal/t`; without it, arrays become lists.
     path
-        Of the value.
+        The path of the value.
     """
     below = f"{path}/" if path else ""
     if isinstance(value, Reduced):
@@ -63,8 +63,10 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
             return value.tolist()
         arrays[path] = value
         return None
-    if isinstance(value, np.generic | Enum):
-        return value.item() if isinstance(value, np.generic) else value.value
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Enum):
+        return value.value
     if isinstance(value, Path):
         return str(value)
     if value is None or isinstance(value, str | int | float):
@@ -73,9 +75,9 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
 
 
 def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, path: str = "") -> Any:
-    """Return the value of a type of which `split` made JSON and arrays; a number that is None is NaN.
+    """Return a value of a type from JSON and arrays that `split` made; a number that is None becomes NaN.
 
-    Raises KeyError, TypeError or ValueError for what is not of that type.
+    Raises KeyError, TypeError or ValueError where the value is not of that type.
     """
     arrays, below = arrays or {}, f"{path}/" if path else ""
     if path in arrays:
@@ -97,7 +99,7 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
     if issubclass(origin, tuple):
         kinds = [args[0]] * len(value) if Ellipsis in args else args
         each = enumerate(zip(kinds, value, strict=True))
-        return tuple(join(one, v, arrays, f"{below}{i}") for i, (one, v) in each)
+        return tuple(join(k, v, arrays, f"{below}{i}") for i, (k, v) in each)
     if issubclass(origin, Mapping):
         return {k: join(args[1], v, arrays, f"{below}{k}") for k, v in value.items()}
     if issubclass(origin, np.ndarray):
@@ -108,11 +110,11 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
 
 
 def _member(kind: Any, value: object) -> Any:
-    """Return the one of several types that a value is of; Any of plain numbers and text, and all of several models."""
-    kinds = [one for one in get_args(kind) if one is not NoneType]
+    """Return the type of a value among several; Any for plain numbers and text, the union for pydantic models."""
+    kinds = [k for k in get_args(kind) if k is not NoneType]
     if value is None and NoneType in get_args(kind):
         return NoneType
-    if all(isinstance(one, type) and issubclass(one, BaseModel) for one in kinds):
+    if all(isinstance(k, type) and issubclass(k, BaseModel) for k in kinds):
         return kind
     wanted = {list: (tuple, np.ndarray), dict: (Mapping,)}.get(type(value), ())
     fitting = (k for k in kinds if (get_origin(k) or k) in wanted or (wanted and is_dataclass(k)))

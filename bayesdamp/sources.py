@@ -1,4 +1,4 @@
-"""The source of the code that a computation can reach: what its stored results depend on besides their inputs."""
+"""Digest the source of the code that a computation can reach, on which its stored results depend."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ OUTSIDE = (
     "bayesdamp.cli", "bayesdamp.config", "bayesdamp.machine", "bayesdamp.plugins", "bayesdamp.report",
     "bayesdamp.sources", "bayesdamp.store",
 )  # fmt: skip
-"""What decides where and when something is computed, and what is made of it, but not the result itself; settings are
-part of a key by their values."""
+"""Modules that decide where and when something is computed, and how it is shown, but not the result itself; settings
+are part of a key by their values."""
 LEAVES = (
     "bayesdamp.pipeline", "bayesdamp.pipeline.candidates.branch", "bayesdamp.pipeline.candidates.cells",
     "bayesdamp.pipeline.envelopes", "bayesdamp.interface.envelopes",
 )  # fmt: skip
-"""Modules that bring many computations together: each counts with its own source, not with what it imports."""
+"""Modules that combine many computations: each counts with its own source, without its imports."""
 
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+(bayesdamp[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n]+)|import[ \t]+(bayesdamp[\w.]*))",
@@ -29,15 +29,15 @@ _IMPORT = re.compile(
 )
 _ONLY_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.M)
 _TEXTS: dict[str, str | None] = {}
-"""Each module's source as it was when it was first asked for: a process computes with what it has loaded."""
+"""Each module's source at its first request: a process computes with what it has loaded."""
 _IMPORTED: dict[str, frozenset[str]] = {}
 
 
 @cache
 def code_digest(*modules: str) -> str:
-    """SHA-256 of the sources of modules of the package and of all of the package that they import, at any depth.
+    """Return the SHA-256 of the sources of modules and of all modules of the package that they import, at any depth.
 
-    A plug-in that is looked up by its name is no import: its own source has to be added where it is used.
+    A plug-in that is found by its name is not an import: its own source must be added where it is used.
     """
     digest = hashlib.sha256()
     for name in sorted(reached(modules)):
@@ -52,43 +52,40 @@ def package_digest() -> str:
 
 
 def reached(modules: Iterable[str]) -> set[str]:
-    """Return these modules of the package and all that they import, at any depth; nothing else of what is `OUTSIDE`."""
+    """Return these modules and all that they import, at any depth; of the modules `OUTSIDE` only the given ones."""
     waiting = list(modules)
-    found = {name for name in waiting if _is_outside(name)}
+    names = {name for name in waiting if _is_outside(name)}
     while waiting:
         name = waiting.pop()
-        if name in found or name == PACKAGE or _is_outside(name) or _text(name) is None:
+        if name in names or name == PACKAGE or _is_outside(name) or _text(name) is None:
             continue
-        found.add(name)
+        names.add(name)
         waiting.append(name.rpartition(".")[0])
         if name not in LEAVES:
-            waiting += imported(name) - found
-    return found
+            waiting += imported(name) - names
+    return names
 
 
 @cache
 def _is_outside(name: str) -> bool:
-    return any(name == one or name.startswith(f"{one}.") for one in OUTSIDE)
+    return any(name == module or name.startswith(f"{module}.") for module in OUTSIDE)
 
 
 def imported(name: str) -> frozenset[str]:
-    """The modules of the package that a module imports directly, when it is loaded or later."""
+    """Return the modules of the package that a module imports directly, when it is loaded or later."""
     if name not in _IMPORTED:
-        text, found = _ONLY_FOR_TYPES.sub("", _text(name) or ""), set[str]()
+        text, modules = _ONLY_FOR_TYPES.sub("", _text(name) or ""), set[str]()
         for base, names, plain in _IMPORT.findall(text):
-            if plain:
-                found.add(plain)
-                continue
-            found.add(base)
+            modules.add(plain or base)
             parts = (part.split("#")[0].split() for part in re.split(r"[,\n]", names.strip("()")))
             below = {f"{base}.{part[0].strip('()')}" for part in parts if part}
-            found |= {one for one in below if _text(one) is not None}
-        _IMPORTED[name] = frozenset(found)
+            modules |= {module for module in below if _text(module) is not None}
+        _IMPORTED[name] = frozenset(modules)
     return _IMPORTED[name]
 
 
 def _text(name: str) -> str | None:
-    """A module's source; None where the package has no such module."""
+    """Return a module's source; None where the package has no such module."""
     if name not in _TEXTS:
         file = _files().get(name)
         _TEXTS[name] = file.read_text(encoding="utf-8") if file else None
@@ -97,13 +94,13 @@ def _text(name: str) -> str | None:
 
 @cache
 def _files() -> dict[str, Path]:
-    """The package's modules: asking for each file that an import may mean takes ten times as long."""
-    found: dict[str, Path] = {}
+    """Map the package's modules to their files: a test of each file that an import may mean takes ten times as long."""
+    modules: dict[str, Path] = {}
     for folder, below, files in os.walk(ROOT):
-        below[:] = [one for one in below if one != "__pycache__"]
+        below[:] = [name for name in below if name != "__pycache__"]
         path = Path(folder)
         package = ".".join((PACKAGE, *path.relative_to(ROOT).parts))
-        found |= {f"{package}.{name[:-3]}": path / name for name in files if name.endswith(".py")}
-        if f"{package}.__init__" in found:
-            found[package] = found.pop(f"{package}.__init__")
-    return found
+        modules |= {f"{package}.{name[:-3]}": path / name for name in files if name.endswith(".py")}
+        if f"{package}.__init__" in modules:
+            modules[package] = modules.pop(f"{package}.__init__")
+    return modules

@@ -1,4 +1,4 @@
-"""A table of text, with renderers for a page, plain text and the terminal."""
+"""Tables of text, with renderers for a page, plain text and the terminal."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LONG = 24
-"""Letters from which a cell of text may wrap."""
+"""Letters above which a cell of text may wrap."""
 
 
 class Line(tuple[str, ...]):
-    """One row of a table, with its kind: "" or "best", "quiet" (refused, not applicable), "alert"."""
+    """A row of a table, with its kind: "" or "best", "quiet" (refused, not applicable), "alert"."""
 
     kind: str
 
     def __new__(cls, cells: Iterable[str], kind: str = "") -> Self:
-        """Make a line of these cells."""
+        """Return a line of these cells."""
         line = super().__new__(cls, cells)
         line.kind = kind
         return line
@@ -32,9 +32,9 @@ class Line(tuple[str, ...]):
 class Table:
     """Headers and lines of text.
 
-    left: indices of the columns of text; the others are numbers, aligned to the right. groups, foot: of a line above
-    the headers and one below all others, which stays there when the table is sorted: each cell with the number of
-    columns that it spans. notes: sentences below the table.
+    left: indices of the columns of text; the others are numbers, aligned to the right. groups: cells of a line above
+    the headers, each with the number of columns that it spans. foot: the same below all lines, where it stays when the
+    table is sorted. notes: sentences below the table.
     """
 
     headers: Sequence[str] = ()
@@ -54,12 +54,12 @@ class Table:
         caption: str = "",
         kind: Callable[[T], str] = lambda _: "",
     ) -> Self:
-        """Build a table with a line for each row. columns: each header with the function that writes a row's cell."""
+        """Build a table with a line for each row. columns: headers, with the functions that return a row's cell."""
         lines = [Line((cell(row) for cell in columns.values()), kind(row)) for row in rows]
         return cls(list(columns), lines, left, caption)
 
     def __html__(self) -> str:
-        """Return the table as HTML, its text escaped and the index of a symbol set below the line."""
+        """Return the table as HTML: the text is escaped and the index of a symbol is a subscript."""
         text = set(self.left)
         groups = "".join(f'<th class="g" colspan="{n}">{symbols(cell)}</th>' for cell, n in self.groups)
         head = "".join(f"<th{_look(i in text)}>{symbols(h)}</th>" for i, h in enumerate(self.headers))
@@ -75,11 +75,7 @@ class Table:
         )
         foot = f'<tfoot><tr class="best">{foot}</tr></tfoot>' if foot else ""
         caption = f'<p class="caption">{symbols(self.caption)}</p>\n' if self.caption else ""
-        grid = (
-            f"<table><thead>{head}</thead><tbody>\n{''.join(body)}</tbody>{foot}</table>"
-            if self.lines
-            else ""
-        )
+        grid = f"<table><thead>{head}</thead><tbody>\n{''.join(body)}</tbody>{foot}</table>" if body else ""
         notes = "".join(f"<p>{escape(note)}</p>" for note in self.notes)
         return f'<div class="table">{caption}<div class="scroll">{grid}</div>{notes}</div>'
 
@@ -87,17 +83,15 @@ class Table:
         """Return the table in lines of plain text."""
         grid = [self.headers, *self.lines] if self.lines else []
         text, widths = set(self.left), [max(map(len, column)) for column in zip(*grid, strict=True)]
-        lines = (
-            [
-                c.ljust(w) if i in text else c.rjust(w)
-                for i, (c, w) in enumerate(zip(row, widths, strict=True))
-            ]
-            for row in grid
-        )
-        return "\n".join([self.caption, *("  ".join(cells).rstrip() for cells in lines), *self.notes])
+        lines = []
+        for row in grid:
+            columns = enumerate(zip(row, widths, strict=True))
+            cells = [cell.ljust(w) if i in text else cell.rjust(w) for i, (cell, w) in columns]
+            lines.append("  ".join(cells).rstrip())
+        return "\n".join([self.caption, *lines, *self.notes])
 
     def rich(self, **look: object) -> RichTable:
-        """Return the table for the terminal. look: of rich's table."""
+        """Return the table for the terminal. look: options of rich's table."""
         from rich.table import Table as RichTable
 
         table = RichTable(*self.headers, **look)  # type: ignore[arg-type]
@@ -107,14 +101,14 @@ class Table:
 
 
 def _look(is_text: bool, cell: str = "") -> str:
-    """The class of a cell of text; a long one may wrap."""
+    """Return the attribute for the class of a cell of text; a long one may wrap."""
     if not is_text:
         return ""
     return ' class="t w"' if len(Markup(cell).striptags()) > LONG else ' class="t"'
 
 
 def symbols(text: str) -> Markup:
-    """Escaped text in which the index of a symbol is set below the line."""
+    """Return escaped text in which the index of a symbol is a subscript."""
     shown = str(escape(text))
     for letters in ("μc", "μq", "μk", "μp", "θs", "θe"):
         shown = shown.replace(letters, f"{letters[0]}<sub>{letters[1]}</sub>")

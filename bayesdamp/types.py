@@ -1,4 +1,4 @@
-"""The values that flow from one stage to the next. Frozen, with hardly any behaviour."""
+"""The values that pass from one stage to the next: frozen, with hardly any behaviour."""
 
 from __future__ import annotations
 
@@ -13,25 +13,23 @@ if TYPE_CHECKING:
 
 OK = "ok"
 VERDICT_SCHEMA = 1
-"""Version of the objects of verdict.json: it goes up when a field is renamed, removed, or means something else."""
+"""Version of the objects of verdict.json: it increases when a field is renamed, removed, or changes its meaning."""
 LAW_MARK = "@"
-"""Stands between a damping sum and its restoring law where a study compares several laws."""
-
-
+"""Separates a damping sum from its restoring law where a study compares several laws."""
 _OPTIONS = {"value": "angle", "channels": "channel"}
-"""The command's options that are called otherwise than the arguments of `read`."""
+"""The command's options whose names differ from the arguments of `read`."""
 
 
 class BayesdampError(Exception):
-    """Base of the errors that a user can mend; its text is one clear line."""
+    """Base of the errors that a user can correct; the text is one clear line."""
 
 
 class InputError(BayesdampError):
-    """The input is wrong: the text says where, what, and what would be right (exit status 2).
+    """The input is wrong: the text contains where, what, and what would be right (exit status 2).
 
-    what: without where. where: the file, the record, the option or the argument; at: the place in it, such as a line;
-    both are empty where nobody has said. arguments: of `read` by which it can be settled, told as the command's
-    options. likely: the likeliest values of some of them.
+    what: the fault. where: the file, the record, the option or the argument; at: the place in it, such as a line; both
+    may be empty. arguments: those of `read` that resolve it, which the text names as the command's options. likely: the
+    likeliest values of some of them.
     """
 
     def __init__(
@@ -49,24 +47,24 @@ class InputError(BayesdampError):
         super().__init__((f"{place}: {what}" if place else what) + (f" ({options})" if options else ""))
 
     def naming(self, name: Callable[[str], str]) -> InputError:
-        """Return the error with its arguments named by a function: as keywords, or keys of a study."""
+        """Return the error with arguments named by a function, for example as keywords or keys of a study."""
         named = ", ".join(map(name, self.arguments))
         return InputError(f"{self.what} ({named})" if named else self.what, self.where, self.at)
 
 
 class Refusal(BayesdampError):  # noqa: N818 - a method's answer, not an error
-    """A method cannot work on this record; the text is the sentence that the tables show."""
+    """A method cannot work on this record; the text is the sentence in the tables."""
 
 
 @dataclass(frozen=True, eq=False)
 class Signal:
     """A record after cleaning, in SI units, without the truth; equal only to itself.
 
-    t: times in s, shape (n,), strictly increasing, t[0] = 0 at the first kept sample.
+    t: times in s, shape (n,), strictly increasing, t[0] = 0 at the first sample.
     y: the recorded quantity, shape (n,): rad or m, per s or per s² for velocity or acceleration.
     quantity: "angle", "velocity" or "acceleration".
     unit: "rad" or "m": the unit of the displacement itself.
-    step: the recording step (quantisation) in the unit of y, 0 where none is seen.
+    step: the recording step (quantisation) in the unit of y, 0 where none is detected.
     provenance: how it was read and what was done to it.
     """
 
@@ -87,11 +85,11 @@ class Signal:
 
 @dataclass(frozen=True)
 class FeaturesSeen:
-    """What is read off an oscillation, in numbers.
+    """Features of an oscillation, in numbers.
 
     rest: the midline of the last half of the turning points (rad or m; 0 for velocity and acceleration).
     amplitude, final_amplitude: displacement amplitude at the first and last sample (rad or m).
-    frequency (rad/s) and period (s): mean over the record, weighted to where the crossings are sharp.
+    frequency (rad/s) and period (s): mean over the record, with more weight where the crossings are sharp.
     cycles: cycles in the record, as far as turning points stand out of the noise.
     samples_per_cycle: samples in a mean period.
     roughness: sd of the noise, in the unit of the recorded quantity.
@@ -109,7 +107,10 @@ class FeaturesSeen:
 
 @dataclass(frozen=True)
 class Symbol:
-    """How a parameter or a derived quantity is written: text, in a sentence or table; math, for figures; meaning."""
+    """The notation of a parameter or a derived quantity.
+
+    text: in sentences and tables. math: in figures. meaning: in words.
+    """
 
     text: str
     math: str
@@ -118,10 +119,10 @@ class Symbol:
 
 @dataclass(frozen=True)
 class System:
-    """What is known of the oscillator, never the truth of what is sought.
+    """What is known of the oscillator, without the truth of what is estimated.
 
     restoring: name of the restoring law.
-    known: parameter name to its known value (restoring parameters, theta0, omega0, epsilon, noise_sd, ...).
+    known: parameter name to its specified value (restoring parameters, theta0, omega0, epsilon, noise_sd, ...).
     free: parameter name to a prior, or None for the default prior.
     amplitude, frequency: the study's reference amplitude (unit of displacement) and frequency (rad/s).
     """
@@ -137,11 +138,11 @@ class System:
 class Estimate:
     """A point estimate of one method at one stage.
 
-    values: parameter name to value, only what the method itself computed (SI units).
+    values: parameter name to value, only those that the method itself computes (SI units).
     stderr: parameter name to the method's own standard error, where it has one.
     trace: named convergence curves, each an array.
-    details: what else the method says of its answer (the terms it selected, eigenvalues, a Pareto front, a
-    learnt force), as strings, numbers and lists of these.
+    details: further results of the method (selected terms, eigenvalues, a Pareto front, a learnt force), as strings,
+    numbers and lists of these.
     """
 
     estimator: str
@@ -157,11 +158,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Seed:
-    """Where a search for the mode starts.
+    """The start of a search for the mode.
 
-    source: what gave the values: an estimator, or in words what of the record or which fit; stage: the estimator's.
-    drawn: whether the prior gave them, and not the record. grown: whether the start was then taken along a window that
-    grew from two cycles.
+    source: of the values: an estimator, or in words a part of the record or a fit; stage: the estimator's. drawn:
+    whether they are a draw from the prior. grown: whether the start was then refined along a window that grew from two
+    cycles.
     """
 
     source: str
@@ -172,8 +173,10 @@ class Seed:
 
 @dataclass(frozen=True)
 class PartialFit:
-    """The mode on a part of the record, from start to stop in s: values and Laplace sds of the parameters, and the
-    part's log evidence by Laplace's approximation (nats)."""
+    """The mode on a part of the record, from start to stop in s.
+
+    values, sd: of the parameters, by Laplace's approximation, as is the part's log evidence (nats).
+    """
 
     label: str
     start: float
@@ -185,8 +188,11 @@ class PartialFit:
 
 @dataclass(frozen=True)
 class Forecast:
-    """What the first half of a record says of the second: rms of its error and the expected one, in the record's unit,
-    share inside the 95 % interval, log density given the first half (nats)."""
+    """The prediction of the second half of a record from the first.
+
+    rms, expected: of its error, and the expected one, in the record's unit. coverage: share inside the 95 % interval.
+    log_predictive: log density given the first half (nats).
+    """
 
     rms: float
     expected: float
@@ -196,7 +202,7 @@ class Forecast:
 
 @dataclass(frozen=True)
 class AddedForm:
-    """The model with another form of damping added: log Bayes factor in nats against the model alone."""
+    """The model with another form of damping: its log Bayes factor in nats against the model without it."""
 
     words: str
     log_bayes: float
@@ -204,8 +210,10 @@ class AddedForm:
 
 @dataclass(frozen=True)
 class NestedRatio:
-    """Log Bayes factor (nats) of a model without a damping term against the one with it, by Savage and Dickey, and its
-    standard error. outcome: `ok`, or why it is not valid."""
+    """Log Bayes factor (nats) of a model without a damping term against the one with it, by Savage and Dickey.
+
+    stderr: its standard error. outcome: `ok`, or why it is not valid.
+    """
 
     log_bayes_factor: float = float("nan")
     stderr: float = float("nan")
@@ -214,8 +222,10 @@ class NestedRatio:
 
 @dataclass(frozen=True)
 class Ratio:
-    """Equivalent viscous damping ratio at an amplitude (rad or m): median, 95 % interval, and the parts of its standard
-    deviation from noise and from the law."""
+    """Equivalent viscous damping ratio at an amplitude (rad or m).
+
+    value: median. low, high: 95 % interval. sd_noise, sd_law: parts of its standard deviation.
+    """
 
     amplitude: float
     value: float
@@ -227,8 +237,11 @@ class Ratio:
 
 @dataclass(frozen=True)
 class ChainStart:
-    """A chain's starting point: the seed it is from, that one's distance from the mode and its own, in posterior sds;
-    shift: the largest distance of the chain's mean from that of all, in posterior sds."""
+    """The starting point of a chain.
+
+    seed: its source. seed_distance, distance: of the seed and of the point from the mode, in posterior sds. shift: the
+    largest distance of the chain's mean from that of all chains, in posterior sds.
+    """
 
     seed: Seed
     seed_distance: float
@@ -237,7 +250,7 @@ class ChainStart:
 
 
 FRICTION_WIDTH = 0.02
-"""The velocity ε within which friction turns over, as a share of the peak velocity, where nobody gives it."""
+"""Default of the velocity ε within which friction changes its sign, as a share of the peak velocity (conventional)."""
 
 
 @dataclass(frozen=True)
@@ -248,7 +261,7 @@ class Reference:
     frequency: float
 
     def scales(self, rest: float) -> dict[str, float]:
-        """What damping terms may take that is no parameter, by name; rest: where the motion rests, rad or m."""
+        """Return the scales that damping terms may use, by name; rest: where the motion rests, rad or m."""
         return {
             "rest": rest,
             "reference_velocity": self.peak_velocity,
@@ -257,19 +270,21 @@ class Reference:
 
     @property
     def peak_velocity(self) -> float:
-        """Amplitude times frequency, rad/s or m/s."""
+        """Return amplitude times frequency, rad/s or m/s."""
         return self.amplitude * self.frequency
 
     @property
     def friction_width(self) -> float:
-        """ε where nobody gives it, rad/s or m/s."""
+        """Return the default of ε, rad/s or m/s."""
         return FRICTION_WIDTH * self.peak_velocity
 
 
 @dataclass(frozen=True)
 class Friction:
-    """A width of friction (rad/s or m/s), its posterior probability, and under it the coefficients of all damping terms
-    and their further parameters."""
+    """A width of friction ε (rad/s or m/s), with its posterior probability.
+
+    coefficients, further: of all damping terms at this width, and their further parameters.
+    """
 
     epsilon: float
     weight: float
@@ -281,10 +296,10 @@ class Friction:
 class Posterior:
     """Draws of a posterior: draws[chain, draw, parameter] in natural units.
 
-    summaries: of each parameter. starts: of the chains; divergences: how many transitions diverged, None where there is
-    no such thing. evaluations: of the likelihood. ensembles: into which chains fall that share their moves. effective:
-    how many draws of the posterior independent ones of an approximation are worth. running: the parameters whose
-    running estimates arrays hold, `running/...`. diagnostics: what else the sampler says.
+    summaries: of each parameter. starts: of the chains. divergences: number of diverging transitions, None for samplers
+    without them. evaluations: of the likelihood. ensembles: number of groups of chains that share their moves.
+    effective: number of draws of the posterior that independent draws of an approximation are worth. running: the
+    parameters whose running estimates are in the arrays, `running/...`. diagnostics: further ones of the sampler.
     """
 
     sampler: str
@@ -309,7 +324,7 @@ class Posterior:
 class Evidence:
     """Log marginal likelihood of one model by one method (nats), with its standard error and diagnostic.
 
-    arrays: what the method leaves for further use, such as draws and their weights.
+    arrays: for further use, such as draws and their weights.
     """
 
     model: str
@@ -324,29 +339,31 @@ class Evidence:
 
 
 def candidate_name(damping: str, restoring: str = "") -> str:
-    """The name of a candidate: `viscous+coulomb@pendulum`, the damping sum alone where no law is given."""
+    """Return the name of a candidate: `viscous+coulomb@pendulum`, or the damping sum where no law is given."""
     return f"{damping}{LAW_MARK}{restoring}" if restoring else damping
 
 
 def candidate_parts(name: str) -> tuple[str, str]:
-    """Damping sum and restoring law of a candidate; the law is empty where the name has none."""
+    """Return damping sum and restoring law of a candidate; the law is empty where the name has none."""
     damping, _, restoring = name.partition(LAW_MARK)
     return damping, restoring
 
 
 def summed(probabilities: Mapping[str, float], part: int = 0) -> dict[str, float]:
-    """Candidates' probabilities summed over restoring laws, by damping, the likeliest first; with `part` 1 over
-    dampings, by law."""
-    found: dict[str, float] = {}
+    """Sum candidates' probabilities over restoring laws, by damping, the likeliest first.
+
+    With `part` 1 they are summed over dampings, by law.
+    """
+    sums: dict[str, float] = {}
     for name, p in probabilities.items():
         key = candidate_parts(name)[part]
-        found[key] = found.get(key, 0.0) + p
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+        sums[key] = sums.get(key, 0.0) + p
+    return dict(sorted(sums.items(), key=lambda item: -item[1]))
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What an estimator is asked: these damping terms, on what is known of the system."""
+    """The task of an estimator: these damping terms, with what is known of the system."""
 
     damping: tuple[str, ...]
     system: System

@@ -1,4 +1,4 @@
-"""Units that a record may come in."""
+"""The units of records."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _PER = {"angle": "", "velocity": "/s", "acceleration": "/s²", "envelope": ""}
 class Unit:
     """A unit of displacement.
 
-    base: the unit that is computed in: rad, m, or the unit itself where a sensor's scale is not known.
-    factor: of the base in one of it. quantity: the only one that it is a unit of, so that "/s" or "/s²" is not added;
-    None for a displacement's. written: how the names of columns may say it, besides its own name, in small letters.
+    base: the unit of computation: rad, m, or the unit itself where a sensor's scale is not known. factor: its size in
+    the base. quantity: the only quantity that it is a unit of, without "/s" or "/s²"; None for a unit of displacement.
+    written: other names in the names of columns, in small letters.
     """
 
     name: str
@@ -25,47 +25,42 @@ class Unit:
 
     @property
     def translates(self) -> bool:
-        """Whether what moves is taken to move along a line: a pendulum's laws need an angle."""
+        """Whether the motion is along a line: a pendulum's laws need an angle."""
         return self.base != "rad"
 
     @property
     def physical(self) -> bool:
-        """Whether forces and energies follow from it where an inertia is known."""
+        """Whether forces and energies follow from it with a known inertia."""
         return self.base in ("rad", "m")
 
     @property
     def scale(self) -> float:
-        """Of it in one of the base."""
+        """Return the size of the base in this unit."""
         return 1.0 / self.factor
 
     @property
     def displacement(self) -> Unit:
-        """The unit that amplitudes are told in: the base where this one is of another quantity alone."""
+        """Return the unit of amplitudes: the base where this one is a unit of another quantity only."""
         return self if self.quantity is None else UNITS[self.base]
 
     def called(self, quantity: str) -> str:
-        """What is recorded in it: an angle, a position along a line, a sensor's signal, or their derivative."""
+        """Return the name of a quantity in this unit: angle, position, signal, or their derivative."""
         if quantity != "angle":
             return quantity
         return {"rad": "angle", "m": "position"}.get(self.base, "signal")
 
     def of(self, quantity: str) -> str:
-        """How values of this quantity are labelled."""
+        """Return the label of values of a quantity."""
         return self.name if quantity == self.quantity else self.name + _PER[quantity]
 
 
+DEGREES = ("degree", "degrees", "°", "grad", "grados", "gradi", "degré", "degrés", "degres")
 UNITS = {
     unit.name: unit
     for unit in (
         Unit("rad", "rad", 1.0, None, ("radian", "radians", "radiant")),
         Unit("mrad", "rad", 1e-3, None, ("milliradian", "milliradians")),
-        Unit(
-            "deg",
-            "rad",
-            math.pi / 180,
-            None,
-            ("degree", "degrees", "°", "grad", "grados", "gradi", "degré", "degrés", "degres"),
-        ),
+        Unit("deg", "rad", math.pi / 180, None, DEGREES),
         Unit("rpm", "rad", math.pi / 30, "velocity", ("1/min",)),
         Unit("dps", "rad", math.pi / 180, "velocity"),
         Unit("m", "m", 1.0, None, ("meter", "meters", "metre", "metres")),
@@ -82,14 +77,14 @@ UNITS = {
         Unit("counts", "counts", 1.0, None, ("count", "adc", "lsb", "a.u.", "au", "arb. units", "arb.u.")),
     )
 }
-"""By name, as a study's or the command's `unit` says it."""
+"""Units by name, as in a study or as an option."""
 
 
 def unit_named(name: str) -> Unit:
-    """Return the unit of this name; of one that only an envelope has, such as dBm, its numbers stay as they are."""
+    """Return the unit with a name; one that only envelopes have, such as dBm, is its own base."""
     return UNITS.get(name) or Unit(name, name, 1.0)
 
 
 def quantity_unit(unit: str, quantity: str) -> str:
-    """Unit of the recorded quantity where the displacement has this unit."""
+    """Return the unit of the recorded quantity where the displacement has this unit."""
     return UNITS[unit].of(quantity)

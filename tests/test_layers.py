@@ -42,10 +42,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "records.readers": NEUTRAL | {"records.files", "records.readers"},
     "records.opening": NEUTRAL | {"records.files", "records.readers", "records.opening"},
     "records.oscillation": NEUTRAL | {"records.oscillation"},
-    "records.decay": NEUTRAL | {"records.oscillation", "records.decay"},
     "records.columns": NEUTRAL | {"records.oscillation", "records.files", "records.columns"},
     "records.cleaning": NEUTRAL
-    | {"records.record", "records.files", "records.oscillation", "records.decay", "records.cleaning"},
+    | {"records.record", "records.files", "records.oscillation", "records.cleaning"},
     "records": NEUTRAL | {"physics", "records"},
     "config": NEUTRAL | {"physics", "config"} | REGISTRIES,
     "estimators.networks": _BELOW | {"estimators.shared", "estimators.networks"},

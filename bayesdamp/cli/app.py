@@ -25,7 +25,7 @@ from bayesdamp.cli.commands.look import look
 from bayesdamp.cli.commands.report import report
 from bayesdamp.cli.commands.simulate import simulate
 from bayesdamp.cli.commands.study import study
-from bayesdamp.machine.signals import kill_as_interrupt
+from bayesdamp.machine import kill_as_interrupt
 from bayesdamp.types import BayesdampError, InputError
 
 FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130

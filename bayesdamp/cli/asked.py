@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from bayesdamp.machine.cache import cache_folder
+from bayesdamp.machine import cache_folder
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:

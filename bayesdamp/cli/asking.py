@@ -81,7 +81,7 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
     the free decay of one oscillator; none where nothing swings. Then of each file whose unit nobody states, which is
     taken."""
     from bayesdamp.interface.no_free_decay import no_free_decay
-    from bayesdamp.records.decay.window import other_decays
+    from bayesdamp.records.cleaning.window import other_decays
     from bayesdamp.records.oscillation.first_look import first_words  # imports slowly
     from bayesdamp.verdict.units import in_unit
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.records.oscillation.one import NotOne, other_than_one
+from bayesdamp.records.oscillation.modes import NotOne, other_than_one
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Grade, Interval, Mode, Motion, Window

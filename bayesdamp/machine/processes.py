@@ -13,38 +13,39 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
-from bayesdamp.machine.signals import kill_as_interrupt
+from bayesdamp.machine import kill_as_interrupt
 
 GARBAGE = 100_000
-"""New objects from which Python looks for garbage: every 700, as by default, takes a tenth of a short run, as the
-hundred thousands that JAX has made are gone through again and again."""
+"""New objects after which Python collects garbage: every 700, the default, takes a tenth of a short run, because the
+hundred thousand objects of JAX are traversed again and again."""
 
 
 class Processes(Executor):
-    """Spawned processes that can be replaced once one of them was killed, which breaks them all.
+    """Spawned processes that can be replaced after one of them was killed, which breaks them all.
 
-    width: how many there are.
+    width: their number.
     """
 
     def __init__(self, width: int) -> None:
         self.width = width
-        self._pool = self._started()
+        self._start()
 
-    def _started(self) -> ProcessPoolExecutor:
-        spawn = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(self.width, mp_context=spawn, initializer=_begin, initargs=(os.getpid(),))
+    def _start(self) -> None:
+        self._pool = ProcessPoolExecutor(
+            self.width, multiprocessing.get_context("spawn"), initializer=_begin, initargs=(os.getpid(),)
+        )
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """As any executor. Raises BrokenExecutor where a process was killed, until `restart`."""
+        """Schedule a call, as any executor. Raises BrokenExecutor after a process was killed, until `restart`."""
         return self._pool.submit(fn, *args, **kwargs)
 
     def restart(self) -> None:
-        """New processes in place of these."""
+        """Replace the processes by new ones."""
         self.end()
-        self._pool = self._started()
+        self._start()
 
     def end(self) -> None:
-        """Finished tasks are stored: those under way are given up, and nothing waits for JAX to tidy up."""
+        """End the processes at once: finished tasks are stored, and running ones are given up."""
         for process in list((self._pool._processes or {}).values()):
             process.terminate()
         self._pool.shutdown(wait=True, cancel_futures=True)
@@ -52,9 +53,9 @@ class Processes(Executor):
 
 @contextmanager
 def processes(workers: int) -> Iterator[Processes]:
-    """Spawned processes.
+    """Start processes, and end them afterwards.
 
-    Spawned, not forked (a library may have started threads), and one thread each: the processes share the cores.
+    They are spawned, not forked (a library may have started threads), and have one thread each: they share the cores.
     """
     before = dict(os.environ)
     os.environ["OMP_NUM_THREADS"] = "1"
@@ -69,7 +70,7 @@ def processes(workers: int) -> Iterator[Processes]:
 
 
 def _begin(parent: int) -> None:
-    """Let a worker end as soon as the run that started it is gone: a killed run leaves nothing that computes."""
+    """Prepare a process, which is to end as soon as the run that started it does: a killed run leaves none behind."""
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -77,5 +78,5 @@ def _begin(parent: int) -> None:
         os._exit(1)
 
     gc.set_threshold(GARBAGE)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=watch, daemon=True).start()

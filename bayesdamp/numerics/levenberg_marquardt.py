@@ -1,7 +1,7 @@
-"""Levenberg–Marquardt's method (Levenberg 1944, Marquardt 1963; Moré 1977 for its scaling).
+"""Maximise a function within lower bounds by Levenberg–Marquardt's method.
 
-Of a function that is expanded to second order, within lower bounds: a step s solves (H + λ diag H) s = g for gradient g
-and information H; λ falls where the step gains and grows where it does not.
+The function is expanded to second order: a step s solves (H + λ diag H) s = g for gradient g and information H. λ falls
+where the step gains and grows where it does not (Levenberg 1944, Marquardt 1963; Moré 1977 for the scaling).
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from typing import NamedTuple
 import numpy as np
 
 FIRST, LOWEST, HIGHEST = 1e-3, 1e-12, 1e12
-"""λ at first, and between which it stays (conventional)."""
+"""λ at first, and its bounds (conventional)."""
 AGAIN = 1e-9
-"""λ that grows from at least, so that it leaves the lowest at once."""
+"""Least λ before it grows, so that it leaves the lowest at once."""
 
 
 class Schedule(NamedTuple):
-    """By what λ shrinks where a step gains, and grows where it does not (conventional)."""
+    """Factors by which λ shrinks where a step gains, and grows where it does not (conventional)."""
 
     less: float = 0.2
     more: float = 6.0
 
 
 Retract = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""A point (d,) and a step, (d,), to the point where the curve ends that starts with this step."""
+"""Maps a point (d,) and a step (d,) to the end of the curve that starts with this step."""
 
 
 class Expansion(NamedTuple):
@@ -41,8 +41,11 @@ Expand = Callable[[np.ndarray], Expansion]
 
 
 class Step(NamedTuple):
-    """One trial: from where it started, by how much it moved, (d,), and what it gained; expected: the first-order gain
-    of a step that no bound cuts short. damping: λ."""
+    """One trial step.
+
+    x: its start, (d,). move: how far it moved, (d,). at: the expansion at its start. gain: of the function. expected:
+    the first-order gain of a step that no bound shortens. damping: λ.
+    """
 
     x: np.ndarray
     move: np.ndarray
@@ -54,7 +57,7 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Maximum:
-    """Where an ascent ended.
+    """The end of an ascent.
 
     x: (d,); value: the function's, −inf where that is not finite; information: (d, d); evaluations: of the function.
     """
@@ -67,7 +70,7 @@ class Maximum:
 
 
 def straight_on(x: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Without a curve."""
+    """Return the end of a straight step."""
     return x + step
 
 
@@ -82,20 +85,45 @@ def levenberg_marquardt(
     schedule: Schedule = Schedule(),  # noqa: B008 - frozen
     retract: Retract = straight_on,
 ) -> Maximum:
-    """A local maximum of a function over x ≥ floor, elementwise, from x, (d,).
+    """Return a local maximum of a function over x ≥ floor, elementwise.
 
-    floor: (d,), −inf where there is no bound. ended: whether the search has converged with a step, taken or not.
-    limit: of steps; longest: the largest component of one; retract: where steps end.
+    Parameters
+    ----------
+    expand
+        The function's value, gradient and information at a point, (d,).
+    x
+        Start, (d,).
+    floor
+        Lower bounds, (d,), −inf where there is none.
+    ended
+        Whether the search has converged with a step, taken or not.
+    limit
+        Most steps.
+    longest
+        Largest component of a step.
+    schedule
+        Factors of λ.
+    retract
+        Where steps end.
     """
+
+    def is_finite(at: Expansion) -> bool:
+        return bool(np.isfinite(at.value) and np.all(np.isfinite(at.information)))
+
     x = np.maximum(x, floor)
     at, damping, evaluations = expand(x), FIRST, 1
     for _ in range(limit):
-        if not _is_finite(at):
+        if not is_finite(at):
             break
         # Where the slope holds a component at its bound, the others move without it.
         free = np.flatnonzero(~((x <= floor) & (at.gradient <= 0)))
         move = np.zeros_like(x)
-        move[free] = _solved(at.information[np.ix_(free, free)], at.gradient[free], damping)
+        # Each component has the unit that its own curvature sets.
+        information = at.information[np.ix_(free, free)]
+        diagonal = np.diag(information)
+        scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+        matrix = information / np.outer(scale, scale) + damping * np.eye(scale.size)
+        move[free] = np.linalg.solve(matrix, at.gradient[free] / scale) / scale
         move *= min(1.0, longest / max(np.abs(move).max(initial=0.0), 1e-300))
         end = np.maximum(retract(x, move), floor)
         new = expand(end)
@@ -109,18 +137,6 @@ def levenberg_marquardt(
             damping = max(damping, AGAIN) * schedule.more
         if over:
             return Maximum(x, float(at.value), at.information, evaluations, converged)
-    if not _is_finite(at):
+    if not is_finite(at):
         return Maximum(x, -np.inf, np.eye(x.size), evaluations, False)
     return Maximum(x, float(at.value), at.information, evaluations, False)
-
-
-def _is_finite(at: Expansion) -> bool:
-    return bool(np.isfinite(at.value) and np.all(np.isfinite(at.information)))
-
-
-def _solved(information: np.ndarray, gradient: np.ndarray, damping: float) -> np.ndarray:
-    """The step, (d,), in the unit of each component that its own curvature sets."""
-    diagonal = np.diag(information)
-    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    matrix = information / np.outer(scale, scale) + damping * np.eye(scale.size)
-    return np.linalg.solve(matrix, gradient / scale) / scale

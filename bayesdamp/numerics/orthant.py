@@ -1,4 +1,4 @@
-"""The part of a normal distribution in which a few coordinates are not negative: its probability, and draws from it."""
+"""Compute the probability that a few normal coordinates are not negative, and draw under this condition."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri, ndtri_exp
 
 POINTS = 24
+"""Nodes of the Gauss–Legendre rule (conventional)."""
 FAINTEST = 1e-280
-"""Probability above zero below which quantiles are found from its logarithm (conventional)."""
+"""Probability above zero below which quantiles are computed from its logarithm (conventional)."""
 NESTED, LATTICE = 3, 256
-"""Coordinates up to which rules are nested, and points for more."""
+"""Most coordinates for which rules are nested, and points of the lattice for more."""
 SURE = 7.0
 """Standard deviations above zero of the least likely coordinate at which all are positive: to 1e-12 a coordinate."""
 PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53], float)
@@ -18,11 +19,11 @@ SHARES, WEIGHTS = 0.5 * (_X + 1), 0.5 * _W
 
 
 def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Log of P(all coordinates ≥ 0), shape (c,), for normals with means (c, k) and covariances (c, k, k).
+    """Return log P(all coordinates ≥ 0), shape (c,), for normals with means (c, k) and covariances (c, k, k).
 
-    One coordinate after the other is conditioned on by Gauss–Legendre nodes in its own truncated probability, the one
-    that is least likely first: the others, given it, are smooth in its share (G. J. Gibson, C. A. Glasbey and
-    D. A. Elston, in Advances in Numerical Methods and Applications, World Scientific 1994, 120).
+    One coordinate after the other is conditioned on by Gauss–Legendre nodes in its own truncated probability, the least
+    likely one first: the others, given it, are smooth in its share (G. J. Gibson, C. A. Glasbey and D. A. Elston, in
+    Advances in Numerical Methods and Applications, World Scientific 1994, 120).
     """
     count, k = mean.shape
     if k == 0:
@@ -34,12 +35,12 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         covariance = covariance[rows[:, :, None], order[:, :, None], order[:, None, :]]
         unsure = mean[:, 0] < SURE * np.sqrt(covariance[:, 0, 0])
         if not unsure.all():
-            found = np.zeros(count)
+            logs = np.zeros(count)
             if unsure.any():
-                found[unsure] = log_probability(mean[unsure], covariance[unsure])
-            return found
+                logs[unsure] = log_probability(mean[unsure], covariance[unsure])
+            return logs
     if k > NESTED:
-        return _by_lattice(mean, covariance)
+        return _log_probability_by_lattice(mean, covariance)
     sd = np.sqrt(np.maximum(covariance[:, 0, 0], 1e-300))
     first = log_ndtr(mean[:, 0] / sd)
     if k == 1:
@@ -56,9 +57,12 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return first + top[:, 0] + np.log(np.exp(inner - top) @ WEIGHTS)
 
 
-def _by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """The same of many coordinates, by Geweke, Hajivassiliou and Keane's product of conditional probabilities over a
-    lattice of shares (R. D. Richtmyer 1951), which nested rules would be too many for."""
+def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Return the same for many coordinates, for which nested rules would have too many nodes.
+
+    It is Geweke, Hajivassiliou and Keane's product of conditional probabilities over a lattice of shares
+    (R. D. Richtmyer 1951).
+    """
     count, k = mean.shape
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
     part = covariance / (scale[:, :, None] * scale[:, None, :]) + 1e-9 * np.eye(k)
@@ -77,7 +81,7 @@ def _by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def truncated(mean: np.ndarray, sd: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """Quantiles at `shares`, (c, p), of normals (c,) that are cut off at zero."""
+    """Return quantiles at `shares`, (c, p), of normals (c,) that are truncated at zero."""
     above = ndtr(mean / sd)[:, None]
     if above.min(initial=1.0) > FAINTEST:
         score = -ndtri(np.maximum((1 - shares) * above, 1e-300))
@@ -104,11 +108,11 @@ def draw(
     rng
         The random generator.
     mean, factor
-        Of each normal; of a single one also (d,) and (d, d).
+        Of each normal; for a single one also (d,) and (d, d).
     places
         Coordinates that are not negative.
     count
-        Draws of each normal, (c,).
+        Number of draws from each normal, (c,).
 
     Returns
     -------
@@ -133,11 +137,10 @@ def draw(
     gain = np.swapaxes(np.linalg.solve(part, own @ np.swapaxes(factor, 1, 2)), 1, 2)
     at = places[owner]
     off = constrained - np.take_along_axis(free, at, axis=1)
-    found = free + np.concatenate(
-        [o @ g.T for o, g in zip(np.split(off, np.cumsum(counts)[:-1]), gain, strict=True)]
-    )
-    np.put_along_axis(found, at, np.maximum(constrained, 0.0), axis=1)
-    return found
+    parts = np.split(off, np.cumsum(counts)[:-1])
+    draws = free + np.concatenate([o @ g.T for o, g in zip(parts, gain, strict=True)])
+    np.put_along_axis(draws, at, np.maximum(constrained, 0.0), axis=1)
+    return draws
 
 
 def _truncated_draws(
@@ -157,7 +160,7 @@ def _truncated_draws(
     weight = np.exp(log_weight - highest[tries])
     weight /= np.bincount(tries, weight)[tries]
     owner = np.repeat(np.arange(counts.size), counts)
-    # The weights of each normal sum to 1: so much further along are those of the next.
+    # The weights of each normal sum to 1, so those of the next begin 1 further along.
     chosen = np.searchsorted(np.cumsum(weight), owner + rng.random(owner.size))
     chosen = np.clip(chosen, 4 * (np.cumsum(counts) - counts)[owner], 4 * np.cumsum(counts)[owner] - 1)
     return mean[owner] + np.einsum("nij,nj->ni", lower[owner], scores[chosen])

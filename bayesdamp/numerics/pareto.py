@@ -1,7 +1,7 @@
-"""The tail of importance weights: the shape of the generalised Pareto distribution that is fitted to it.
+"""Fit a generalised Pareto distribution to the tail of importance weights.
 
 Sources: Vehtari, Simpson, Gelman, Yao, Gabry, "Pareto smoothed importance sampling", Journal of Machine Learning
-Research 25 (2024); the fit is that of Zhang and Stephens, "A new and efficient estimation method for the generalized
+Research 25 (2024); the fit is by Zhang and Stephens, "A new and efficient estimation method for the generalized
 Pareto distribution", Technometrics 51 (2009).
 """
 
@@ -11,16 +11,18 @@ import numpy as np
 from scipy.special import logsumexp
 
 NOUGHT, FEWEST = 690.0, 5
-"""Nats below the largest from which a weight is none, and how many weights have a shape."""
+"""Nats below the largest at which a weight is zero, and fewest weights that have a shape."""
 PRIOR_SHAPE, PRIOR_DRAWS = 0.5, 10
-"""A weak prior of the shape, worth this many draws (Vehtari et al., appendix C)."""
+"""A weak prior of the shape, and the number of draws that it is worth (Vehtari et al., appendix C)."""
 CURVED = 3.0
 """Factor of the quartile in the grid of Zhang and Stephens."""
 
 
 def pareto_k(log_weights: np.ndarray) -> float:
-    """Shape of the generalised Pareto fitted to the upper tail of importance weights, shape (n,); −∞ where all are
-    equal, and have no tail, ∞ where all but a few are nought."""
+    """Return the shape k of the generalised Pareto distribution of the upper tail of importance weights, (n,).
+
+    −∞ where all are equal and there is no tail, ∞ where all but a few are zero.
+    """
     if np.sum(log_weights > np.max(log_weights) - NOUGHT) < FEWEST:
         return np.inf
     n = log_weights.size
@@ -29,15 +31,17 @@ def pareto_k(log_weights: np.ndarray) -> float:
     tail = ordered[n - size :]
     if size < FEWEST or tail[-1] - tail[0] < np.finfo(float).tiny:
         return -np.inf
-    # Of a tail that is nought no shape is found.
+    # A tail of zeros has no shape.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        shape = _shape(np.exp(tail) - np.exp(ordered[n - size - 1]))
+        shape = _fit_shape(np.exp(tail) - np.exp(ordered[n - size - 1]))
     return np.inf if np.isnan(shape) else shape
 
 
-def _shape(above: np.ndarray) -> float:
-    """The shape of exceedances, (n,), in rising order: the profile likelihood's mean over the grid of Zhang and
-    Stephens, drawn a little to the prior's."""
+def _fit_shape(above: np.ndarray) -> float:
+    """Return the shape of exceedances, (n,), in rising order.
+
+    It is the profile likelihood's mean over the grid of Zhang and Stephens, with a weak prior.
+    """
     n = above.size
     count = 30 + int(np.sqrt(n))
     grid = 1 - np.sqrt(count / (np.arange(1, count + 1) - 0.5))
@@ -45,7 +49,7 @@ def _shape(above: np.ndarray) -> float:
     shapes = np.mean(np.log1p(-grid[:, None] * above), axis=1)
     profile = n * (np.log(-grid / shapes) - shapes - 1)
     weights = np.exp(profile - logsumexp(profile))
-    kept = weights >= 10 * np.finfo(float).eps
-    best = np.sum(grid[kept] * weights[kept]) / np.sum(weights[kept])
+    large = weights >= 10 * np.finfo(float).eps
+    best = np.sum(grid[large] * weights[large]) / np.sum(weights[large])
     shape = np.mean(np.log1p(-best * above))
     return float((n * shape + PRIOR_DRAWS * PRIOR_SHAPE) / (n + PRIOR_DRAWS))

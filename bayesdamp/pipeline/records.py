@@ -26,9 +26,8 @@ from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.read import read_record
-from bayesdamp.records.record import RawRecord
+from bayesdamp.records.record import RawRecord, unwrapped
 from bayesdamp.records.reference import reference_of
-from bayesdamp.records.wrapped import unwrapped
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents import FeaturesSeen, RecordContent
 from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Refusal, Signal

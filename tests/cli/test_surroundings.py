@@ -45,7 +45,7 @@ def test_a_terminal_of_any_width_is_told(
 ) -> None:
     monkeypatch.setenv("COLUMNS", columns)
     assert main(LOOK) == 0
-    assert "Kept" in "".join(capsys.readouterr().out.split())
+    assert "Used:" in "".join(capsys.readouterr().out.split())
 
 
 def test_letters_that_the_output_has_not_are_replaced() -> None:
@@ -56,7 +56,7 @@ def test_letters_that_the_output_has_not_are_replaced() -> None:
         done = in_process(LOOK, **environment)
         assert (done.returncode, done.stderr) == (0, b"")
         assert done.stdout.isascii()
-        assert b"Kept" in done.stdout
+        assert b"Used:" in done.stdout
     assert not in_process(LOOK, PYTHONIOENCODING="utf-8").stdout.isascii()  # the control: it has them
 
 

@@ -17,7 +17,7 @@ from bayesdamp.store.contents import RecordContent
 from bayesdamp.types import Signal
 from bayesdamp.verdict.parts import Grade, Motion
 from bayesdamp.verdict.types import Verdict
-from tests.records.oscillation.test_one import OMEGA, shaken, sum_of
+from tests.records.oscillation.test_modes import OMEGA, shaken, sum_of
 
 
 def test_beats_are_said_with_their_sizes_and_kept_in_json() -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from bayesdamp.machine import kill_as_interrupt
 from bayesdamp.machine.processes import processes
-from bayesdamp.machine.signals import kill_as_interrupt
 
 SCRIPT = """
 import os, time

@@ -159,17 +159,6 @@ def cut_off(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return draw(np.random.default_rng(0), mean, factor, np.arange(mean.size), 4000)
 
 
-def test_cut_off_normal_against_rejection():
-    """2 × 4,000 draws: errors of 0.02 sd; 0.1 sd is five."""
-    mean, root = np.array([-0.4, 0.6]), np.array([[1.0, 0.0], [-0.8, 0.6]])
-    drawn = mean + np.random.default_rng(1).standard_normal((200_000, 2)) @ root.T
-    expected = drawn[np.all(drawn > 0, axis=1)]
-    found = cut_off(mean, root @ root.T)
-    assert np.all(found >= 0)
-    np.testing.assert_allclose(found.mean(axis=0), expected.mean(axis=0), atol=0.1)
-    np.testing.assert_allclose(np.cov(found.T), np.cov(expected.T), atol=0.08)
-
-
 def test_cut_off_normal_on_a_thin_sheet():
     """Coefficients of which the sum alone is known, to a share of 1e-4: between the walls they are uniform on a
     triangle, whose moments are those of Dirichlet's distribution. 2,000 effective draws: sds of 0.005; the control is

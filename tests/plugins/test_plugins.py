@@ -176,11 +176,11 @@ WRONG = {
     "missing.py": (None, "plug-in .*missing.py: there is no such file; give a Python file"),
     "syntax.py": ("x = 1\ndef f(:\n", "plug-in .*syntax.py, line 2: invalid syntax"),
     "fails.py": ("x = 1\ny = x / 0\n", "plug-in .*fails.py, line 2: ZeroDivisionError: division by zero"),
-    "nothing.py": ("x = 1\n", "holds neither PLUGIN nor PLUGINS; end it with"),
-    "number.py": ("PLUGIN = 3\n", "PLUGIN is of type int, which is no plug-in; derive its class from"),
+    "nothing.py": ("x = 1\n", "contains neither PLUGIN nor PLUGINS; end it with"),
+    "number.py": ("PLUGIN = 3\n", "PLUGIN is of type int, which is not a plug-in; derive its class from"),
     "class.py": (
         (HERE / "cubic_drag.py").read_text().replace("CubicDrag()", "CubicDrag"),
-        r"CubicDrag is a class; give one of its kind, CubicDrag\(\)",
+        r"CubicDrag is a class; give an instance, CubicDrag\(\)",
     ),
     "ships.py": (
         (HERE / "cubic_drag.py").read_text().replace('"cubic_drag"', '"viscous"'),

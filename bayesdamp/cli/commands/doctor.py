@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 
 import typer
 
-from bayesdamp.machine.cache import cache_folder
+from bayesdamp.machine import cache_folder
 
 LEAST_MEMORY = 2.0
 """GiB: twice the 0.95 that a quick comparison of 2,001 samples on two processes takes (measured)."""

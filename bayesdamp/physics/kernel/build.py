@@ -20,7 +20,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from bayesdamp.machine.cache import cache_folder
+from bayesdamp.machine import cache_folder
 from bayesdamp.physics.damping import EXACT, TERMS, TINY, DampingTerm
 from bayesdamp.physics.kernel.differentiate import NoSlopeError, differenced, differentiated
 from bayesdamp.physics.restoring import LAWS, RestoringLaw

@@ -15,11 +15,12 @@ EVEN = 1.5
 """Most that the mean step of sorted times is of their median step, and that of their least, where rows are only out of
 order (conventional)."""
 PAUSES, SHORT = 8, 0.3
-"""Of stamps in bursts: pauses at least, and the median step at most as a share of the mean (conventional)."""
+"""For stamps in bursts: the fewest pauses, and the largest share of the mean step that the median step may be
+(conventional)."""
 MOVES = 2.0
 """How many times further, squared, values move across a longer step if rows are missing there (conventional)."""
 WHOLE = 1e-3
-"""Of the least step, by which others may be off a multiple of it where rows are missing (conventional)."""
+"""Share of the least step by which others may be off a multiple of it where rows are missing (conventional)."""
 EXACT = 1e-6
 """Share of a step by which stamps may be off an even sampling and are used as they are (conventional)."""
 ROUNDED = 0.6
@@ -28,116 +29,113 @@ itself is off by a small share."""
 TIME_UNITS = (1.0, 60.0, 3600.0, 86400.0)
 """Seconds in the units in which a file may write its times."""
 FEWEST = 8
-"""Steps between stamps that must differ from the usual one: a single row that is missing or repeated looks like stamps
-of another step. Eight faults by chance lie as evenly in a few of a thousand records (8!/8⁸ = 0.24 %)."""
+"""Fewest steps between stamps that must differ from the usual one: a single row that is missing or repeated looks like
+stamps of another step. Eight faults by chance are as evenly spaced in a few of a thousand records (8!/8⁸ = 0.24 %)."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """Times (n,) in the file's own seconds, the clock's name, the share of repeated stamps, and what was
-    done.
+    """The times of the samples and where they come from.
+
+    t: times, (n,), in the file's own seconds. used: "rate", "as_logged" or "uniform". repeated: share of repeated
+    stamps. notes: sentences on what was done.
     """
 
     t: np.ndarray
     used: str
     repeated: float
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
-    """The times of a record on the clock "auto", "as_logged" or "uniform".
+    """Return the times of a record on the clock "auto", "as_logged" or "uniform".
 
-    A uniform clock is index × mean step from the first stamp on, the step that of the even sampling of which the stamps
-    are rounded, or from a robust line of stamps against index. "auto" is the former where there is one, the latter
-    where at least a twentieth of the stamps repeat, else as logged. Raises InputError where stamps run backwards, where
-    they repeat and the clock is to be as logged, and where they repeat on no straight line.
+    A uniform clock is index × mean step from the first stamp on. The step is that of the even sampling of which the
+    stamps are rounded, or comes from a robust line of stamps against index. "auto" is the former where the stamps are
+    rounded, the latter where many repeat, else as logged.
+
+    Raises
+    ------
+    InputError
+        Where stamps run backwards, where they repeat and the clock is to be as logged, and where they repeat on no
+        straight line.
     """
     if clock not in ("auto", "as_logged", "uniform"):
         raise InputError(f"unknown clock {clock!r}; valid are auto, as_logged, uniform", name)
     rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
     if raw.t is None:
         if raw.rate is None:
-            raise InputError(
-                "the record has neither times nor a sampling rate; give the rate in Hz",
-                name,
-                arguments=["rate"],
-            )
+            what = "the record has neither times nor a sampling rate; give the rate in Hz"
+            raise InputError(what, name, arguments=["rate"])
         note = f"No times are used: samples are taken as equally spaced at {raw.rate:g} Hz."
         return Clock(rows / raw.rate, "rate", 0.0, (note,))
     gaps = np.diff(raw.t)
     if np.any(gaps < 0):
         at = int(np.argmax(gaps < 0))
-        what, arguments = _goes_back(raw.t, at)
+        what, arguments = _describe_backward_times(raw.t, at)
         raise InputError(what, name, _place(raw, at + 1), arguments)
     if raw.t[-1] == raw.t[0]:
-        raise InputError(
-            f"all times are {raw.t[0]:g}; name the right time column, or give the rate in Hz",
-            name,
-            arguments=["time", "rate"],
-        )
+        what = f"all times are {raw.t[0]:g}; name the right time column, or give the rate in Hz"
+        raise InputError(what, name, arguments=["time", "rate"])
     repeated = float(np.mean(gaps == 0))
     first, share = int(np.argmax(gaps == 0)) + 1, f"{100 * repeated:.3g} %"
-    if clock == "as_logged" and repeated:
+    if clock == "as_logged":
+        if repeated:
+            what = f'{share} of the times repeat, which the clock "as_logged" cannot use; use "uniform"'
+            raise InputError(what, name, _place(raw, first), ["clock"])
+        return Clock(raw.t, "as_logged", repeated)
+    is_auto = clock == "auto"
+    if not (is_auto and _rows_are_missing(rows, raw.t, raw.y)):
+        digit, step, off = rounded_sampling(rows, raw.t)
+        if EXACT * step < off <= ROUNDED * digit and digit <= step:
+            note = f"The time stamps are written to {digit:.3g} s: {_describe_uniform(raw.t[0], step)}."
+            return Clock(raw.t[0] + step * rows, "uniform", repeated, (note,))
+        if is_auto and digit > step and off <= digit:
+            raise InputError(
+                f"the time stamps are written to {digit:.3g} s, more than the step between samples ({step:.3g} s); "
+                'give the rate, or use the clock "uniform", which estimates it',
+                name,
+                arguments=["clock", "rate"],
+            )
+    if is_auto and 0 < repeated < MANY:
         raise InputError(
-            f'{share} of the times repeat, which the clock "as_logged" cannot take; use "uniform"',
-            name,
-            _place(raw, first),
-            ["clock"],
-        )
-    as_they_are = clock == "as_logged" or (clock == "auto" and _rows_lost(rows, raw.t, raw.y))
-    digit, step, off = (0.0, 0.0, 0.0) if as_they_are else rounded_sampling(rows, raw.t)
-    if EXACT * step < off <= ROUNDED * digit and digit <= step:
-        note = (
-            f"The time stamps are written to {digit:.3g} s: times rebuilt as index × {_step(step)} "
-            f"from the first stamp, {raw.t[0]:.10g} s, on."
-        )
-        return Clock(raw.t[0] + step * rows, "uniform", repeated, (note,))
-    if clock == "auto" and digit > step and off <= digit:
-        raise InputError(
-            f"the time stamps are written to {digit:.3g} s, more than the step between samples ({step:.3g} s); give "
-            'the rate, or use the clock "uniform", which estimates it',
-            name,
-            arguments=["clock", "rate"],
-        )
-    if clock == "auto" and 0 < repeated < MANY:
-        raise InputError(
-            f"the time {raw.t[first]:.10g} s repeats, as {share} of "
-            'the times do, too few for bursts; mend the file, or use the clock "uniform"',
+            f"the time {raw.t[first]:.10g} s repeats, as do {share} of the times, too few for bursts; correct the "
+            'file, or use the clock "uniform"',
             name,
             _place(raw, first),
             ["clock"],
         )
     begins = np.arange(raw.y.size) if repeated else burst_begins(raw.t)
     in_bursts = begins.size < raw.y.size
-    if clock == "auto" and in_bursts:
+    if is_auto and in_bursts:
         raise InputError(
             f'the time stamps come in bursts of about {raw.y.size / begins.size:.2g}: use the clock "uniform" if the '
             'samples were taken evenly and only their stamps come late, "as_logged" if they were taken in bursts',
             name,
             arguments=["clock"],
         )
-    if clock == "as_logged" or (clock == "auto" and not repeated):
-        return Clock(raw.t, "as_logged", repeated, ())
+    if is_auto and not repeated:
+        return Clock(raw.t, "as_logged", repeated)
     step, off = robust_step(rows[begins], raw.t[begins])
-    usual = float(np.median(gaps[gaps > 0]))
-    if clock == "auto" and repeated and off > 8 * usual:
+    if is_auto and off > 8 * float(np.median(gaps[gaps > 0])):
         raise InputError(
-            f"{share} of the times repeat, but a uniform clock would miss them by "
-            f"up to {off:.3g} s; "
-            'is there a pause in the record? The clock "uniform" insists',
+            f"{share} of the times repeat, but a uniform clock would be off by up to {off:.3g} s; is there a pause in "
+            'the record? The clock "uniform" uses one all the same',
             name,
             arguments=["clock"],
         )
-    what = f"{share} of the time stamps repeat (they come in bursts)" if repeated else "As asked"
-    lie = "bursts begin" if in_bursts else "stamps lie"
-    note = (
-        f"{what}: times rebuilt as index × {_step(step)} from the first stamp, "
-        f"{raw.t[0]:.10g} s, on; the {lie} within {off:.2g} s of that."
-    )
+    why = f"{share} of the time stamps repeat (they come in bursts)" if repeated else "As asked"
+    what = "bursts begin" if in_bursts else "stamps are"
+    note = f"{why}: {_describe_uniform(raw.t[0], step)}; the {what} within {off:.2g} s of that."
     return Clock(raw.t[0] + step * rows, "uniform", repeated, (note,))
 
 
-def _rows_lost(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
+def _describe_uniform(start: float, step: float) -> str:
+    rate = f"{step * 1e3:.6g} ms ({1 / step:.2f} Hz)"
+    return f"times are rebuilt as index × {rate} from the first stamp, {start:.10g} s, on"
+
+
+def _rows_are_missing(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
     """Return whether rows are missing where the steps of stamps t (n,) are multiples of the least one.
 
     The values y (n,) then move further across the longer steps. Stamps that are rounded to about their step look the
@@ -147,12 +145,10 @@ def _rows_lost(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
     gaps, moves = np.diff(t)[neighbours], np.diff(y)[neighbours] ** 2
     if gaps.size == 0:
         return False
-    many = np.round(gaps / max(gaps.min(), 1e-300))
+    least = gaps.min()
+    many = np.round(gaps / max(least, 1e-300))
     longer = many > 1
-    if (
-        min(longer.sum(), (~longer).sum()) < PAUSES
-        or np.abs(gaps - many * gaps.min()).max() > WHOLE * gaps.min()
-    ):
+    if min(longer.sum(), (~longer).sum()) < PAUSES or np.abs(gaps - many * least).max() > WHOLE * least:
         return False
     return bool(moves[longer].mean() > MOVES * moves[~longer].mean())
 
@@ -172,9 +168,9 @@ def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, flo
     digit, steps = max(multiples, default=0.0), np.diff(t)[np.diff(rows) == 1]
     if not digit or np.sum(np.abs(steps - np.median(steps)) > 0.5 * digit) < FEWEST:
         return 0.0, 0.0, 0.0
-    step, start = np.polyfit(rows - rows.mean(), t, 1)
-    off = np.abs(t - start - step * (rows - rows.mean())).max()
-    return digit, float(step), float(off)
+    x = rows - rows.mean()
+    step, start = np.polyfit(x, t, 1)
+    return digit, float(step), float(np.abs(t - start - step * x).max())
 
 
 def burst_begins(t: np.ndarray) -> np.ndarray:
@@ -189,8 +185,8 @@ def burst_begins(t: np.ndarray) -> np.ndarray:
     return np.r_[0, 1 + np.flatnonzero(pauses)]
 
 
-def _goes_back(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
-    """Say how times t (n,) go back after sample `at` and what mends it, with the arguments of `read` that do.
+def _describe_backward_times(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
+    """Return how times t (n,) go back after sample `at` and how to correct that, and the arguments of `read` for it.
 
     Times that fall throughout are not to be sorted: where the clock counts down, that turns the decay into growth.
     """
@@ -203,9 +199,8 @@ def _goes_back(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
         )
         return what, ("rate",)
     rows = int(np.sum(gaps < 0))
-    how = f"the time goes back from {t[at]:.10g} to {t[at + 1]:.10g} s" + (
-        f" ({rows} rows do so)" if rows > 1 else ""
-    )
+    how = f"the time goes back from {t[at]:.10g} to {t[at + 1]:.10g} s"
+    how += f" ({rows} rows do so)" if rows > 1 else ""
     steps = np.diff(np.sort(t))
     if steps.min() > np.median(steps) / EVEN and steps.mean() < EVEN * np.median(steps):
         return f"{how}; the rows are out of order: sort them by time, which makes the times evenly spaced", ()
@@ -217,26 +212,23 @@ def _goes_back(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
 
 
 def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:
-    """(step in s, largest distance of a stamp from the line in s) of a robust line of t (n,) against rows
-    (n,).
+    """Fit a robust line to times t (n,) in s against rows (n,).
+
+    Return its step and the largest distance of a time from it, both in s.
     """
     x = rows - rows.mean()
     weights = np.ones(t.size)
-    step, left = 0.0, t
+    step, rest = 0.0, t
     for _ in range(20):
         mean_x, mean_t = np.average(x, weights=weights), np.average(t, weights=weights)
         before = step
         step = float(np.sum(weights * (x - mean_x) * (t - mean_t)) / np.sum(weights * (x - mean_x) ** 2))
-        left = t - mean_t - step * (x - mean_x)
-        scale = 1.4826 * float(np.median(np.abs(left))) + 1e-12 * float(np.ptp(t))
-        weights = 1 / np.maximum(np.abs(left) / (1.5 * scale), 1.0)
+        rest = t - mean_t - step * (x - mean_x)
+        scale = 1.4826 * float(np.median(np.abs(rest))) + 1e-12 * float(np.ptp(t))
+        weights = 1 / np.maximum(np.abs(rest) / (1.5 * scale), 1.0)
         if abs(step - before) <= 1e-12 * step:
             break
-    return step, float(np.abs(left).max())
-
-
-def _step(step: float) -> str:
-    return f"{step * 1e3:.6g} ms ({1 / step:.2f} Hz)"
+    return step, float(np.abs(rest).max())
 
 
 def _place(raw: RawRecord, index: int) -> str:

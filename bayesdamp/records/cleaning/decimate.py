@@ -1,4 +1,4 @@
-"""Records with far more samples than their oscillation needs: filtered without a shift of phase, and thinned."""
+"""Thin records with far more samples than their oscillation needs, by a filter that shifts no phase."""
 
 from __future__ import annotations
 
@@ -13,54 +13,54 @@ from bayesdamp.records.record import RawRecord
 MOST = 100_000
 """Samples above which a record is thinned: a quarter of an hour at 100 Hz, two seconds of sound."""
 PER_CYCLE, LEAST_PER_CYCLE = 100.0, 20.0
-"""Samples a cycle that are kept, and the fewest where a record has very many cycles."""
+"""Samples a cycle after thinning, and the fewest where a record has very many cycles."""
 PASS = 0.7
-"""Of the new Nyquist frequency: up to here the filter is flat, so 35 overtones pass at 100 samples a cycle."""
+"""Share of the new Nyquist frequency up to which the filter is flat, so 35 overtones pass at 100 samples a cycle."""
 ATTENUATION = 90.0
-"""dB from the new Nyquist frequency on. Of a Kaiser window it is the ripple below as well: 3e-5."""
+"""dB from the new Nyquist frequency on. For a Kaiser window it is the ripple below as well: 3e-5."""
 HEARD = 1e-3
-"""Share of the largest spectral density that a frequency must have to be kept: -30 dB."""
+"""Share of the largest spectral density that a frequency must have to be preserved: -30 dB."""
 UNEVEN = 2.0
-"""Samples, or ticks of the clock that stamps them, by which a stamp may lie off an even clock."""
+"""Samples, or ticks of the clock that stamps them, by which a stamp may be off an even clock."""
 
 
-def decimated(raw: RawRecord, most: int = MOST) -> RawRecord:
-    """The record with as many samples as its oscillation needs, itself where it has no more than `most`.
+def decimated(raw: RawRecord) -> RawRecord:
+    """Return the record with as many samples as its oscillation needs, itself where it has no more than `MOST`.
 
-    Its times are then given, in s of the file's own; a note in the provenance says what was done. The first and last
-    samples, which the filter cannot know for want of neighbours, are left out. A record that is not evenly sampled
-    stays as it is. What is left of the noise, and of the rounding, is what lies in the band that is kept.
+    The times of the result are in s of the file's own; a note in the provenance describes the filter. The first and
+    last samples, for which the filter lacks neighbours, are left out. A record that is not evenly sampled stays as it
+    is. The remaining noise and rounding error are those within the band that passes.
     """
-    clock = _even(raw) if raw.y.size > most else None
+    clock = _even_clock(raw) if raw.y.size > MOST else None
     if clock is None:
         return raw
     start, rate = clock
-    factor = _factor(raw.y, rate, most)
+    factor = _thinning_factor(raw.y, rate)
     if factor < 2:
         return raw
     y, first = thinned(raw.y, factor)
     t = start + (first + factor * np.arange(y.size)) / rate
     note = (
         f"Of {raw.y.size} samples at {rate:.6g} Hz, more than the oscillation needs, {y.size} at "
-        f"{rate / factor:.6g} Hz are kept, by a filter that shifts no phase and is flat to 1e-4 up to "
-        f"{PASS * rate / factor / 2:.4g} Hz; the noise is what is left in that band."
+        f"{rate / factor:.6g} Hz remain, after a filter that shifts no phase and is flat to 1e-4 up to "
+        f"{PASS * rate / factor / 2:.4g} Hz; the noise is that within this band."
     )
     before = raw.provenance
     provenance = replace(
         before,
         notes=(*before.notes, note),
-        first_line=None,  # no line of the file holds a sample any more
+        first_line=None,  # samples no longer belong to lines of the file
         more={**before.more, "decimation": factor},
     )
     return replace(raw, t=t, y=y, rate=None, rows=np.empty(0, int), provenance=provenance)
 
 
 def thinned(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
-    """(every factor-th of y (n,), low-pass filtered; index in y of the first of them).
+    """Return every factor-th of y (n,) after a low-pass filter, and the index in y of the first of them.
 
     A linear-phase FIR filter by a Kaiser window (Oppenheim and Schafer, Discrete-Time Signal Processing, 7.5) about
     each sample, so that no phase shifts: flat within 1e-4 up to PASS of the new Nyquist frequency, ATTENUATION above
-    it. Only samples with all their neighbours are kept.
+    it. Only samples with all their neighbours remain.
     """
     from scipy.signal import firwin, upfirdn  # imports slowly, and few records need it
 
@@ -70,39 +70,36 @@ def thinned(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
     taps = np.asarray(firwin(2 * half + 1, (1 + PASS) / 2 / factor, window=kaiser))
     middle = float(np.mean(y))
     whole = upfirdn(taps, y - middle, 1, 1)  # sample k of this is centred on sample k - half of y
-    first = half
-    last = y.size - 1 - half
-    return whole[first + half : last + half + 1 : factor] + middle, first
+    return whole[2 * half : y.size : factor] + middle, half
 
 
-def _even(raw: RawRecord) -> tuple[float, float] | None:
-    """(time of the first sample in s, sampling rate in Hz) of an evenly sampled record, else None."""
+def _even_clock(raw: RawRecord) -> tuple[float, float] | None:
+    """Return the first time in s and the sampling rate in Hz of an evenly sampled record, else None."""
     rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
     if rows[-1] != raw.y.size - 1:
         return None  # rows are missing in between
     if raw.t is None:
         return (0.0, raw.rate) if raw.rate is not None else None
-    if np.any(np.diff(raw.t) < 0) or raw.t[-1] == raw.t[0]:
+    gaps = np.diff(raw.t)
+    if np.any(gaps < 0) or raw.t[-1] == raw.t[0]:
         return None
     step, off = robust_step(rows, raw.t)
-    gaps = np.diff(raw.t)
     if not step > 0 or off > UNEVEN * max(step, float(np.median(gaps[gaps > 0]))):
         return None
     return float(np.mean(raw.t) - step * np.mean(rows)), 1 / step
 
 
-def _factor(y: np.ndarray, rate: float, most: int) -> int:
-    """By how much a record may be thinned, 1 for not at all."""
+def _thinning_factor(y: np.ndarray, rate: float) -> int:
+    """Return the factor by which a record y (n,) at a rate in Hz may be thinned, 1 for not at all."""
     from scipy.signal import welch
 
     y = y - np.mean(y)
     frequency, power = welch(y, rate, nperseg=min(y.size, 2 ** int(np.log2(y.size / 4))), detrend="linear")
-    power[:2] = 0.0  # what drifts
+    power[:2] = 0.0  # drift
     if not power.max() > 0:
         return 1
     peak = float(frequency[int(np.argmax(power))])
     highest = float(frequency[np.flatnonzero(power > HEARD * power.max())[-1]])
     cycles = peak * y.size / rate
-    per_cycle = float(np.clip(most / cycles, LEAST_PER_CYCLE, PER_CYCLE))
-    wanted = max(per_cycle * peak, 2 * highest / PASS)
-    return max(int(rate / wanted), 1)
+    per_cycle = float(np.clip(MOST / cycles, LEAST_PER_CYCLE, PER_CYCLE))
+    return max(int(rate / max(per_cycle * peak, 2 * highest / PASS)), 1)

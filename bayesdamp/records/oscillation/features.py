@@ -1,4 +1,4 @@
-"""Plain features of a decaying oscillation, the one set that all estimators share, and stretches without a sample."""
+"""Measure the features of a decaying oscillation that all estimators share, and find holes without a sample."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from bayesdamp.records.oscillation.rough import roughness as noise_of
+from bayesdamp.records.oscillation.noise import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import (
     BLOCK,
@@ -20,41 +20,51 @@ from bayesdamp.records.oscillation.turning import (
 from bayesdamp.types import FeaturesSeen, Refusal, Signal
 
 NO_NEARER = 0.7
-"""Mean square of changes over a period, as a share of those over half of one, from which nothing comes back: 2 of a
-random walk, 1 of noise, 0.4 of an oscillation with a damping ratio of 0.3, 2/3 of two equal modes a fifth apart."""
+"""Mean square of changes over a period, as a share of those over half of one, from which a record does not oscillate: 2
+for a random walk, 1 for noise, 0.4 for an oscillation with a damping ratio of 0.3, 2/3 for two equal modes a fifth
+apart."""
 HOLE = 0.25
-"""Share of a time without samples that is a hole in it."""
+"""Share of a time lag without samples that is a hole in it."""
+LEAST, USUAL, BESIDE = 0.5, 5.0, 0.25
+"""Periods without a sample, and number of usual gaps, from which these are a hole; periods next to a hole in which a
+turning point is not trusted (conventional)."""
+NEIGHBOURHOOD = 1.5
+"""Periods on either side of the turning points in which a record must come back to where it was."""
+LEAST_SHARE = 0.3
+"""Share that an oscillation must have in the variation of a record within a period or two."""
 
 
 def wandering(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
-    """Words on what values y (n,) at times t (n,), s, do in place of oscillating with this period in s; empty where
-    they do. noise: standard deviation of a sample's."""
-    shared = _changes(t, y, period) - 2 * noise**2
-    half = _changes(t, y, 0.5 * period) - 2 * noise**2
-    if not (np.isfinite(shared) and np.isfinite(half)) or half <= 0:
-        return ""
-    if shared > NO_NEARER * half:
-        return "after a period it is no nearer to where it was than after half of one"
+    """Return what values do instead of oscillating, in words; empty where they oscillate.
+
+    Parameters
+    ----------
+    t, y
+        Times in s and values, each (n,).
+    period
+        Of the presumed oscillation, s.
+    noise
+        Standard deviation of a sample's noise.
+    """
+    usual = 2.5 * float(np.median(np.diff(t)))
+
+    def variance_of_changes(lag: float) -> float:
+        """Return the variance of what changes over a time, not into a hole; nan if the record is hardly longer."""
+        after = t + lag
+        place = np.clip(np.searchsorted(t, after), 1, t.size - 1)
+        first = (after <= t[-1]) & (t[place] - t[place - 1] < max(HOLE * lag, usual))
+        change = np.interp(after[first], t, y) - y[first]
+        return float(np.var(change)) if change.size > 2 else float("nan")
+
+    whole = variance_of_changes(period) - 2 * noise**2
+    half = variance_of_changes(0.5 * period) - 2 * noise**2
+    if np.isfinite(whole) and half > 0 and whole > NO_NEARER * half:
+        return "after a whole period it is no closer to its earlier values than after half a period"
     return ""
 
 
-def _changes(t: np.ndarray, y: np.ndarray, lag: float) -> float:
-    """Variance of what changes over a time, not into a hole; nan where the record is hardly longer."""
-    after = t + lag
-    place = np.clip(np.searchsorted(t, after), 1, t.size - 1)
-    hole = max(HOLE * lag, 2.5 * float(np.median(np.diff(t))))
-    first = (after <= t[-1]) & (t[place] - t[place - 1] < hole)
-    change = np.interp(after[first], t, y) - y[first]
-    return float(np.var(change)) if change.size > 2 else float("nan")
-
-
-LEAST, USUAL, BESIDE = 0.5, 5.0, 0.25
-"""Periods without a sample, and how many usual gaps, from which these are a hole; periods beside it in which a turning
-point is not believed (conventional)."""
-
-
 def holes(t: np.ndarray, period: float) -> np.ndarray:
-    """Start and end, (h, 2), in s, of stretches of times t (n,) without a sample where others have many.
+    """Return start and end, (h, 2), in s, of stretches of times t (n,) without a sample where others have many.
 
     period: of the oscillation, in s.
     """
@@ -64,27 +74,21 @@ def holes(t: np.ndarray, period: float) -> np.ndarray:
 
 
 def without_edges(turns: Turning, t: np.ndarray, period: float) -> Turning:
-    """Turning points without those in and beside holes, which a line across the hole makes."""
-    kept = np.ones(turns.times.size, bool)
+    """Return the turning points without those in and next to holes, which a line across the hole makes."""
+    good = np.ones(turns.times.size, bool)
     for a, b in holes(t, period):
-        kept &= (turns.times < a - BESIDE * period) | (turns.times > b + BESIDE * period)
-    return Turning(turns.times[kept], turns.values[kept], turns.gain[kept])
-
-
-BESIDE_IT = 1.5
-"""Periods on either side of the turning points in which a record must come back to where it was."""
-LEAST_SHARE = 0.3
-"""An oscillation must have this share in what a record does within a period or two."""
+        good &= (turns.times < a - BESIDE * period) | (turns.times > b + BESIDE * period)
+    return Turning(turns.times[good], turns.values[good], turns.gain[good])
 
 
 @dataclass(frozen=True)
 class Features(FeaturesSeen):
-    """Features of a record, and where it turns.
+    """Features of a record, and its turning points.
 
     turning_times (k,) in s, turning_values (k,): alternating maxima and minima of the recorded quantity.
     turning_amplitudes (k,): distance of the turning values from the midline.
     crossing_times (k−1,) in s: where the record crosses its midline between turning points.
-    swing_times (m,) in s, swing_sizes (m,): middle and half range of each swing, of all pieces that holes part.
+    swing_times (m,) in s, swing_sizes (m,): middle and half range of each swing, of all pieces between holes.
     """
 
     turning_times: np.ndarray
@@ -97,7 +101,10 @@ class Features(FeaturesSeen):
 
 @lru_cache(maxsize=16)
 def features(signal: Signal) -> Features:
-    """The features of a signal, kept for the last few. Raises Refusal, with a sentence, where it does not oscillate."""
+    """Return the features of a signal. Raises Refusal, with a sentence, where it does not oscillate.
+
+    Those of the last few signals are cached.
+    """
     t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
     if t.size < 10:
         raise Refusal(f"the record has {t.size} samples, and an oscillation needs at least 10")
@@ -106,7 +113,7 @@ def features(signal: Signal) -> Features:
     period, share = coarse_period(t, y)
     if share < LEAST_SHARE:
         raise Refusal("no oscillation stands out of the noise")
-    noise = noise_of(t, y, period)
+    noise = roughness(t, y, period)
     runs = regular_runs(without_edges(turning_points(t, y, period, noise), t, period), noise)
     turns = max(runs, key=lambda run: run.times.size, default=Turning(*np.empty((3, 0))))
     if turns.times.size < 3:
@@ -115,16 +122,16 @@ def features(signal: Signal) -> Features:
     sizes = _sizes(turns)
     crossings, sharp = crossing_times(t, y, turns, middle)
     period = mean_period(crossings, sharp, turns.times)
-    noise = noise_of(t, y, period)
-    seen = (t >= turns.times[0] - BESIDE_IT * period) & (t <= turns.times[-1] + BESIDE_IT * period)
-    wanders = wandering(t[seen], y[seen], period, noise)
-    if wanders:
+    noise = roughness(t, y, period)
+    near = NEIGHBOURHOOD * period
+    inside = (t >= turns.times[0] - near) & (t <= turns.times[-1] + near)
+    if wanders := wandering(t[inside], y[inside], period, noise):
         raise Refusal(f"no oscillation is seen: {wanders}")
-    pieces = _joined(runs, turns, t, period)
+    pieces = _join_across_holes(runs, turns, t, period)
     first, last = pieces[0], pieces[-1]
     before = min((first.times[0] - t[0]) / (2 * (first.times[1] - first.times[0])), 0.5)
     after = min((t[-1] - last.times[-1]) / (2 * (last.times[-1] - last.times[-2])), 0.5)
-    seen = (turns.times.size - 1) / 2 if first is last else (last.times[-1] - first.times[0]) / period
+    cycles = (turns.times.size - 1) / 2 if first is last else (last.times[-1] - first.times[0]) / period
     frequency = 2 * np.pi / period
     order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
     return Features(
@@ -133,7 +140,7 @@ def features(signal: Signal) -> Features:
         final_amplitude=extrapolated((t[-1] - last.times)[::-1], _sizes(last)[::-1]) / frequency**order,
         frequency=frequency,
         period=period,
-        cycles=float(seen + before + after),
+        cycles=float(cycles + before + after),
         samples_per_cycle=float(period * (t.size - 1) / (t[-1] - t[0])),
         roughness=noise,
         turning_times=turns.times,
@@ -146,25 +153,25 @@ def features(signal: Signal) -> Features:
 
 
 def regular_runs(turns: Turning, noise: float) -> list[Turning]:
-    """The runs of turning points that follow each other in step and stand out of the noise, in their order."""
+    """Return the runs of turning points that are in phase and stand out of the noise, in their order."""
     if turns.times.size < 3:
         return [turns]
     gaps = np.diff(turns.times)
     ranges = np.abs(np.diff(turns.values))
     typical = local_median(gaps)
-    seen = ranges > 4 * noise * np.hypot(turns.gain[:-1], turns.gain[1:])
+    clear = ranges > 4 * noise * np.hypot(turns.gain[:-1], turns.gain[1:])
     least = np.full(gaps.size, 0.7)
-    least[[0, -1]] = 0.85  # noise likes to turn at the very end of a record
-    good = (gaps > least * typical) & (gaps < 1.5 * typical) & seen
+    least[[0, -1]] = 0.85  # noise often turns at the very end of a record
+    good = (gaps > least * typical) & (gaps < 1.5 * typical) & clear
     return [turns.cut(a, b + 1) for a, b in true_runs(good)]
 
 
-def _joined(runs: list[Turning], turns: Turning, t: np.ndarray, period: float) -> list[Turning]:
-    """The runs that only holes without samples part from `turns` and from each other, with it, in their order."""
+def _join_across_holes(runs: list[Turning], turns: Turning, t: np.ndarray, period: float) -> list[Turning]:
+    """Return `turns` and the runs that only holes separate from it and from each other, in their order."""
     missing = holes(t, period)
     pieces = [turns]
 
-    def follow(a: Turning, b: Turning) -> bool:
+    def follows(a: Turning, b: Turning) -> bool:
         """Return whether run b comes after run a, with a hole and not much else between them."""
         inside = missing[(missing[:, 0] > a.times[-1]) & (missing[:, 1] < b.times[0])]
         gap = b.times[0] - a.times[-1]
@@ -172,10 +179,10 @@ def _joined(runs: list[Turning], turns: Turning, t: np.ndarray, period: float) -
 
     runs = [run for run in runs if run.times.size >= 3]
     for run in runs[::-1]:
-        if follow(run, pieces[0]):
+        if follows(run, pieces[0]):
             pieces.insert(0, run)
     for run in runs:
-        if follow(pieces[-1], run):
+        if follows(pieces[-1], run):
             pieces.append(run)
     return pieces
 
@@ -185,17 +192,17 @@ def _sizes(turns: Turning) -> np.ndarray:
 
 
 def _swing(x: np.ndarray) -> np.ndarray:
-    """Columns (..., 4) for half an oscillation, x (...) from −1/2 to 1/2 between its turning points."""
+    """Return columns (..., 4) for half an oscillation, x (...) from −1/2 to 1/2 between its turning points."""
     return np.stack([np.ones_like(x), np.sin(np.pi * x), np.cos(np.pi * x) - 1, x], axis=-1)
 
 
 def crossing_times(
     t: np.ndarray, y: np.ndarray, turns: Turning, middle: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(times in s, weights) of the crossings of the midline between turning points, shapes (k−1,).
+    """Return the times in s at which y (n,) at t (n,) crosses its midline (k,), and their weights, both (k−1,).
 
-    A sinusoid with a slow drift is fitted to the samples in the middle half of each swing; the weight is its
-    range squared times the number of samples.
+    A sinusoid with a slow drift is fitted to the samples in the middle half of each swing between turning points; the
+    weight is its range squared times the number of samples.
     """
     gaps, weights = np.diff(turns.times), np.zeros(turns.times.size - 1)
     centres = (turns.times[:-1] + turns.times[1:]) / 2
@@ -208,8 +215,8 @@ def crossing_times(
     times = centres.copy()
     grid = np.linspace(-0.4, 0.4, 801)
     for n in np.unique(sizes):
-        alike = np.flatnonzero(sizes == n)
-        for part in np.array_split(alike, -(-alike.size * max(int(n), grid.size) // BLOCK)) if n >= 3 else ():
+        same = np.flatnonzero(sizes == n)
+        for part in np.array_split(same, -(-same.size * max(int(n), grid.size) // BLOCK)) if n >= 3 else ():
             rows = begins[part][:, None] + np.arange(n)
             x = (t[rows] - centres[part][:, None]) / gaps[part][:, None]
             columns = _swing(x)[:, :, : 4 if n > 5 else 2]
@@ -228,7 +235,7 @@ def crossing_times(
 
 
 def mean_period(crossings: np.ndarray, weights: np.ndarray, turning_times: np.ndarray) -> float:
-    """The period in s: a weighted line through crossings (k,), rising and falling ones offset."""
+    """Return the period in s: a weighted line through crossings (k,), rising and falling ones offset."""
     if np.count_nonzero(weights) < 4:
         ready = crossings if crossings.size >= 3 else turning_times
         return float(2 * (ready[-1] - ready[0]) / (ready.size - 1))
@@ -239,14 +246,12 @@ def mean_period(crossings: np.ndarray, weights: np.ndarray, turning_times: np.nd
 
 
 def extrapolated(times: np.ndarray, sizes: np.ndarray) -> float:
-    """The amplitude at time 0 from amplitudes (k,) at times (k,) after it: a smooth curve through the first
-    ones.
+    """Return the amplitude at time 0 from amplitudes (k,) at times (k,) after it, by a smooth curve.
 
-    More than half a period before the first one nothing is extrapolated: that is its amplitude then.
+    The curve runs through the first ones. More than half a period before the first one, its amplitude is returned.
     """
     if sizes.size < 3 or times[0] <= 0 or times[0] > 0.7 * (times[2] - times[0]):
         return float(sizes[0])
     n = min(sizes.size, 8)
     line = np.polynomial.Polynomial.fit(times[:n], np.log(np.maximum(sizes[:n], 1e-300)), 1 if n < 6 else 2)
-    there = float(np.exp(line(0.0)))
-    return float(np.clip(there, 0.5 * sizes[0], 2.0 * sizes[0]))
+    return float(np.clip(np.exp(line(0.0)), 0.5 * sizes[0], 2.0 * sizes[0]))

@@ -1,4 +1,4 @@
-"""The first line on a record: its frequency, and its damping at three amplitudes, without any law."""
+"""Describe a record in one sentence: its frequency, and its damping at three amplitudes, without a damping law."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from bayesdamp.units import Unit
 class DampingAt:
     """The equivalent viscous damping ratio at an amplitude (rad or m), with its standard error.
 
-    It is the energy lost in a cycle over 4π times the energy of the oscillation at that amplitude; of a linear
-    spring, −(dA/dt)/(ωA).
+    It is the energy lost in a cycle over 4π times the energy of the oscillation at that amplitude; for a linear spring,
+    −(dA/dt)/(ωA).
     """
 
     amplitude: float
@@ -27,18 +27,18 @@ class DampingAt:
 
     @property
     def quality(self) -> float:
-        """The quality factor, 1/(2 ratio)."""
+        """Return the quality factor, 1/(2 ratio)."""
         return 0.5 / self.ratio if self.ratio else float("inf")
 
 
 @dataclass(frozen=True)
 class FirstWords:
-    """What a record says before any model is fitted.
+    """What a record shows before any model is fitted.
 
     frequency, frequency_low, frequency_high: in Hz, mean of the piece used, and its 95 % interval, nan where there are
     too few crossings for one.
-    damping: at the largest amplitude of the piece, the geometric middle, and the smallest that is clear of the noise.
-    cycles: that stand out of the noise. start, stop: in s, of the record's own times, of the piece used.
+    damping: at the largest amplitude of the piece, the geometric mean, and the smallest that is clear of the noise.
+    cycles: number above the noise. start, stop: of the piece used, in s of the record's own times.
     unit: "rad" or "m", of the amplitudes.
     """
 
@@ -53,11 +53,11 @@ class FirstWords:
 
     @property
     def quality(self) -> float:
-        """The quality factor at the middle amplitude."""
+        """Return the quality factor at the middle amplitude."""
         return self.damping[1].quality
 
     def in_unit(self, unit: Unit) -> FirstWords:
-        """The same with amplitudes in a record's own unit of displacement."""
+        """Return the same with amplitudes in a record's own unit of displacement."""
         own = unit.displacement
         if own.base != self.unit:
             return self
@@ -65,17 +65,18 @@ class FirstWords:
         return replace(self, damping=(top, middle, least), unit=own.name)
 
     def sentence(self) -> str:
-        """Write it as a sentence; ± stands before half a 95 % interval."""
+        """Write it as a sentence; half a 95 % interval follows each ±."""
         top, middle, least = self.damping
         half = (self.frequency_high - self.frequency_low) / 2
         near = half < self.frequency
         frequency = fmt.with_error(self.frequency, half) if near else f"about {self.frequency:.2g}"
-        lead = (
-            f"It oscillates at {frequency} Hz "
-            f"for {self.cycles:.0f} cycles ({self.start:.4g} to {self.stop:.4g} s)"
-        )
-        at = [f"{_percent(d)} at {d.amplitude:.2g} {self.unit}" for d in self.damping]
-        ratio = f"the equivalent viscous damping ratio (95 %) is {at[0]}, {at[1]} and {at[2]}"
+        span = f"({self.start:.4g} to {self.stop:.4g} s)"
+        lead = f"It oscillates at {frequency} Hz for {self.cycles:.0f} cycles {span}"
+        at = [
+            f"{fmt.with_error(100 * d.ratio, 100 * TWO_SIDED * d.stderr)} % at {d.amplitude:.2g} {self.unit}"
+            for d in self.damping
+        ]
+        ratio = f"the equivalent viscous damping ratio (95 %) is {fmt.listing(at)}"
         pairs = [(a.ratio - b.ratio, np.hypot(a.stderr, b.stderr)) for a, b in ((top, middle), (top, least))]
         spread, error = max(pairs, key=lambda pair: abs(pair[0]) / pair[1])
         q = self.quality
@@ -90,7 +91,7 @@ class FirstWords:
 
 
 def first_words(signal: Signal) -> FirstWords:
-    """Return frequency, equivalent viscous damping ratio and Q of a free decay, without any law.
+    """Return frequency, equivalent viscous damping ratio and Q of a free decay, without a damping law.
 
     Raises Refusal where the record does not oscillate.
 
@@ -99,27 +100,22 @@ def first_words(signal: Signal) -> FirstWords:
     >>> round(bd.first_words(signal).frequency, 2)  # Hz
     0.71
     """
-    seen = features(signal)
-    found = law_free(signal, seen)
-    first, last = found.span
-    at = found.at(np.array([first, found.halfway(), last]))
-    damping = tuple(map(DampingAt, at.amplitude.tolist(), at.ratio.tolist(), at.ratio_sd.tolist()))
-    along = found.at(found.windows.times)
+    measured = features(signal)
+    fit = law_free(signal, measured)
+    first, last = fit.span
+    at = fit.at(np.array([first, fit.halfway(), last]))
+    top, middle, least = map(DampingAt, at.amplitude.tolist(), at.ratio.tolist(), at.ratio_sd.tolist())
+    along = fit.at(fit.windows.times)
     frequency = float(along.frequency.mean()) / (2 * np.pi)
     half = TWO_SIDED * float(along.frequency_sd.mean()) / (2 * np.pi)
-    begin, half_window = signal.provenance.start, 0.5 * float(found.windows.widths[-1])
+    begin, half_window = signal.provenance.start, 0.5 * float(fit.windows.widths[-1])
     return FirstWords(
         frequency,
         frequency - half,
         frequency + half,
-        damping,  # type: ignore[arg-type]
-        seen.cycles,
+        (top, middle, least),
+        measured.cycles,
         begin + float(signal.t[0]),
         begin + min(last + half_window, float(signal.t[-1])),
         signal.unit,
     )
-
-
-def _percent(d: DampingAt) -> str:
-    """A damping ratio in per cent with half its 95 % interval."""
-    return f"{fmt.with_error(100 * d.ratio, 100 * TWO_SIDED * d.stderr)} %"

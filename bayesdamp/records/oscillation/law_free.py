@@ -1,10 +1,14 @@
-"""Damping and frequency against amplitude, from the record alone: no law of damping or restoring force is assumed.
+"""Measure damping and frequency against amplitude from the record alone, without a damping law or a restoring law.
 
-The amplitudes and phases of sinusoids in short windows are smoothed. The amplitude, or a power of it, is a straight
-line in time plus an integrated random walk, so that the rate of decay may wander (a cubic smoothing spline: G. Wahba,
-1978); the walk's size is unknown and averaged over by its marginal likelihood. The frequency is the slope of
-the phases, smoothed in the same way. A polynomial in the squared amplitude through it gives the energy of the
-oscillation, and with it the equivalent viscous damping ratio.
+Sinusoids are fitted in short windows. A window of two periods or more, weighted by a raised cosine, isolates the
+oscillation: a second mode or a harmonic near twice its frequency or above hardly changes the fitted amplitude, whereas
+it changes turning points by its own size.
+
+The amplitudes and phases are then smoothed. The amplitude, or a power of it, is a straight line in time plus an
+integrated random walk, so that the rate of decay may wander (a cubic smoothing spline: G. Wahba, 1978); the walk's size
+is unknown and averaged over by its marginal likelihood. The frequency is the slope of the phases, smoothed in the same
+way. A polynomial in the squared amplitude through it gives the energy of the oscillation, and with it the equivalent
+viscous damping ratio.
 """
 
 from __future__ import annotations
@@ -14,20 +18,41 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.records.oscillation.sinusoids import PER_WINDOW, Sinusoids, sinusoids
-from bayesdamp.types import Signal
+from bayesdamp.records.oscillation.spectrum import averaged
+from bayesdamp.types import Refusal, Signal
 
+SHORTEST, LONGEST, SHARE = 2.0, 8.0, 0.05
+"""Shortest and longest window in periods, and its share of the record's cycles between these (conventional)."""
+PER_WINDOW = 4
+"""Windows that begin within the length of one."""
+MOST, FEWEST = 100, 3
+"""Most windows (in a longer record they are further apart), and fewest."""
+PER_CYCLE = 64
+"""Samples a cycle above which neighbours are averaged, which makes every amplitude 0.04 % smaller."""
+FEWEST_SAMPLES = 8
+"""Fewest samples of a window."""
+COVERED = 0.6
+"""Share of a window's weight that samples must cover, so that windows over holes are left out."""
+FAR = 6.0
+"""Robust standard deviations from which a sample is left out of a window's fit."""
+ROUNDING = 0.29
+"""Standard deviation of a rounding error, in steps."""
+LEAST_ERROR = 1e-5
+"""Smallest relative error of an amplitude: below it the fit's own error rules."""
+NUGGET = 1e-3
+"""Share of the errors' variance that neighbouring windows do not share, which keeps the correlation matrix regular."""
 POWERS = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Powers of the amplitude (0: its log) that may be a straight line in time: drag makes the first one, viscous damping
 the middle one, dry friction the last (Box and Cox 1964)."""
 WALKS = np.concatenate([[0.0], np.geomspace(1e-3, 1e8, 12)])
 """Variances of the random walk over the whole record, relative to those of the amplitudes' errors."""
 KNOWN = 4.0
-"""How many amplitudes the noise that was seen within the windows counts for, beside their scatter (conventional)."""
+"""Number of amplitudes that the noise within the windows is worth, in addition to their scatter (conventional)."""
 STEADY = 0.5
 """Prior probability that there is no walk; its sizes share the rest (conventional)."""
 SYSTEMATIC = 5e-4
@@ -35,9 +60,9 @@ SYSTEMATIC = 5e-4
 TWO_SIDED = 1.96
 """Standard deviations of a 95 % interval."""
 DEGREE = 5
-"""Highest degree of the polynomial that times of amplitudes are found with, and frequencies compared with."""
+"""Highest degree of the polynomial of log amplitudes that gives the times of amplitudes."""
 ROUNDS = 2
-"""How often amplitudes are corrected for what their windows average over."""
+"""Number of rounds that correct the amplitudes for the average over their windows."""
 FLOORS = (0.0, 0.03, 0.1, 0.3, 1.0)
 """Constant errors that are tried, relative to the smallest amplitude."""
 POINTS = 12
@@ -48,9 +73,148 @@ _X, _W = np.polynomial.legendre.leggauss(16)
 
 
 @dataclass(frozen=True)
+class Sinusoids:
+    """Fits in k windows, in the order of time.
+
+    times: middles of the windows in s, (k,). amplitudes: in the unit of the record, (k,). phases: in rad, continuous
+    along the record, (k,). errors: standard errors of the phases, which are those of the amplitudes relative to
+    themselves, (k,). correlation: of the errors of overlapping windows, (k, k). widths: of the windows in s, (k,).
+    """
+
+    times: np.ndarray
+    amplitudes: np.ndarray
+    phases: np.ndarray
+    errors: np.ndarray
+    correlation: np.ndarray
+    widths: np.ndarray
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Return the covariance of the errors, (k, k)."""
+        return self.errors[:, None] * self.errors * self.correlation
+
+    @property
+    def places(self) -> np.ndarray:
+        """Return the times scaled to −1 to 1 along the record, (k,)."""
+        first, last = self.times[0], self.times[-1]
+        return 2 * (self.times - first) / (last - first) - 1
+
+
+def sinusoids(signal: Signal, features: Features) -> Sinusoids:
+    """Fit a sinusoid of linearly changing amplitude and midline in each of many overlapping windows.
+
+    Raises Refusal where the record is too short for three windows.
+    """
+    block = max(int(features.samples_per_cycle / PER_CYCLE), 1)
+    t, y = (averaged(np.asarray(values, float), block) for values in (signal.t, signal.y))
+    first = max(float(t[0]), float(features.swing_times[0]) - 0.75 * features.period)
+    last = min(float(t[-1]), float(features.swing_times[-1]) + 0.75 * features.period)
+    span = (last - first) / features.period
+    periods = max(min(float(np.clip(SHARE * features.cycles, SHORTEST, LONGEST)), span - 1.5), 1.0)
+    inside = last - first - periods * features.period
+    count = int(np.clip(PER_WINDOW * inside / (periods * features.period) + 1, FEWEST, MOST))
+    middles = first + 0.5 * periods * features.period + np.linspace(0, 1, count) * max(inside, 0.0)
+    # A first pace from neighbouring turning points, smooth, so that one spoilt point does no harm.
+    turns = features.turning_times
+    local = np.full(middles.size, features.period)
+    if turns.size >= 3:
+        local = turns[2:] - turns[:-2]
+        if local.size >= 5:
+            local = uniform_filter1d(median_filter(local, 5, mode="nearest"), 5, mode="nearest")
+        local = np.interp(middles, turns[1:-1], local)
+    # The phases are more precise than turning points, which a second mode shifts: fit again with their pace.
+    times, _, phases, _, used = _fit_windows(t, y, middles, 2 * np.pi / local, periods, features)
+    pace = np.interp(middles, times, np.gradient(phases, times))
+    pace = np.clip(pace, 0.8 * used.min(), 1.25 * used.max())
+    times, amplitudes, phases, gains, used = _fit_windows(t, y, middles, pace, periods, features)
+    widths = 2 * np.pi * periods / used
+    noise = float(np.hypot(features.roughness, ROUNDING * signal.step)) / np.sqrt(block)
+    errors = np.maximum(noise * gains / amplitudes, LEAST_ERROR)
+    # Estimates from overlapping raised cosines correlate by these windows' autocorrelation at their distance. One width
+    # for all keeps the matrix positive definite.
+    lag = np.minimum(np.abs(times[:, None] - times) / float(np.median(widths)), 1.0)
+    turn = 2 * np.pi * lag
+    overlap = (1 - lag) * (2 + np.cos(turn)) / 3 + np.sin(turn) / (2 * np.pi)
+    correlation = (1 - NUGGET) * overlap + NUGGET * np.eye(times.size)
+    return Sinusoids(times, amplitudes, phases, errors, correlation, widths)
+
+
+def _fit_windows(
+    t: np.ndarray, y: np.ndarray, middles: np.ndarray, pace: np.ndarray, periods: float, features: Features
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Fit windows of so many periods at `middles` (m,) with sinusoids of a pace (m,), in rad/s.
+
+    Return times, amplitudes, continuous phases, noise gains and pace of the windows that have samples, (k,) each.
+    Raises Refusal where these are too few.
+    """
+    rows = [
+        (middle, *fit, omega)
+        for middle, omega in zip(middles.tolist(), pace.tolist(), strict=True)
+        if (fit := _fit_window(t, y, middle, omega, periods)) is not None
+    ]
+    if len(rows) < FEWEST:
+        raise Refusal("the record has too few cycles to estimate damping and frequency")
+    times, amplitudes, phases, gains, used = np.array(rows).T
+    # Whole turns are added to the phases, so that they advance as the crossings of the midline count them.
+    ahead = np.diff(times) * 0.5 * (used[1:] + used[:-1])
+    crossings = features.crossing_times
+    if crossings.size > 1:
+        counted = np.diff(np.interp(times, crossings, np.pi * np.arange(crossings.size)))
+        within = (times[:-1] >= crossings[0]) & (times[1:] <= crossings[-1])
+        ahead = np.where(within, counted, ahead)
+    steps = np.diff(phases)
+    steps = steps + 2 * np.pi * np.round((ahead - steps) / (2 * np.pi))
+    phases = phases[0] + np.concatenate([[0.0], np.cumsum(steps)])
+    return times, amplitudes, phases, gains, used
+
+
+def _fit_window(
+    t: np.ndarray, y: np.ndarray, middle: float, pace: float, periods: float
+) -> tuple[float, float, float] | None:
+    """Fit one window of so many periods.
+
+    Return its amplitude, phase at the middle and noise gain, or None where samples are missing.
+    """
+    width = periods * 2 * np.pi / pace
+    a, b = np.searchsorted(t, [middle - 0.5 * width, middle + 0.5 * width])
+    if b - a < FEWEST_SAMPLES:
+        return None
+    u, values = t[a:b] - middle, y[a:b]
+    angle = pace * u
+    wave = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    place = (u / width)[:, None]
+    columns = np.hstack([wave, np.ones_like(place), place, place * wave])
+    weight = np.cos(np.pi * u / width) ** 2
+    spacing = float(t[-1] - t[0]) / (t.size - 1)
+    c, inverse = _solve_weighted(columns, values, weight)
+    off = np.abs(values - columns @ c)
+    far = off > FAR * 1.4826 * float(np.median(off))
+    if np.any(far) and np.count_nonzero(~far) >= FEWEST_SAMPLES:
+        weight = np.where(far, 0.0, weight)
+        c, inverse = _solve_weighted(columns, values, weight)
+    size = float(np.hypot(c[0], c[1]))
+    if size == 0 or weight.sum() * spacing < COVERED * 0.5 * width:
+        return None
+    gain = float(np.linalg.norm((c[0] * inverse[0] + c[1] * inverse[1]) / size))
+    return size, float(np.arctan2(-c[1], c[0])), gain
+
+
+def _solve_weighted(
+    columns: np.ndarray, values: np.ndarray, weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve weighted least squares: return the coefficients (6,) and the matrix (6, n) that gives them."""
+    weighted = columns * weight[:, None]
+    inverse = np.linalg.pinv(weighted.T @ columns, hermitian=True) @ weighted.T
+    return inverse @ values, inverse
+
+
+@dataclass(frozen=True)
 class Curves:
-    """At k places along a record: amplitude of the displacement (rad or m), equivalent viscous damping ratio, angular
-    frequency (rad/s), and the standard errors of the last two, each of shape (k,)."""
+    """Curves at k places along a record, each of shape (k,).
+
+    amplitude: of the displacement (rad or m). ratio: equivalent viscous damping ratio. frequency: angular, rad/s.
+    ratio_sd, frequency_sd: their standard errors.
+    """
 
     amplitude: np.ndarray
     ratio: np.ndarray
@@ -61,9 +225,9 @@ class Curves:
 
 @dataclass(frozen=True)
 class LawFree:
-    """The smoothed amplitude and frequency of a record, from which `at` reads curves.
+    """The smoothed amplitude and frequency of a record, from which `at` evaluates curves.
 
-    windows: the fits that it rests on. sizes: log amplitudes of the displacement in the windows, (k,). backbone: the
+    windows: the fits in windows. sizes: log amplitudes of the displacement in the windows, (k,). backbone: the
     frequency's polynomial. line: a polynomial log amplitude, by the place −1 to 1 along the record.
     """
 
@@ -74,101 +238,79 @@ class LawFree:
 
     @property
     def span(self) -> tuple[float, float]:
-        """First and last time that it reaches, in s."""
+        """Return the first and last time that it covers, in s."""
         return float(self.windows.times[0]), float(self.windows.times[-1])
 
     def times_of(self, amplitudes: np.ndarray) -> np.ndarray:
-        """When the displacement has these amplitudes (rad or m), in s, within the span."""
+        """Return when the displacement has these amplitudes (rad or m), in s, within the span."""
+        first, last = self.span
         grid = np.linspace(-1, 1, 401)
         falling = np.minimum.accumulate(self.line(grid))
-        return self._time(np.interp(-np.log(amplitudes), -falling, grid))
+        return first + 0.5 * (np.interp(-np.log(amplitudes), -falling, grid) + 1) * (last - first)
 
     def halfway(self) -> float:
-        """When the log amplitude is halfway between its first and its last, in s."""
+        """Return when the log amplitude is halfway between its first and its last, in s."""
         first, last = np.exp(self.line(np.array([-1.0, 1.0])))
         return float(self.times_of(np.array([np.sqrt(first * last)]))[0])
 
     def at(self, times: np.ndarray) -> Curves:
         """Evaluate the curves at times in s, shape (k,)."""
-        sizes, slope, sd = _smooth(self.windows, self.sizes, self._place(np.asarray(times, float)))
-        half = 0.5 * (self.span[1] - self.span[0])
+        first, last = self.span
+        half = 0.5 * (last - first)
+        place = 2 * (np.asarray(times, float) - first) / (last - first) - 1
+        sizes, slope, sd = _smooth(self.windows, self.sizes, place)
         amplitude = np.exp(sizes)
         energy, energy_sd = self.backbone.at(amplitude)[2:]
-        frequency, frequency_sd = self._paces(np.asarray(times, float))
         rate = -slope / half * energy
         ratio = rate / np.hypot(rate, 1.0)
         ratio_sd = np.hypot(sd / half * energy, slope / half * energy_sd)
-        return Curves(amplitude, ratio, ratio_sd, frequency, frequency_sd)
-
-    def _paces(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the angular frequency at times (k,) and its sd, rad/s: the slope of the smoothed phases."""
-        windows, half = self.windows, 0.5 * (self.span[1] - self.span[0])
+        # The frequency is the slope of the smoothed phases.
         with threadpool_limits(1, "blas"):
-            fits = _smoothed(windows.places, windows.phases, windows.covariance, 0.0, self._place(times))
-        mean, variance = _mixed(_weights(fits), [f.slopes for f in fits], [f.sds for f in fits])
-        return mean / half, np.sqrt(variance) / half
-
-    def _place(self, times: np.ndarray) -> np.ndarray:
-        first, last = self.span
-        return 2 * (times - first) / (last - first) - 1
-
-    def _time(self, place: np.ndarray) -> np.ndarray:
-        first, last = self.span
-        return first + 0.5 * (place + 1) * (last - first)
+            fits = _smooth_power(self.windows, self.windows.phases, 0.0, place)
+        frequency, variance = _mix(_weights(fits), [f.slopes for f in fits], [f.sds for f in fits])
+        return Curves(amplitude, ratio, ratio_sd, frequency / half, np.sqrt(variance) / half)
 
 
-def law_free(signal: Signal, seen: Features) -> LawFree:
+def law_free(signal: Signal, features: Features) -> LawFree:
     """Smooth a record's amplitude and frequency. Raises Refusal where it has too few cycles."""
-    windows = _with_floor(sinusoids(signal, seen))
+    windows = sinusoids(signal, features)
+    # The likeliest of several constant errors is added to those of the amplitudes: noise that was filtered to the
+    # oscillation's own band does not appear within a window, only between windows.
+    least, log_sizes, x = float(windows.amplitudes.min()), np.log(windows.amplitudes), windows.places
+    options = [
+        replace(windows, errors=np.hypot(windows.errors, share * least / windows.amplitudes))
+        for share in FLOORS
+    ]
+    with threadpool_limits(1, "blas"):
+        windows = max(options, key=lambda w: max(f.log for f in _smooth_power(w, log_sizes, 0.0, x[:1])))
     order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
-    sizes, half = np.log(windows.amplitudes), 0.5 * float(windows.times[-1] - windows.times[0])
-    line = _line(windows, sizes)
-    backbone, phases = _backbone(windows, np.exp(line(windows.places))), windows.phases
+    sizes, half = log_sizes, 0.5 * float(windows.times[-1] - windows.times[0])
+    line = _fit_line(windows, sizes)
+    backbone, phases = _fit_backbone(windows, np.exp(line(x))), windows.phases
     for _ in range(2 if order else 0):
         # A derivative multiplies x = exp(iωt − σt) by iω − σ: amplitude and phase of the displacement.
-        x = windows.places
         pace, rate = backbone.at(np.exp(line(x)))[0], -line.deriv()(x) / half
-        sizes = np.log(windows.amplitudes) - order * np.log(np.hypot(pace, rate))
-        line = _line(windows, sizes)
-        moved = replace(windows, phases=windows.phases - order * np.arctan2(rate, pace))
-        backbone = _backbone(moved, np.exp(line(x)))
-        phases = moved.phases
-    seen_sizes, x = sizes, windows.places
+        sizes = log_sizes - order * np.log(np.hypot(pace, rate))
+        line = _fit_line(windows, sizes)
+        phases = windows.phases - order * np.arctan2(rate, pace)
+        backbone = _fit_backbone(replace(windows, phases=phases), np.exp(line(x)))
+    averages = sizes
     for _ in range(ROUNDS):
-        sizes = seen_sizes - _taken(windows, _smooth(windows, sizes, x)[0])
-    return LawFree(replace(windows, phases=phases), sizes, backbone, _line(windows, sizes))
+        sizes = averages - _window_excess(windows, _smooth(windows, sizes, x)[0])
+    return LawFree(replace(windows, phases=phases), sizes, backbone, _fit_line(windows, sizes))
 
 
-def amplitude_curves(signal: Signal, seen: Features) -> Curves:
+def amplitude_curves(signal: Signal, features: Features) -> Curves:
     """Evaluate the curves at up to `POINTS` times along a record, from the first on.
 
     Raises Refusal where it has too few cycles.
     """
-    found = law_free(signal, seen)
-    count = int(np.clip(found.sizes.size // PER_WINDOW + 1, 2, POINTS))
-    return found.at(np.linspace(*found.span, count))
+    fit = law_free(signal, features)
+    count = int(np.clip(fit.sizes.size // PER_WINDOW + 1, 2, POINTS))
+    return fit.at(np.linspace(*fit.span, count))
 
 
-def _with_floor(windows: Sinusoids) -> Sinusoids:
-    """Add the likeliest of several constant errors to those of the amplitudes.
-
-    Noise that was filtered to the oscillation's own band does not show within a window, only between windows.
-    """
-    least, sizes = float(windows.amplitudes.min()), np.log(windows.amplitudes)
-    found = [
-        replace(windows, errors=np.hypot(windows.errors, share * least / windows.amplitudes))
-        for share in FLOORS
-    ]
-    x = windows.places
-
-    def likelihood(one: Sinusoids) -> float:
-        return max(f.log for f in _smoothed(x, sizes, one.covariance, 0.0, x[:1]))
-
-    with threadpool_limits(1, "blas"):
-        return max(found, key=likelihood)
-
-
-def _line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial:
+def _fit_line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial:
     """Fit a polynomial to log amplitudes (k,)."""
     degree = min(DEGREE, max(sizes.size // PER_WINDOW, 1))
     return np.polynomial.Polynomial.fit(windows.places, sizes, degree, w=1 / windows.errors)
@@ -179,14 +321,14 @@ def _smooth(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Smooth log amplitudes (k,): those at places `at` (m,), their slopes by the place, and the slopes' sds."""
     with threadpool_limits(1, "blas"):  # threads of a linear algebra library only wait for each other here
-        fits = [f for p in POWERS for f in _smoothed(windows.places, sizes, windows.covariance, p, at)]
+        fits = [f for p in POWERS for f in _smooth_power(windows, sizes, p, at)]
     weights = _weights(fits)
-    slope, variance = _mixed(weights, [f.slopes for f in fits], [f.sds for f in fits])
+    slope, variance = _mix(weights, [f.slopes for f in fits], [f.sds for f in fits])
     level = weights @ np.array([f.sizes for f in fits])
     return level, slope, np.sqrt(variance + (SYSTEMATIC * slope) ** 2)
 
 
-def _mixed(
+def _mix(
     weights: np.ndarray, values: Sequence[np.ndarray], sds: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return mean and variance, (k,), of a mixture of curves with these weights (m,), values and sds, (m, k)."""
@@ -201,9 +343,11 @@ def _weights(fits: Sequence[_Smoothed]) -> np.ndarray:
     return weights / weights.sum()
 
 
-def _taken(windows: Sinusoids, sizes: np.ndarray) -> np.ndarray:
-    """Return the log of the amplitude that a window sees over the one in its middle, (k,), where log amplitudes `sizes`
-    (k,) are on a smooth curve."""
+def _window_excess(windows: Sinusoids, sizes: np.ndarray) -> np.ndarray:
+    """Return the log of a window's average amplitude over the one in its middle, (k,).
+
+    The log amplitudes `sizes` (k,) are on a smooth curve.
+    """
     from scipy.interpolate import CubicSpline  # imports slowly
 
     line = CubicSpline(windows.places, sizes)
@@ -225,48 +369,49 @@ class Backbone:
     parts: tuple[tuple[float, np.ndarray, np.ndarray], ...]
 
     def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Evaluate at amplitudes (k,): frequency and its sd (rad/s); what turns a rate of decay (1/s) into a damping
-        ratio, and its sd (s)."""
+        """Evaluate at amplitudes (k,).
+
+        Return the frequency and its sd (rad/s), and the factor that turns a rate of decay (1/s) into a damping ratio,
+        and its sd (s).
+        """
         a = amplitude / self.largest
+        curves = [_backbone_curves(c, a) for _, c, _ in self.parts]
+        sds = []
+        for (_, c, covariance), middle in zip(self.parts, curves, strict=True):
+            # One step along each principal axis of the coefficients' covariance.
+            values, axes = np.linalg.eigh(covariance)
+            total = np.zeros((2, a.size))
+            for size, axis in zip(np.sqrt(np.maximum(values, 0.0)).tolist(), axes.T, strict=True):
+                total = total + (_backbone_curves(c + size * axis, a) - middle) ** 2
+            sds.append(np.sqrt(total))
         weights = np.array([w for w, _, _ in self.parts])
-        paces, ratios = zip(*(self._one(c, a) for _, c, _ in self.parts), strict=True)
-        pace_sds, ratio_sds = zip(*(self._spread(c, cov, a) for _, c, cov in self.parts), strict=True)
-        pace, pace_variance = _mixed(weights, paces, pace_sds)
-        ratio, ratio_variance = _mixed(weights, ratios, ratio_sds)
+        pace, pace_variance = _mix(weights, [c[0] for c in curves], [s[0] for s in sds])
+        ratio, ratio_variance = _mix(weights, [c[1] for c in curves], [s[1] for s in sds])
         return pace, np.sqrt(pace_variance), ratio, np.sqrt(ratio_variance)
 
-    @staticmethod
-    def _one(c: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Frequency at relative amplitudes a (k,), and the ratio of a rate of decay: its energy's over 2ω.
 
-        The action of a nearly sinusoidal oscillation is J = ωa²/2, and its energy E has dE/dJ = ω exactly.
-        """
-        powers = np.arange(c.size)
+def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Return the frequency at relative amplitudes a (k,), and the damping ratio over the rate of decay, (2, k).
 
-        def pace(b: np.ndarray) -> np.ndarray:
-            return np.maximum((b[..., None] ** (2 * powers)) @ c, 1e-6 * abs(c[0]) + 1e-300)
+    The damping ratio is the rate of decay of the energy over 2ω. The action of a nearly sinusoidal oscillation is
+    J = ωa²/2, and its energy E has dE/dJ = ω exactly.
+    """
+    powers = np.arange(c.size)
 
-        def bend(b: np.ndarray) -> np.ndarray:
-            return (2 * powers[1:] * b[..., None] ** (2 * powers[1:] - 1)) @ c[1:]
+    def pace(b: np.ndarray) -> np.ndarray:
+        return np.maximum((b[..., None] ** (2 * powers)) @ c, 1e-6 * abs(c[0]) + 1e-300)
 
-        inside = 0.5 * a[:, None] * (_X + 1)
-        w = pace(inside)
-        energy = 0.5 * a * ((w * (w * inside + 0.5 * inside**2 * bend(inside))) @ _W)
-        omega = pace(a)
-        return omega, omega * a**2 * (2 + a * bend(a) / omega) / (4 * np.maximum(energy, 1e-300))
+    def bend(b: np.ndarray) -> np.ndarray:
+        return (2 * powers[1:] * b[..., None] ** (2 * powers[1:] - 1)) @ c[1:]
 
-    def _spread(self, c: np.ndarray, covariance: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Standard deviations of both, by one step along each principal axis of the coefficients' covariance."""
-        values, axes = np.linalg.eigh(covariance)
-        here = self._one(c, a)
-        total = [np.zeros(a.size), np.zeros(a.size)]
-        for size, axis in zip(np.sqrt(np.maximum(values, 0.0)).tolist(), axes.T, strict=True):
-            for i, (moved, at) in enumerate(zip(self._one(c + size * axis, a), here, strict=True)):
-                total[i] = total[i] + (moved - at) ** 2
-        return np.sqrt(total[0]), np.sqrt(total[1])
+    inside = 0.5 * a[:, None] * (_X + 1)
+    w = pace(inside)
+    energy = 0.5 * a * ((w * (w * inside + 0.5 * inside**2 * bend(inside))) @ _W)
+    omega = pace(a)
+    return np.stack([omega, omega * a**2 * (2 + a * bend(a) / omega) / (4 * np.maximum(energy, 1e-300))])
 
 
-def _backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
+def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
     """Fit the phases by integrals over time of the powers of the squared amplitude (k,)."""
     t, largest = windows.times, float(amplitude.max())
     a = amplitude / largest
@@ -278,10 +423,8 @@ def _backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
             break
         rates = a[:, None] ** (2 * np.arange(count))
         steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(t)[:, None]
-        columns = np.column_stack(
-            [np.ones(t.size), np.concatenate([np.zeros((1, count)), np.cumsum(steps, axis=0)])]
-        )
-        white = np.linalg.solve(root, columns)
+        integrals = np.concatenate([np.zeros((1, count)), np.cumsum(steps, axis=0)])
+        white = np.linalg.solve(root, np.column_stack([np.ones(t.size), integrals]))
         inverse = np.linalg.pinv(white)
         aim = np.linalg.solve(root, windows.phases)
         c = inverse @ aim
@@ -305,22 +448,21 @@ class _Smoothed:
     sds: np.ndarray
 
 
-def _smoothed(
-    x: np.ndarray, logs: np.ndarray, errors: np.ndarray, power: float, at: np.ndarray
-) -> list[_Smoothed]:
+def _smooth_power(windows: Sinusoids, logs: np.ndarray, power: float, at: np.ndarray) -> list[_Smoothed]:
     """Smooth a power of the amplitude by a line and a random walk of each of the sizes.
 
-    x: places of log amplitudes `logs`, both (n,), whose relative errors have the covariance `errors`, (n, n); at:
-    places where the curve is wanted, (k,).
+    logs: log amplitudes in the windows, (n,), whose relative errors have the windows' covariance. at: places where the
+    curve is wanted, (k,).
     """
+    x = windows.places
     middle = logs.mean()
     base = np.exp(power * (logs - middle))
     values = logs - middle if power == 0 else (base - 1) / power
-    noise = errors * np.outer(base, base)
+    noise = windows.covariance * np.outer(base, base)
     scale = float(np.exp(np.mean(np.log(np.diag(noise)))))
     columns = np.stack([np.ones_like(x), x], axis=1)
-    there = np.stack([np.ones_like(at), at], axis=1)
-    there_slope = np.stack([0 * at, np.ones_like(at)], axis=1)
+    columns_at = np.stack([np.ones_like(at), at], axis=1)
+    columns_slope = np.stack([0 * at, np.ones_like(at)], axis=1)
     z, w = x + 1.0, np.maximum(at + 1.0, 0.0)  # distances from the start, where the walk begins
     less, more = np.minimum(z[:, None], z), np.maximum(z[:, None], z)
     walk = less**2 * (3 * more - less) / 6
@@ -328,19 +470,20 @@ def _smoothed(
     walk_at, walk_slope = less**2 * (3 * more - less) / 6, z * less - 0.5 * less**2
     free = x.size - 2
     wide = float(stdtrit(free * INDEPENDENT / PER_WINDOW + KNOWN, 0.975)) / TWO_SIDED
-    seen = np.interp(at, x, base)
-    found = []
+    base_at = np.interp(at, x, base)
+    curves = []
     prior = np.log(np.where(WALKS == 0, STEADY, (1 - STEADY) / (WALKS.size - 1)))
     for ratio, log_prior in zip(WALKS.tolist(), prior.tolist(), strict=True):
         try:
             factor = cho_factor(noise / scale + ratio * walk, lower=True)
         except np.linalg.LinAlgError:
-            continue  # a walk so large beside the errors leaves no digits of these
+            continue  # a walk so much larger than the errors leaves no digits of these
         weighted = cho_solve(factor, columns)
         inverse = np.linalg.inv(columns.T @ weighted)
         c = inverse @ (weighted.T @ values)
-        off = cho_solve(factor, values - columns @ c)
-        variance = (float((values - columns @ c) @ off) + KNOWN * scale) / (free + KNOWN)
+        rest = values - columns @ c
+        off = cho_solve(factor, rest)
+        variance = (float(rest @ off) + KNOWN * scale) / (free + KNOWN)
         log = (
             log_prior
             - float(np.sum(np.log(np.diag(factor[0]))))
@@ -348,21 +491,16 @@ def _smoothed(
             - 0.5 * (free + KNOWN) * np.log(variance)
             + float(np.sum(np.log(base)))  # densities are those of the log amplitudes
         )
-        level = there @ c + ratio * walk_at @ off
-        slope = there_slope @ c + ratio * walk_slope @ off
+        level = columns_at @ c + ratio * walk_at @ off
+        slope = columns_slope @ c + ratio * walk_slope @ off
         by_walk = ratio * cho_solve(factor, walk_slope.T)
-        line = there_slope - by_walk.T @ columns
+        line = columns_slope - by_walk.T @ columns
         spread = ratio * (w - np.einsum("ij,ji->i", walk_slope, by_walk)) + np.einsum(
             "ij,jk,ik->i", line, inverse, line
         )
         # The curve may not leave the amplitudes.
-        stretched = np.clip(1 + power * level, 0.8 * seen, 1.25 * seen)
-        found.append(
-            _Smoothed(
-                log,
-                middle + (level if power == 0 else np.log(stretched) / power),
-                slope / stretched,
-                wide * np.sqrt(variance * np.maximum(spread, 0.0)) / stretched,
-            )
-        )
-    return found
+        stretched = np.clip(1 + power * level, 0.8 * base_at, 1.25 * base_at)
+        sizes = middle + (level if power == 0 else np.log(stretched) / power)
+        sds = wide * np.sqrt(variance * np.maximum(spread, 0.0)) / stretched
+        curves.append(_Smoothed(log, sizes, slope / stretched, sds))
+    return curves

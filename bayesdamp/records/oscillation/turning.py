@@ -1,4 +1,4 @@
-"""Turning points of an oscillation, to a fraction of the sampling interval, in noise and at any offset."""
+"""Find the turning points of an oscillation, to a fraction of the sampling interval, in noise and at any offset."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 PER_CYCLE = 48
 """Samples a cycle that suffice to find a turning point before it is refined on all samples."""
 FEW = 7
-"""Turning points below which smaller ones are looked for."""
+"""Turning points below which smaller ones are searched for."""
 LEAST = 9
-"""Samples about a turning point that settle a sinusoid whose amplitude, phase and midline change; it is sought among
-more distant ones until there are so many."""
+"""Samples about a turning point that determine a sinusoid whose amplitude, phase and midline change; the window grows
+until it has so many."""
 BLOCK = 200_000
 """Samples that are fitted at a time."""
 
 
 @dataclass(frozen=True)
 class Turning:
-    """Alternating maxima and minima: times (s), values (unit of y) and their noise per unit of noise, shape
-    (k,).
+    """Alternating maxima and minima.
+
+    times: in s, (k,). values: in the unit of y, (k,). gain: noise of a value per unit of noise of a sample, (k,).
     """
 
     times: np.ndarray
@@ -29,7 +30,7 @@ class Turning:
     gain: np.ndarray
 
     def cut(self, first: int, last: int) -> Turning:
-        """Those from index first up to, not including, last."""
+        """Return those from index first up to, not including, last."""
         return Turning(self.times[first:last], self.values[first:last], self.gain[first:last])
 
 
@@ -39,17 +40,18 @@ def true_runs(flags: np.ndarray) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def local_median(values: np.ndarray, beside: int = 4) -> np.ndarray:
-    """Return the median of each of values (k,) and of up to so many on either side of it, (k,)."""
-    padded = np.pad(values.astype(float), beside, constant_values=np.nan)
-    return np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 2 * beside + 1).copy(), axis=1)
+def local_median(values: np.ndarray) -> np.ndarray:
+    """Return the median of each of values (k,) and of up to four on either side of it, (k,)."""
+    padded = np.pad(values.astype(float), 4, constant_values=np.nan)
+    return np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 9).copy(), axis=1)
 
 
 def thinned(
     t: np.ndarray, y: np.ndarray, period: float, smooth: bool = True
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """(times, smoothed values, samples a period) on an equally spaced grid of at most PER_CYCLE samples a
-    period. Not smooth: averages of the samples that fall to one, no more.
+    """Return times, values and samples a period on an equally spaced grid of at most PER_CYCLE samples a period.
+
+    The values are averages of the neighbouring samples, in which `smooth` also reduces spikes and noise.
     """
     mean_gap = (t[-1] - t[0]) / (t.size - 1)
     gap = max(mean_gap, period / PER_CYCLE)
@@ -74,21 +76,21 @@ def thinned(
 
 
 def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
-    """Indices of alternating extrema of y (n,), each confirmed by a way back of swing (n,); and whether the
-    first
-    is a maximum (1) or a minimum (−1). The ends of the record count where the way to the next one is long
-    enough.
+    """Return the indices of alternating extrema of y (n,), and whether the first is a maximum (1) or a minimum (−1).
+
+    Each extremum is confirmed by a way back of swing (n,). The ends of the record count where the way to the next
+    extremum is long enough.
     """
-    found: list[int] = []
+    extrema: list[int] = []
     kind = first = 0
     moves = np.flatnonzero(np.diff(y)) + 1
     if moves.size == 0:
-        return found, first
+        return extrema, first
     up = y[moves] > y[moves - 1]
     turns = np.flatnonzero(up[1:] != up[:-1]) + 1
     begins = moves[np.concatenate([[0], turns])]
     ends = moves[np.concatenate([turns - 1, [moves.size - 1]])]
-    # On a monotone stretch the way back is confirmed where this passes the last extremum.
+    # On a monotone stretch the way back is confirmed where these pass the last extremum.
     fallen, risen = np.minimum.reduceat(y + swing, begins), np.maximum.reduceat(y - swing, begins)
     low = high = 0
     values = y.tolist()
@@ -98,34 +100,34 @@ def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
         if rises:
             high = end if values[end] > values[high] else high
             if kind <= 0 and highest > values[low]:
-                found.append(low)
+                extrema.append(low)
                 first = first or -1
                 kind, high = 1, end
         else:
             low = end if values[end] < values[low] else low
             if kind >= 0 and lowest < values[high]:
-                found.append(high)
+                extrema.append(high)
                 first = first or 1
                 kind, low = -1, end
-    if kind and found:
-        found.append(high if kind > 0 else low)
-    return found, first
+    if kind and extrema:
+        extrema.append(high if kind > 0 else low)
+    return extrema, first
 
 
 def _basis(x: np.ndarray, order: int) -> np.ndarray:
-    """Sinusoid, midline, and the slow change of both at phases x (...): (..., 6), differentiated `order` times."""
-    c, s, one = np.cos(x), np.sin(x), np.ones_like(x)
+    """Return midline, sinusoid, and the slow change of both at phases x (...), (..., 6), differentiated so often."""
+    c, s, zero, unity = np.cos(x), np.sin(x), np.zeros_like(x), np.ones_like(x)
     if order == 0:
-        columns = [one, c, s, x, x * c, x * s]
+        columns = [unity, c, s, x, x * c, x * s]
     elif order == 1:
-        columns = [0 * one, -s, c, one, c - x * s, s + x * c]
+        columns = [zero, -s, c, unity, c - x * s, s + x * c]
     else:
-        columns = [0 * one, -c, -s, 0 * one, -2 * s - x * c, 2 * c - x * s]
+        columns = [zero, -c, -s, zero, -2 * s - x * c, 2 * c - x * s]
     return np.stack(columns, axis=-1)
 
 
-def _solved(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(coefficients (w, 6), pseudo-inverse (w, 6, n)) of least squares, columns (w, n, k ≤ 6), values (w, n)."""
+def _solve(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return coefficients (w, 6) and pseudo-inverse (w, 6, n) for columns (w, n, k ≤ 6) and values (w, n)."""
     inverse = np.linalg.pinv(columns, rcond=1e-12)
     inverse = np.pad(inverse, ((0, 0), (0, 6 - columns.shape[2]), (0, 0)))
     return (inverse @ values[:, :, None])[:, :, 0], inverse
@@ -134,10 +136,23 @@ def _solved(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nda
 def refine(
     t: np.ndarray, y: np.ndarray, at: np.ndarray, kind: np.ndarray, period: np.ndarray, half: np.ndarray
 ) -> np.ndarray:
-    """(time, value, noise gain) of the extrema near `at` (k,), shape (k, 3): kind 1 a maximum, −1 a minimum.
+    """Return time, value and noise gain of the extrema near `at` (k,), shape (k, 3).
 
-    A sinusoid of the given period (k,) with slowly changing amplitude, phase and midline is fitted to the samples
-    within ± half (k,), in s. NaN where there are too few samples or the fit has no such extremum.
+    A sinusoid with slowly changing amplitude, phase and midline is fitted to the samples near each of them. NaN where
+    there are too few samples or the fit has no such extremum.
+
+    Parameters
+    ----------
+    t, y
+        Times in s and values, each (n,).
+    at
+        Rough times of the extrema, s, (k,).
+    kind
+        1 for a maximum, −1 for a minimum, (k,).
+    period
+        Of the sinusoid, s, (k,).
+    half
+        Half widths of the windows, s, (k,).
     """
     out = np.full((at.size, 3), np.nan)
     width = half.copy()
@@ -149,30 +164,28 @@ def refine(
     begins = np.searchsorted(t, at - width)
     sizes = np.searchsorted(t, at + width) - begins
     for n in np.unique(sizes):
-        alike = np.flatnonzero(sizes == n)
-        for part in np.array_split(alike, -(-alike.size * max(int(n), 81) // BLOCK)) if n >= 5 else ():
+        same = np.flatnonzero(sizes == n)
+        for part in np.array_split(same, -(-same.size * max(int(n), 81) // BLOCK)) if n >= 5 else ():
             rows = begins[part][:, None] + np.arange(n)
             scale = 2 * np.pi / period[part]
             x = scale[:, None] * (t[rows] - at[part][:, None])
-            found = _extrema(x, y[rows], kind[part].astype(float), scale * width[part])
-            found[:, 0] = at[part] + found[:, 0] / scale
-            out[part] = found
+            out[part] = _fit_extrema(x, y[rows], kind[part].astype(float), scale * width[part])
+            out[part, 0] = at[part] + out[part, 0] / scale
     return out
 
 
-def _extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """(phase, value, noise gain) of extrema, (w, 3), from samples at phases x (w, n); NaN where there is none."""
+def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """Return phase, value and noise gain of extrema, (w, 3), from samples at phases x (w, n); NaN without one."""
     n = x.shape[1]
     columns = _basis(x, 0)[:, :, : 6 if n >= 9 else 4 if n >= 6 else 3]
-    c, inverse = _solved(columns, values)
+    c, inverse = _solve(columns, values)
     off = np.abs(values - (columns @ c[:, : columns.shape[2], None])[:, :, 0])
     good = off <= 6 * 1.4826 * np.median(off, axis=1, keepdims=True) + 1e-300
     count = good.sum(axis=1)
     again = np.flatnonzero((count >= 2 * columns.shape[2]) & (count < n))
     if again.size:
-        c[again], inverse[again] = _solved(
-            columns[again] * good[again][:, :, None], values[again] * good[again]
-        )
+        kept_columns, kept_values = columns[again] * good[again][:, :, None], values[again] * good[again]
+        c[again], inverse[again] = _solve(kept_columns, kept_values)
     far = np.minimum(width, 2.0)
     edges = np.stack([np.maximum(x[:, 0], -far) - 0.06, np.minimum(x[:, -1], far) + 0.06])
     grid = np.linspace(edges[0], edges[1], 81, axis=1)
@@ -181,66 +194,60 @@ def _extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.ndar
     best = np.argmin(np.where(here, np.abs(grid[:, :-1]), np.inf), axis=1)
     row = np.arange(kind.size)
     step, before, after = grid[:, 1] - grid[:, 0], slope[row, best], slope[row, best + 1]
-    z = grid[row, best] + np.where(
-        before != after, step * before / np.where(before != after, before - after, 1.0), 0.0
-    )
+    fall = before - after
+    z = grid[row, best] + np.where(fall != 0, step * before / np.where(fall != 0, fall, 1.0), 0.0)
     for _ in range(3):
         second = np.sum(_basis(z, 2) * c, axis=1)
         turns = second * kind < 0
         move = np.sum(_basis(z, 1) * c, axis=1) / np.where(turns, second, 1.0)
         z = z - np.where(turns, np.clip(move, -0.02, 0.02), 0.0)
-    there = _basis(z, 0)
-    gain = np.linalg.norm((there[:, None, :] @ inverse)[:, 0, :], axis=1)
-    found = np.stack([z, np.sum(there * c, axis=1), gain], axis=1)
-    found[~here.any(axis=1)] = np.nan
-    return found
+    basis = _basis(z, 0)
+    gain = np.linalg.norm((basis[:, None, :] @ inverse)[:, 0, :], axis=1)
+    extrema = np.stack([z, np.sum(basis * c, axis=1), gain], axis=1)
+    extrema[~here.any(axis=1)] = np.nan
+    return extrema
 
 
 def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float = 0.0) -> Turning:
-    """All turning points of y (n,) at t (n,); period: the coarse period in s; roughness: sd of the noise of
-    y.
+    """Return all turning points of y (n,) at t (n,).
 
-    The end of a record counts as a turning point where the fitted curve turns there.
+    The end of a record counts as a turning point where the fitted curve turns there. period: the coarse period in s.
+    roughness: sd of the noise of y.
     """
     grid, smooth, a_period = thinned(t, y, period)
     width = int(1.2 * a_period) | 1
     swing = 0.5 * (maximum_filter1d(smooth, width) - minimum_filter1d(smooth, width))
-    found, first = zigzag(smooth, swing)
-    if len(found) < FEW:  # heavy damping: a swing is less than half of the one before
-        found, first = zigzag(smooth, 0.5 * swing)
-    if not found:
+    extrema, first = zigzag(smooth, swing)
+    if len(extrema) < FEW:  # heavy damping: a swing is less than half of the one before
+        extrema, first = zigzag(smooth, 0.5 * swing)
+    if not extrema:
         return Turning(*np.empty((3, 0)))
     spacing = (t[-1] - t[0]) / (t.size - 1)
-    index = np.array(found)
+    index = np.array(extrema)
     at, kind = grid[index], first * (-1.0) ** np.arange(index.size)
     gaps = np.diff(at)
     local = np.full(at.size, period)
     if gaps.size:  # twice the mean distance to the neighbours
         near = np.concatenate([gaps[:1], 0.5 * (gaps[1:] + gaps[:-1]), gaps[-1:]])
         local = np.clip(2 * near, 0.5 * period, 2 * period)
-    half = _half_width(local, spacing, swing[index], roughness)
+    # The narrowest windows in which noise moves a turning value by less than 0.1 % of the amplitude.
+    half = local / 4
+    for share in (1 / 6, 1 / 8, 1 / 12):
+        samples = 2 * share * local / spacing
+        fine = (samples >= 12) & (2.5 * roughness <= 1e-3 * swing[index] * np.sqrt(samples))
+        half = np.where(fine, share * local, half)
     points = refine(t, y, at, kind, local, half)
     inside = (at > t[0] + 0.1 * local) & (at < t[-1] - 0.1 * local)
     none = np.isnan(points[:, 0])
     points[none] = np.stack([at, smooth[index], np.ones(at.size)], axis=1)[none]
     times = points[:, 0]
-    kept = inside | (~none & (times >= t[0] - 0.02 * local) & (times <= t[-1] + 0.02 * local))
+    good = inside | (~none & (times >= t[0] - 0.02 * local) & (times <= t[-1] + 0.02 * local))
     points[:, 0] = np.where(none, times, np.clip(times, t[0], t[-1]))
-    return Turning(*points[kept].T)
-
-
-def _half_width(period: np.ndarray, spacing: float, amplitude: np.ndarray, roughness: float) -> np.ndarray:
-    """The narrowest windows (k,) in which noise moves a turning value by less than 0.1 % of the amplitude (k,)."""
-    half = period / 4
-    for share in (1 / 6, 1 / 8, 1 / 12):
-        samples = 2 * share * period / spacing
-        fine = (samples >= 12) & (2.5 * roughness <= 1e-3 * amplitude * np.sqrt(samples))
-        half = np.where(fine, share * period, half)
-    return half
+    return Turning(*points[good].T)
 
 
 def midpoints(values: np.ndarray) -> np.ndarray:
-    """The midline (k,) at turning values (k ≥ 3,), exact where the decay is geometric (Aitken's formula)."""
+    """Return the midline (k,) at turning values (k ≥ 3,), exact where the decay is geometric (Aitken's formula)."""
     before, here, after = values[:-2], values[1:-1], values[2:]
     bend = before + after - 2 * here
     inner = np.divide(before * after - here**2, bend, out=(before + 2 * here + after) / 4, where=bend != 0)

@@ -18,8 +18,8 @@ def decay(t: np.ndarray, frequency: float = 30.0, rate: float = 0.4) -> np.ndarr
     return 0.2 * np.exp(-rate * t) * np.cos(2 * np.pi * frequency * t + 0.3)
 
 
-@pytest.mark.parametrize("factor", [2, 7, 14, 50])
-@pytest.mark.parametrize("share", [0.01, 0.1, 0.4, 0.65, PASS])
+@pytest.mark.parametrize("factor", [2, 7, 50])
+@pytest.mark.parametrize("share", [0.01, 0.4, PASS])
 def test_amplitude_and_phase_in_the_passband(factor: int, share: float) -> None:
     """exp(iωn) passes a filter of real taps as H(ω) exp(iωn), with H real and near 1 where no phase shifts."""
     n = np.arange(40 * factor * 20)

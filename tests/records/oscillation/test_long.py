@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.oscillation import modes
-from bayesdamp.records.oscillation.modes import damped_modes
-from bayesdamp.records.oscillation.one import other_than_one
+from bayesdamp.records.oscillation.modes import damped_modes, other_than_one
 from bayesdamp.records.oscillation.turning import local_median
 
 
@@ -36,8 +35,10 @@ def test_one_decay_of_many_cycles_is_one_and_two_are_two() -> None:
 
 def test_the_search_costs_no_more_for_a_longer_record(monkeypatch: pytest.MonkeyPatch) -> None:
     sizes: list[int] = []
-    plain = modes._left
-    monkeypatch.setattr(modes, "_left", lambda t, y, points: (sizes.append(t.size), plain(t, y, points))[1])
+    plain = modes._residuals
+    monkeypatch.setattr(
+        modes, "_residuals", lambda t, y, points: (sizes.append(t.size), plain(t, y, points))[1]
+    )
     damped_modes(*two(4000, 0.2), 2)
     searched, whole = [n for n in sizes if n <= modes.SEARCHED], [n for n in sizes if n > modes.SEARCHED]
     assert max(searched) == modes.SEARCHED

@@ -36,7 +36,7 @@ def test_random_walks_are_none() -> None:
         except InputError as refused:
             said.append(str(refused))
     assert len(said) >= 0.9 * WALKS
-    assert any("no nearer to where it was" in one for one in said)
+    assert any("no closer to its earlier values" in one for one in said)
 
 
 @pytest.mark.parametrize("kind", ["jump", "outliers", "holes"])
@@ -56,7 +56,7 @@ def test_one_step_larger_than_all_others_makes_no_walk(kind: str) -> None:
 
 @pytest.mark.parametrize("noise", [0.01, 0.3, 1.0])
 @pytest.mark.parametrize("ratio", [0.001, 0.05, 0.15])
-@pytest.mark.parametrize("samples", [9, 30, 300])
+@pytest.mark.parametrize("samples", [9, 300])
 def test_oscillations_are_none_that_wander(noise: float, ratio: float, samples: int) -> None:
     """The control: few cycles and many, coarse and fine, at a noise up to the amplitude itself: where they are refused,
     it is for what noise hides."""

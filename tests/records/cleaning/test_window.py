@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from bayesdamp.records.cleaning import window as window_module
 from bayesdamp.records.cleaning.clean import recording_step
-from bayesdamp.records.decay import window as window_module
-from bayesdamp.records.decay.continuation import Swings
-from bayesdamp.records.decay.window import Window, free_decay
+from bayesdamp.records.cleaning.swings import Swings
+from bayesdamp.records.cleaning.window import Window, free_decay
 from bayesdamp.records.oscillation.turning import turning_points
 from tests.records.hands import (
     Record,

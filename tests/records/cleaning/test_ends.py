@@ -12,7 +12,7 @@ from scipy.signal import butter, sosfiltfilt
 import bayesdamp as bd
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.decay.window import free_decay
+from bayesdamp.records.cleaning.window import free_decay
 from bayesdamp.records.oscillation.first_look import first_words
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Signal
@@ -43,7 +43,7 @@ def ends(signal: Signal) -> tuple[float, float]:
     return start, stop
 
 
-@pytest.mark.parametrize("start", [0.71, 0.72, 1.0, 1.5, 2.0])
+@pytest.mark.parametrize("start", [0.71, 1.0, 2.0])
 def test_a_given_start_ends_before_the_next_hit(start: float) -> None:
     raw = hits(1, {21.0: 0.015}, HITS, 0.005)
     signal = clean(raw, name="x", start=start)
@@ -113,8 +113,7 @@ MODES = {12.0: 0.012, 25.0: 0.009, 37.0: 0.007}
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize(("order", "half"), [(4, 0.2), (2, 0.1)])
-@pytest.mark.parametrize("at", [(1.0,), (0.8, 4.5)])
+@pytest.mark.parametrize(("order", "half", "at"), [(4, 0.2, (1.0,)), (2, 0.1, (0.8, 4.5))])
 def test_a_filtered_mode_is_one_decay(mode: float, order: int, half: float, at: tuple[float, ...]) -> None:
     """Its damping within 5 % of the truth, in the middle of the record; it begins after the hit."""
     raw = hits(5, MODES, at, 0.003, until=8.0)

@@ -1,0 +1,423 @@
+"""Find where a free decay begins and ends in a record: after the release, before the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.ndimage import median_filter, uniform_filter1d
+
+from bayesdamp.provenance import FreeDecay
+from bayesdamp.records.cleaning.swings import RISE, Reach, Reason, Swings, reach, stretches, worth
+from bayesdamp.records.oscillation.features import without_edges
+from bayesdamp.records.oscillation.modes import excited, few_samples, other_than_one
+from bayesdamp.records.oscillation.noise import roughness
+from bayesdamp.records.oscillation.spectrum import coarse_period, coarse_periods, samples_a_cycle
+from bayesdamp.records.oscillation.turning import Turning, thinned, turning_points
+from bayesdamp.types import InputError
+
+STEPS = 2.0
+"""Recording steps from the midline below which a turning point is not informative about the damping."""
+SIGMAS = 2.0
+"""The same in standard deviations of the noise."""
+ERRORS = 4.0
+"""The same in standard errors of a turning value: noise itself has turning points of one or two."""
+SHARE = 0.3
+"""Share that an oscillation must have in a record, beyond what white noise would give."""
+FEWEST_A_CYCLE = 4.0
+"""Fewest samples in a cycle with which it can be followed."""
+CLEAR = 0.85
+"""Share from which on no other period is tried."""
+HEAD = 24
+"""Swings at the head of a stretch that are compared with the later ones, at most half of them."""
+MARGIN = 0.2
+"""Share of a swing that is left out after a hand where a start is within a swing."""
+STILL = 0.02
+"""Share of the first swing by which a record that a hand moves changes at least."""
+TOUCHED = 0.25
+"""Share of a swing from a turning point within which a hand that still moves may have shifted it."""
+LEAST_BEFORE = 6
+"""Turning points before a hole by which its first swings are judged."""
+OTHER = 0.1
+"""Share of the worth of the used stretch from which another one is a free decay, and not a hum within the noise."""
+TAIL = 0.01
+"""Share of the power of all swings below which a decay is a tail that represents little of the record
+(conventional)."""
+NAMED = 3
+"""Other free decays that are named by their times; more are counted."""
+LATE, LOW = 1.0, 0.2
+"""Periods after a given start within which a free decay must begin, and the share of its first swing below which it is
+at rest before."""
+FEW = 30
+"""Swings below which half a swing more is worth a start within a swing."""
+AVERAGED, SMALL = 6, 0.1
+"""Swings that are averaged to measure a rise, and share of the largest swing by which noise lifts others at most."""
+SECOND = 0.05
+"""Size of a second oscillation, relative to the first, from which a record is used as a whole."""
+ANYWHERE = ("steady", "excited")
+"""Motions that have no beginning in the record."""
+MIDDLE = 0.5
+"""Share of the record after which its largest value comes too late for the rest to be all of the motion."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """A window of a record.
+
+    first, last: its first and last sample, counted from 0, both included. notes: sentences on why. decays: all free
+    decays of the record.
+    """
+
+    first: int
+    last: int
+    notes: tuple[str, ...]
+    decays: tuple[FreeDecay, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Decays:
+    """The turning points of a record, its stretches of free decay, the best of them, and what they were found with.
+
+    noise: sd of a sample. period: in s. floor: what the distance of a turning point from the midline must exceed.
+    """
+
+    turns: Turning
+    stretches: list[tuple[int, int]]
+    best: tuple[int, int]
+    noise: float
+    period: float
+    floor: float
+
+    @property
+    def best_turns(self) -> Turning:
+        return self.turns.cut(*self.best)
+
+    def are_worth(self, stretch: tuple[int, int]) -> bool:
+        """Return whether a stretch is a free decay too, and not a hum within the noise."""
+        return worth(self.turns, stretch) >= OTHER * worth(self.turns, self.best)
+
+
+@dataclass(frozen=True)
+class _Series:
+    """A record's times t (n,) in s, and its values (m,) on an equally spaced grid (m,) with their noise and step."""
+
+    t: np.ndarray
+    grid: np.ndarray
+    values: np.ndarray
+    step: float
+    noise: float
+
+    @property
+    def spacing(self) -> float:
+        return float(self.grid[1] - self.grid[0])
+
+    def reach(self, turns: Turning) -> Reach:
+        return reach(self.grid, self.values, turns, self.step, self.noise)
+
+    def moves(self, begin: float, end: float, swing: float) -> bool:
+        """Return whether it moves from begin to end, s, by more than noise, rounding and a small share of a swing."""
+        part = self.values[(self.grid >= begin) & (self.grid <= end)]
+        return part.size > 1 and float(np.ptp(part)) > STILL * swing + 2 * self.step + ERRORS * self.noise
+
+
+def no_free_decay(t: np.ndarray, y: np.ndarray) -> Window | None:
+    """Return the window of a record that is not the free decay of one oscillator, None where it is.
+
+    Such a record t (s), y, shape (n,), contains two oscillations, or one that grows, stays, or is excited throughout.
+    It is used from its largest value on.
+    """
+    period, _ = coarse_period(t, y, float(t[-1] - t[0]))
+    largest = int(np.argmax(np.abs(y - np.median(y))))
+    first = largest if largest < MIDDLE * t.size else 0
+    if t.size - first < 20:
+        return None
+    motion = other_than_one(t[first:], y[first:], period)
+    if motion is None or motion.seen in ANYWHERE:
+        # Its largest value may be anywhere.
+        whole = (
+            excited(*few_samples(t, y, period), period) if motion is None else other_than_one(t, y, period)
+        )
+        if whole is not None and whole.seen in ANYWHERE:
+            first, motion = 0, whole
+    if motion is None or motion.size < SECOND:
+        return None
+    note = "It is not the free decay of one oscillator, so all that oscillates is used."
+    return Window(first, t.size - 1, (note,))
+
+
+def free_decay(
+    t: np.ndarray, y: np.ndarray, step: float, seek_start: bool, seek_stop: bool, name: str
+) -> Window:
+    """Return the window in which a record decays freely; of several free decays the most informative one.
+
+    Parameters
+    ----------
+    t, y
+        Times in s and values, each (n,).
+    step
+        The recording step in the unit of y.
+    seek_start, seek_stop
+        Which of the two ends to look for; the other one stays.
+    name
+        How messages call the record.
+
+    Raises
+    ------
+    InputError
+        Where nothing oscillates.
+    """
+    decays = _find_decays(t, y, step, name)
+    if seek_start and seek_stop:
+        _check_share(decays, name)
+    if not seek_start and seek_stop:
+        end = _next_release(t, decays, name)
+        if end < t.size - 1:
+            window = free_decay(t[: end + 1], y[: end + 1], step, False, True, name)
+            note = f"From {t[end]:.6g} s on it is struck or released again; what follows is not used."
+            return replace(window, notes=(*window.notes, note))
+    grid, values, _ = thinned(t, y, decays.period, smooth=False)
+    grid, values = grid[grid <= t[-1]], values[grid <= t[-1]]
+    series = _Series(t, grid, values, step, decays.noise * float(np.sqrt(min(grid.size / t.size, 1.0))))
+    head, why = _head(t, y, decays, step)
+    if head == 0 and any(end in (decays.best[0], decays.best[0] + 1) for _, end in decays.stretches):
+        why = "amplitude"  # a jump separates it from swings before it that are in phase with it
+    decay = decays.turns.cut(decays.best[0] + head, decays.best[1])
+    notes: list[str] = []
+    first, last = 0, t.size - 1
+    if seek_start:
+        floor = 2 * decays.noise + step
+        before = float(decays.best_turns.times[head - 1]) if head else None
+        first = _start(series, Swings(t, y, decay, floor), why, before, notes)
+    if seek_stop:
+        last, why_stop = _stop(series, decay, decays.floor)
+        if why_stop:
+            notes.append(f"The stop ({t[last]:.6g} s, sample {last} from 0) is {why_stop}")
+    times = decays.turns.times
+    used = FreeDecay(float(t[first]), float(t[last]))
+    spans = [used]
+    for a, b in decays.stretches:
+        begin, end = float(times[a]), float(times[b - 1])
+        is_apart = (a, b) != decays.best and (end <= used.start or begin >= used.stop)
+        if is_apart and b - a >= 4 and decays.are_worth((a, b)):
+            spans.append(FreeDecay(begin, end))
+    all_decays = tuple(sorted(spans, key=lambda span: span.start))
+    notes += filter(None, [other_decays(all_decays, t[first], t[last])])
+    return Window(first, last, tuple(notes), all_decays)
+
+
+def _find_decays(t: np.ndarray, y: np.ndarray, step: float, name: str) -> _Decays:
+    """Return the stretches of free decay of a record. Raises InputError where nothing oscillates."""
+    options: list[_Decays] = []
+    periods = coarse_periods(t, y, float(t[-1] - t[0]))
+    for period, share in periods:
+        if share >= SHARE and (decays := _decays_of_period(t, y, step, period)):
+            options.append(decays)
+        if share > CLEAR and options:
+            break
+    if options:
+        return max(options, key=lambda decays: worth(decays.turns, decays.best))
+    share = max(share for _, share in periods)
+    each = samples_a_cycle(t, y)
+    if each < FEWEST_A_CYCLE:
+        f = 1 / (each * float(np.median(np.diff(t))))
+        raise InputError(
+            f"it is sampled too coarsely: its strongest oscillation, at {f:.3g} Hz, has {each:.2g} samples a "
+            f"cycle; give a record with {FEWEST_A_CYCLE:.0f} or more, better 10",
+            name,
+        )
+    if share < SHARE:
+        raise InputError(
+            f"no oscillation stands out of the noise (share of the best sinusoid {share:.2f})", name
+        )
+    raise InputError("no oscillation: fewer than three turning points stand out of noise and rounding", name)
+
+
+def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Decays | None:
+    """Return the stretches of free decay at about a period in s, if there are any."""
+    noise = roughness(t, y, period)
+    turns = without_edges(turning_points(t, y, period, noise), t, period)
+    sigmas = max(SIGMAS, ERRORS * float(np.median(turns.gain))) if turns.gain.size else SIGMAS
+    floor = max(STEPS * step, sigmas * noise)
+    spans = stretches(t, turns, floor)
+    if spans:  # the noise at rest hardly shows the noise in motion
+        a, b = max(spans, key=lambda span: worth(turns, span))
+        inside = slice(*np.searchsorted(t, (turns.times[a], turns.times[b - 1] + 1e-12)))
+        noise = roughness(t[inside], y[inside], period) if t[inside].size >= 10 else noise
+        decays = _Decays(turns, spans, (a, b), noise, period, floor)
+        floor = max(STEPS * step, sigmas * noise, _largest_rise(decays))
+        spans = stretches(t, turns, floor)
+    if not spans:
+        return None
+    best = max(spans, key=lambda span: worth(turns, span))
+    period = 2 * float(np.median(np.diff(turns.times[slice(*best)])))
+    return _Decays(turns, spans, best, noise, period, floor)
+
+
+def _largest_rise(decays: _Decays) -> float:
+    """Return the largest rise, averaged over a few cycles, of the swings from the best stretch on after they fell.
+
+    Swings count as long as they are in phase with the stretch and before the next release. A filter leaves noise of a
+    narrow band, which lifts swings by so much. 0 where they rise by much more, as in beats.
+    """
+    turns, (first, end) = decays.turns, decays.best
+    after = [a for a, b in decays.stretches if a >= end - 1 and decays.are_worth((a, b))]
+    last = after[0] if after else turns.times.size
+    gaps = np.diff(turns.times[first:last])
+    usual = float(np.median(gaps[: end - first]))
+    astray = np.flatnonzero(np.abs(gaps[end - first - 1 :] - usual) > 0.4 * usual)
+    last = end + int(astray[0]) if astray.size else last
+    ranges = np.abs(np.diff(turns.values[first:last]))
+    if ranges.size < 4 * AVERAGED:
+        return 0.0
+    smooth = uniform_filter1d(ranges, AVERAGED, mode="nearest")
+    falling = smooth[int(np.argmax(smooth)) :]
+    rise = float((falling - np.minimum.accumulate(falling)).max())
+    return rise if rise < SMALL * float(smooth.max()) else 0.0
+
+
+def _check_share(decays: _Decays, name: str) -> None:
+    """Raise InputError where the best stretch has a small share of the power of all swings outside other decays."""
+    times, (a, b) = decays.turns.times, decays.best
+    power = median_filter(np.abs(np.diff(decays.turns.values)), 3, mode="nearest") ** 2
+    own, loudest = float(power[a : b - 1].sum()), int(np.argmax(power))
+    for first, last in decays.stretches:
+        if (first, last) != decays.best and decays.are_worth((first, last)):
+            power[first : last - 1] = 0.0
+    share = own / max(float(power.sum()), 1e-300)
+    if share < TAIL:
+        raise InputError(
+            f"its largest swings, near {times[loudest]:.4g} s, are not the decay of one oscillation; what decays, from "
+            f"{times[a]:.4g} to {times[b - 1]:.4g} s, has {100 * share:.1g} % of their power; if it has several modes, "
+            "band-pass it around one first, else give start and stop",
+            name,
+        )
+
+
+def _next_release(t: np.ndarray, decays: _Decays, name: str) -> int:
+    """Return the last sample before the next hit or release in a record that starts where the user specified.
+
+    Raises InputError where nothing oscillates at its beginning, and it is struck or released only later.
+    """
+    times, sizes = decays.turns.times, np.abs(np.diff(decays.turns.values))
+    soon = t[0] + LATE * decays.period
+    starting = [
+        (a, b)
+        for a, b in decays.stretches
+        if decays.are_worth((a, b)) or (times[a] <= soon and b - a > LEAST_BEFORE)
+    ]
+    first = starting[0][0]
+    if times[first] > soon and sizes[: max(first - 1, 0)].max(initial=0.0) < LOW * sizes[first]:
+        raise InputError(
+            f"hardly anything swings between the start given ({t[0]:.6g} s) and the release or hit near "
+            f"{times[first]:.6g} s; give a start from there on, or leave it out",
+            name,
+        )
+    for (_, end), (begin, _) in pairwise(starting):
+        if sizes[begin] > (1 + RISE) * sizes[end - 2]:
+            return _last_sample(t, times[end - 1])
+    return t.size - 1
+
+
+def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
+    """Describe the free decays outside of the one that is used, start to stop in s; empty where there is none."""
+    others = [d for d in decays if d.stop <= start or d.start >= stop]
+    if not others:
+        return ""
+    spans = ", ".join(f"{d.start:.4g} to {d.stop:.4g} s" for d in others[:NAMED])
+    more = len(others) - NAMED
+    if len(others) == 1:
+        return f"Another free decay is in the record and not used: {spans}; start and stop choose it."
+    tail = f" and {more} more" if more > 0 else ""
+    return f"{len(others)} other free decays are in the record and not used: {spans}{tail}; start and stop choose one."
+
+
+def _head(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float) -> tuple[int, Reason | None]:
+    """Return the number of turning points to leave out at the head of the best stretch, and the reason for the last."""
+    # The onset of a filtered hit: the ringing of a filter lasts about as long after the largest swing as before it.
+    first = decays.best[0]
+    sizes, gaps = np.abs(np.diff(decays.turns.values)), np.diff(decays.turns.times)
+    grown = 0
+    for i in range(first - 1, -1, -1):
+        in_phase = 0.7 < gaps[i] / gaps[first] < 1 / 0.7
+        if not in_phase or not LOW * sizes[first] < sizes[i] < sizes[i + 1]:
+            break
+        grown += 1
+    swings = Swings(t, y, decays.best_turns, 2 * decays.noise + step)
+    most = min(HEAD, swings.gaps.size // 2)
+    why: Reason | None = None
+    for i in range(min(max(grown - 1, 0), most), most + 1):
+        reason = swings.breaks(i)
+        next_reason = None if i + 1 > most else swings.breaks(i + 1)
+        if reason is None and next_reason is None:
+            return i, why
+        why = reason or next_reason
+    return 0, None
+
+
+def _start(
+    series: _Series, swings: Swings, why: Reason | None, before: float | None, notes: list[str]
+) -> int:
+    """Return the first sample of the free decay: the record's own, the release, or the first clean turning point.
+
+    why: in what the swing before breaks the curve of the later ones. before: the turning point (s) that it begins at.
+    """
+    t, decay = series.t, swings.turns
+    gap = float(swings.gaps[0])
+    far = series.reach(decay)
+    begins_late = far.at - t[0] > 1.01 * series.spacing
+    if far.whole and not begins_late and swings.opens_like_later(far.at):
+        return 0
+    at, what = float(decay.times[0]), "the first turning point of the free decay"
+    if why in (None, "period", "shape"):  # of that swing some may be free, unless it was recorded whole
+        if far.whole and begins_late and not (before and abs(far.at - before) < 0.08 * gap):
+            at, what = far.at, "the release"
+        elif not far.whole and decay.times.size <= FEW and far.share > 0.5:
+            at, what = far.at + MARGIN * gap, "where it begins to follow its later swings"
+    touched = not far.whole and far.share < TOUCHED and decay.times.size > LEAST_BEFORE
+    if at == decay.times[0] and touched and series.moves(at - MARGIN * gap, at, float(swings.ranges[0])):
+        at = float(decay.times[1])  # a hand that moves it to its turning point may not release it there
+    first = int(np.searchsorted(t, at - 1e-12))
+    notes.append(
+        f"The start ({t[first]:.6g} s, sample {first} from 0) is {what}: "
+        "before it there is rest, a hand or a disturbed release, which the later swings do not continue."
+    )
+    return first
+
+
+def _stop(series: _Series, decay: Turning, floor: float) -> tuple[int, str]:
+    """Return the last sample of the free decay and the reason: the record's end, or the last clear turning point."""
+    t, times, values = series.t, decay.times, decay.values
+    k = times.size - 1
+    gap = float(np.median(np.diff(times)[-5:]))
+    before = float(abs(values[k] - values[k - 1]))
+    after = series.values[(series.grid > times[k] + 0.1 * gap) & (series.grid < times[k] + 0.9 * gap)]
+    still = max(2 * series.step + 4.5 * series.noise, 0.1 * before)
+    left = float(t[-1] - times[k])
+    if left > 0.8 * gap and k >= 3 and before > 4 * floor and np.abs(after - values[k]).max() <= still:
+        why = (
+            "the last turning point from which it swings back; in the next swing it comes to rest, and stays."
+        )
+        return _last_sample(t, times[k - 1]), why
+    later = series.values[(series.grid > times[k] + gap) & (series.grid < times[k] + 3 * gap)]
+    turned = Turning(-times[::-1], values[::-1], decay.gain[::-1])  # the time runs backwards
+    turned_series = replace(series, grid=-series.grid[::-1], values=series.values[::-1])
+    if left <= 1.2 * gap:
+        if k < 4 or left < 0.2 * gap or turned_series.reach(turned).whole:
+            return t.size - 1, ""
+    elif not (k >= LEAST_BEFORE and before > 4 * floor and float(np.ptp(later)) > 0.25 * before):
+        why = "the last turning point that stands out of noise and rounding; after it the record is nearly at rest."
+        return _last_sample(t, times[k]), why
+    # A hand, a hit or a stop ends it.
+    last = float(times[k])
+    touched = turned_series.reach(turned).share < TOUCHED and turned_series.moves(
+        -last - MARGIN * float(times[k] - times[k - 1]), -last, before
+    )
+    why = "the last undisturbed turning point; what follows does not continue the free decay."
+    return _last_sample(t, float(times[k - 1 if touched else k])), why
+
+
+def _last_sample(t: np.ndarray, at: float) -> int:
+    """Return the last sample not after a time in s."""
+    return int(np.searchsorted(t, at + 1e-12)) - 1

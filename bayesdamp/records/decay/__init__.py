@@ -1,1 +1,0 @@
-"""Where a free decay stands in a record."""

@@ -1,0 +1,146 @@
+"""Estimate the noise of a record: what a smooth oscillation does not explain in windows of about a period."""
+
+from __future__ import annotations
+
+import numpy as np
+
+ENOUGH = 512
+"""Windows that suffice for the median of their noise: it is known to a per cent or better."""
+TALL = 200
+"""Samples in a window from which normal equations are used."""
+BLOCK = 200_000
+"""Samples that are fitted at a time: some 40 MB of columns."""
+
+
+class _Fits:
+    """Least squares in windows of n samples each: phases x and values, both (w, n).
+
+    The columns are sinusoids, overtones and slow changes, as many as half the number of samples allows.
+    """
+
+    def __init__(self, x: np.ndarray, values: np.ndarray) -> None:
+        self.values = values
+        most = x.shape[1] // 2
+        # Equally spaced samples have the same design in all windows, which is inverted once.
+        self.is_uniform = len(x) > 1 and float(np.abs(x - x[0]).max()) < 1e-9
+        x = x[:1] if self.is_uniform else x
+        u = x / np.maximum(np.abs(x).max(axis=-1, keepdims=True), 1e-300)
+        c, s = np.cos(x), np.sin(x)
+        columns = [np.ones_like(x), c, s, u]
+        columns += [u * c, u * s] if most >= 6 else []
+        columns += [np.cos(2 * x), np.sin(2 * x)] if most >= 8 else []
+        columns += [np.cos(3 * x), np.sin(3 * x), u**2, u**2 * c, u**2 * s] if most >= 13 else []
+        for k in (2, 3, 5, 4) if most >= 22 else ():
+            scale = u if k < 4 else np.ones_like(u)
+            columns += [scale * np.cos(k * x), scale * np.sin(k * x)]
+        self.columns = np.stack(columns, axis=-1)
+        self.inverse = _inverse(self.columns)
+        self.free = x.shape[1] - self.columns.shape[2]
+
+    def residuals(self) -> np.ndarray:
+        """Return the residuals of fits to all samples, (w, n)."""
+        if self.is_uniform:
+            return self.values - (self.values @ self.inverse[0].T) @ self.columns[0].T
+        return self.values - (self.columns @ (self.inverse @ self.values[:, :, None]))[:, :, 0]
+
+    def weighted_residuals(self, which: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Return the residuals of fits with weights (v, n) in the windows `which`, (v,)."""
+        columns = self.columns if self.is_uniform else self.columns[which]
+        values = self.values[which]
+        inverse = _inverse(columns * weights[:, :, None])
+        return values - (columns @ (inverse @ (values * weights)[:, :, None]))[:, :, 0]
+
+    def robust_residuals(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return residuals (w, n) and noise sd (w,) of fits without outliers."""
+        count, n = self.values.shape
+        plain = rest = self.residuals()
+        scale = _scale(rest)
+        weights = np.ones_like(rest)
+        for _ in range(5):  # towards least absolute distances, for a start that spikes do not affect
+            far = np.flatnonzero(np.abs(rest).max(axis=1) > 4 * scale[:, 0])
+            if far.size == 0:
+                break
+            weights[far] = 1 / np.sqrt(np.maximum(np.abs(rest[far]) / scale[far], 1.0))
+            rest = rest.copy()
+            rest[far] = self.weighted_residuals(far, weights[far])
+            scale[far] = _scale(rest[far])
+        least, inside = n - self.free + 3, 5 * np.sqrt(n / self.free)
+        good = np.abs(rest) <= inside * scale
+        good[good.sum(axis=1) < least] = True
+        rest, open_ = plain.copy(), np.arange(count)
+        for _ in range(3):
+            some = open_[~good[open_].all(axis=1)]
+            rest[open_] = plain[open_]
+            if some.size:
+                rest[some] = self.weighted_residuals(some, good[some].astype(float))
+            now = np.abs(rest[open_]) <= inside * _scale(rest[open_])
+            changed = (now.sum(axis=1) >= least) & np.any(now != good[open_], axis=1)
+            open_ = open_[changed]
+            good[open_] = now[changed]
+            if open_.size == 0:
+                break
+        squares = np.sum(np.where(good, rest, 0.0) ** 2, axis=1)
+        return rest, np.sqrt(squares / np.maximum(good.sum(axis=1) - (n - self.free), 1))
+
+
+def _inverse(columns: np.ndarray) -> np.ndarray:
+    """Return pseudo-inverses (w, k, n) of columns (w, n, k).
+
+    Tall ones are inverted by their k normal equations, a tenth of the work.
+    """
+    if columns.shape[1] < TALL:
+        return np.linalg.pinv(columns, rcond=1e-10)
+    turned = np.swapaxes(columns, 1, 2)
+    return np.linalg.pinv(turned @ columns, rcond=1e-13, hermitian=True) @ turned
+
+
+def _scale(rest: np.ndarray) -> np.ndarray:
+    """Return the robust standard deviation of each row, (w, 1)."""
+    return 1.4826 * np.median(np.abs(rest), axis=1, keepdims=True) + 1e-300
+
+
+def residuals(
+    t: np.ndarray, y: np.ndarray, period: float, most: int | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fit a smooth oscillation in windows of a period, or more where a period has few samples.
+
+    The windows do not overlap. In each, samples further than five robust standard deviations from a first fit are left
+    out of a second.
+
+    Parameters
+    ----------
+    t, y
+        Times in s and values, each (n,).
+    period
+        Of the oscillation, in s.
+    most
+        Where there are more windows, so many are fitted, evenly spread; NaN in the others.
+
+    Returns
+    -------
+    tuple of np.ndarray
+        Residual of each sample, (n,); noise sd of each window, (m,); window of each sample, (n,). NaN where a window
+        has too few samples.
+    """
+    spacing = (t[-1] - t[0]) / (t.size - 1)
+    length = max(period, 14 * spacing)
+    count = max(int((t[-1] - t[0]) / length), 1)
+    window = np.minimum(((t - t[0]) / (t[-1] - t[0]) * count).astype(int), count - 1)
+    rest = np.full(t.size, np.nan)
+    sd = np.full(count, np.nan)
+    starts = np.searchsorted(window, np.arange(count + 1))
+    sizes = np.diff(starts)
+    every = np.arange(count) if most is None or count <= most else np.linspace(0, count - 1, most).astype(int)
+    for n in np.unique(sizes[every]):
+        same = every[sizes[every] == n]
+        for part in np.array_split(same, -(-same.size * int(n) // BLOCK)) if n >= 7 else ():
+            at = starts[part][:, None] + np.arange(n)
+            x = 2 * np.pi * (t[at] - (t[at[:, :1]] + t[at[:, -1:]]) / 2) / period
+            rest[at], sd[part] = _Fits(x, y[at]).robust_residuals()
+    return rest, sd, window
+
+
+def roughness(t: np.ndarray, y: np.ndarray, period: float) -> float:
+    """Return the standard deviation of the noise of y (n,), in its unit: the median over windows of about a period."""
+    sd = residuals(t, y, period, ENOUGH)[1]
+    return float(np.nanmedian(sd)) if np.any(np.isfinite(sd)) else 0.0
