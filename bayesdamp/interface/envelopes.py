@@ -17,9 +17,7 @@ from bayesdamp.records.envelope.window import Window
 from bayesdamp.serial import join, split
 from bayesdamp.store.contents import AnswerContent, EnvelopeContent
 from bayesdamp.types import Refusal
-from bayesdamp.verdict.envelope.answer import Answer as EnvelopeAnswer
-from bayesdamp.verdict.envelope.answer import answer
-from bayesdamp.verdict.envelope.specimen import specimen
+from bayesdamp.verdict.envelope import EnvelopeAnswer, answer, specimen
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
 

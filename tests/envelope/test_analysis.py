@@ -18,7 +18,7 @@ from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.records.envelope.window import Window, bounded
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
-from bayesdamp.verdict.envelope.specimen import specimen
+from bayesdamp.verdict.envelope import specimen
 from tests.envelope.ringdowns import NEPER, Ringdown, simulate
 from tests.envelope.weighed import log_evidence_as_given, place_as_given
 from tests.validation.envelopes import drawn

@@ -194,9 +194,9 @@ def test_a_study_without_a_verdict_says_what_is_wrong_with_a_record(
     said = capsys.readouterr().out
     assert "Beware: line 62 has 3 cells where the table has 2:" in said
     assert ("rig: Not the free decay of one oscillator: its oscillation at 0.6366" in said) == grows
-    assert (" grows, from 5.7" in said) == grows, "in degrees"
+    assert (" grows from 5.7" in said) == grows, "in degrees"
     content = RecordContent.of(Store(tmp_path / "out").read("signal/rig/0"))
-    assert any("grows, from 5.7" in text for text in content.anomalies) == grows
+    assert any("grows from 5.7" in text for text in content.anomalies) == grows
 
 
 @pytest.mark.parametrize("known", ["stiffness = -16.0", "stiffness = -16.0\nrest_angle = 0.0"])
