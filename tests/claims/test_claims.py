@@ -87,5 +87,5 @@ def test_a_folder_without_a_run_is_refused(tmp_path):
         capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     assert done.returncode == 2
-    assert "holds no run" in done.stderr
+    assert "does not contain a run" in done.stderr
     assert not out.exists()

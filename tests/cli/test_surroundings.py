@@ -104,7 +104,7 @@ def test_claims_are_judged_by_a_run_of_the_paper_s_study(
     (folder / "base" / "run.json").write_text(json.dumps(about))
     assert main(["claims", "--paper", "base", "--out", "a.md"]) == 2
     assert one_line(capsys).startswith(
-        "--paper base: is no run of the paper's study (studies/paper.toml); give"
+        "--paper base: is not a run of the paper's study (studies/paper.toml); give"
     )
     paper = Path(__file__).parents[2] / "reports" / "paper"
     assert main(["claims", "--paper", str(paper), "--out", "a.md"]) == 0  # the control

@@ -68,7 +68,7 @@ def test_where_no_decay_is_seen_the_loss_is_bounded() -> None:
     one = verdict.modes[0]
     expected = 24**0.5 * 0.003 / (0.3 * 40**1.5 * 50**0.5) / OMEGA
     assert (one.high - one.low) / 3.92 == pytest.approx(expected, rel=0.1)
-    assert verdict.sentence.startswith("No decay is seen: it oscillates at 0.6366")
+    assert verdict.sentence.startswith("No decay is detected: it oscillates at 0.6366")
     assert "damping ratio is below" in verdict.sentence
 
 
