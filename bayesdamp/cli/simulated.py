@@ -10,8 +10,8 @@ import numpy as np
 
 from bayesdamp.cli.options import wrong
 from bayesdamp.cli.single_file import FIRST_LINE
-from bayesdamp.interface.records.signal import Signal
-from bayesdamp.interface.records.simulate import START, simulate
+from bayesdamp.interface.signal import Signal
+from bayesdamp.interface.simulate import START, simulate
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import InputError

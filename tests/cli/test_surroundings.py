@@ -83,7 +83,7 @@ def test_a_name_that_no_text_can_hold(folder: Path, capsys: pytest.CaptureFixtur
         pytest.skip("a disk that has no such names")
     for command in ("compare", "init"):
         assert main([command, name]) == 2
-        assert one_line(capsys).startswith("\\udcff.csv: its name is no UTF-8, in which a run says")
+        assert one_line(capsys).startswith("\\udcff.csv: the file name is not valid UTF-8; rename the file")
     done = in_process(("look", name, "--html", "a.html"))
     assert (done.returncode, done.stderr) == (0, b"")
 

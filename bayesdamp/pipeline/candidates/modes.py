@@ -10,7 +10,7 @@ from bayesdamp.inference.checks.checks import check_fit
 from bayesdamp.inference.fit.laplace import value_sds
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import basins, prior_starts
-from bayesdamp.interface.fitting.starts import observed, of_all, regression
+from bayesdamp.interface.case import observed, of_all, regression
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records.records import NOT_APPLICABLE, cell_seed
 from bayesdamp.pipeline.tasks import Product

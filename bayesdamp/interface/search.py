@@ -1,0 +1,167 @@
+"""Choose noise and friction for a record, and search for the best fit of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+from threadpoolctl import threadpool_limits
+
+from bayesdamp import types
+from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.data import prepared
+from bayesdamp.inference.deviation.numbers.averaging import averaging_of
+from bayesdamp.inference.deviation.sample_noise import MOST_CYCLES, noises_of, prepared_for
+from bayesdamp.inference.deviation.single import Single, single
+from bayesdamp.inference.deviation.weighing import START, weigh_all
+from bayesdamp.inference.fit.mode import Mode, restore_mode
+from bayesdamp.inference.fit.search import prior_starts
+from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.interface.case import Case, Starts
+from bayesdamp.interface.model import Model
+from bayesdamp.interface.signal import Signal
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plugins import nearest
+from bayesdamp.types import InputError, Refusal, Seed
+from bayesdamp.units import UNITS
+
+PRIOR_STARTS = 2
+"""Number of draws from the prior that searches start from, in addition to the starts from the record."""
+
+
+def check_signal(signal: object, model: object) -> Signal:
+    """Return the signal as a `Signal` of the interface.
+
+    Raises
+    ------
+    InputError
+        Where an argument has another type, or the restoring law does not suit the record.
+    """
+    if not isinstance(signal, types.Signal):
+        raise InputError(
+            f"signal is {type(signal).__name__}; it must be a Signal, such as read(...).signal() gives"
+        )
+    if not isinstance(model, Model):
+        raise InputError(f"model is {type(model).__name__}; it must be a Model")
+    if UNITS[signal.unit].translates and not LAWS.get(model.restoring).translates:
+        laws = ", ".join(n for n in LAWS.names() if LAWS.get(n).translates)
+        raise InputError(
+            f"{signal.name}: is in {signal.unit}, a translation, which {model.restoring} does not describe; "
+            f"restoring can be {laws}"
+        )
+    return Signal.of(signal)
+
+
+def fit_approximate(signal: Signal, model: Model) -> Single:
+    """Fit a model with laws that may hold approximately. Raises Refusal where that cannot be done."""
+    case = Case.with_noise(signal, model)
+    noises = noises_of(model.noise)
+    fit = partial(
+        single,
+        damping=model.terms,
+        restoring=model.restoring,
+        known=model.known,
+        priors=model.parameter_priors,
+        reference=case.reference,
+        noises=noises,
+    )
+    average = not any(n in model.known for n in START)
+    result = fit(prepared_for(signal, noises, model.known, model.parameter_priors, average))
+    averaging = averaging_of(result.weighing)
+    if averaging is not None and not averaging.close and averaging.cycles <= MOST_CYCLES:
+        return fit(prepared(signal, average=False))
+    return result
+
+
+def fit_exact(
+    signal: Signal, model: Model, start: Mapping[str, float] | None, seed: int
+) -> tuple[Target, Mode, tuple[str, ...]]:
+    """Fit a model with laws that hold exactly.
+
+    Returns
+    -------
+    target
+        The target under the noise that was chosen.
+    mode
+        Its highest mode, where the solver's steps are set.
+    notes
+        Sentences on what was chosen.
+
+    Raises
+    ------
+    InputError
+        Where `start` has an unknown parameter.
+    Refusal
+        Where the model cannot be fitted to the record.
+    """
+    case = Case.with_noise(signal, model)
+    given = {} if start is None else {Seed("given"): dict(start)}
+    for name in start or ():
+        if name not in model.parameters:
+            raise InputError(
+                f"fit: start has unknown parameter {name!r}{nearest(name, list(model.parameters))}"
+            )
+    try:
+        starts = given | dict(case.starts())
+    except Refusal:
+        if not given:
+            raise
+        starts = dict(given)
+    noise, epsilon, notes, chosen = _choose(case, model)
+    target = case.target(noise, epsilon)
+    mode = case.mode(target, {**chosen, **starts, **prior_starts(target, PRIOR_STARTS, seed)})
+    # Restored at the mode, as it is where a fit is read from a file, so that both are the same.
+    return target, restore_mode(target, mode.stored), notes
+
+
+def _choose(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...], Starts]:
+    """Choose the noise model by its evidence under the model's own damping, where several are possible.
+
+    Then choose the width of friction, where it is neither known nor inferred.
+
+    Returns
+    -------
+    noise
+        The noise model.
+    epsilon
+        Width of friction in rad/s, where one was chosen.
+    notes
+        Sentences on both.
+    starts
+        Where the fit that chose them ended.
+
+    Raises
+    ------
+    Refusal
+        Where the model cannot be fitted to the record.
+    """
+    names = model.noises
+    if len(names) == 1:
+        return names[0], None, (), {}
+    own = {n: set(NOISES.get(n).parameters) for n in names}
+    given = set.union(*own.values()) & {*model.known, *model.priors}
+    candidate = Candidate(model.terms, model.restoring)
+    with threadpool_limits(1, "blas"):
+        weighing = weigh_all(
+            prepared(case.signal, average=False),
+            [candidate],
+            known=model.system.known,
+            priors=model.parameter_priors,
+            reference=case.reference,
+            approximate=False,
+            noises=tuple(n for n in names if given <= own[n]),
+        )
+    if not weighing.results:
+        raise Refusal(weighing.refused[candidate])
+    fit = weighing.results[0].fit
+    epsilon, notes = None, []
+    if weighing.frictions and "epsilon" not in model.priors:
+        epsilon = weighing.epsilon
+        notes.append(f"ε was not given; {epsilon:.3g} {case.signal.unit}/s suits the record best.")
+    order = sorted(weighing.noise.weighed, key=lambda noise: -noise.log_evidence)
+    if len(order) > 1:
+        ahead = order[0].log_evidence - order[1].log_evidence
+        notes.append(f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name}.")
+    starts = {Seed("fit that chose the noise"): fit.parameters.named(fit.z)}
+    return weighing.noise.likeliest, epsilon, tuple(notes), starts
