@@ -12,7 +12,7 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.defaults import build_target
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.model import Model
+from bayesdamp.interface.specification import Specification
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
@@ -59,13 +59,13 @@ class Case:
     reference: Reference
 
     @classmethod
-    def of(cls, signal: types.Signal, model: Model) -> Case:
+    def of(cls, signal: types.Signal, model: Specification) -> Case:
         """Return a model on a record. Raises Refusal where the record shows no oscillation."""
         own, system = features(signal), model.system
         return cls(signal, model.terms, system, model.term_priors, own, reference_of(system, own))
 
     @classmethod
-    def with_noise(cls, signal: types.Signal, model: Model) -> Case:
+    def with_noise(cls, signal: types.Signal, model: Specification) -> Case:
         """Return a model on a record. Raises Refusal also where the record has no noise."""
         case = cls.of(signal, model)
         if not has_noise(signal, case.features):

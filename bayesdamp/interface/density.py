@@ -15,8 +15,8 @@ from bayesdamp.formatting import compact
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.model import Model, units_of
 from bayesdamp.interface.result import Shown
+from bayesdamp.interface.specification import Specification, units_of
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior, joint_log_density, joint_slope
 from bayesdamp.table import Table
@@ -63,14 +63,14 @@ class Density(Shown):
     """
 
     signal: types.Signal
-    model: Model
+    model: Specification
     values: Mapping[str, float]
     units: Mapping[str, str]
     target: Target = field(repr=False)
     mode: Mode = field(repr=False)
 
     @classmethod
-    def at(cls, signal: types.Signal, model: Model, target: Target, mode: Mode) -> Self:
+    def at(cls, signal: types.Signal, model: Specification, target: Target, mode: Mode) -> Self:
         """Return the density of a target, with the solver's steps set at its mode."""
         values = {n: float(v) for n, v in target.values(mode.z).items()}
         return cls(signal, model, values, units_of(target.names, model.restoring, signal), target, mode)

@@ -1,48 +1,39 @@
-"""Define a model of one decay: damping, restoring law, noise, and what is known or believed of their parameters."""
+"""Define a model of one decay, and search for its best fit to a record."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING
+
+from threadpoolctl import threadpool_limits
 
 from bayesdamp import types
 from bayesdamp.calls import told
-from bayesdamp.config.checks import StudyError
-from bayesdamp.config.sections import DEVIATIONS
-from bayesdamp.config.signals import canonical_model
-from bayesdamp.inference.deviation.findings import SENSOR
+from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.data import prepared
+from bayesdamp.inference.deviation.numbers.averaging import averaging_of
+from bayesdamp.inference.deviation.sample_noise import MOST_CYCLES, noises_of, prepared_for
+from bayesdamp.inference.deviation.single import Single, single
+from bayesdamp.inference.deviation.weighing import START, weigh_all
+from bayesdamp.inference.fit.mode import Mode, restore_mode
+from bayesdamp.inference.fit.search import prior_starts
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.interface.arguments import (
-    POSITIVE,
-    by_parameter,
-    check_known,
-    check_noise,
-    check_priors,
-    check_sensor,
-    coefficients_of,
-    number,
-)
-from bayesdamp.interface.result import Result
-from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.interface.case import Case, Starts
+from bayesdamp.interface.density import Density
+from bayesdamp.interface.signal import Signal
+from bayesdamp.interface.specification import Specification
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.physics.units import parameter_unit
 from bayesdamp.plugins import nearest
-from bayesdamp.priors import Prior
-from bayesdamp.table import Table
-from bayesdamp.types import InputError, System
+from bayesdamp.types import InputError, Refusal, Seed
+from bayesdamp.units import UNITS
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from bayesdamp.interface.density import Density
-
-FIXED = (*POSITIVE, "epsilon")
-"""Parameters that are not inferred where laws hold approximately: known, or determined from the record once."""
+PRIOR_STARTS = 2
+"""Number of draws from the prior that searches start from, in addition to the starts from the record."""
 
 
-@dataclass(frozen=True, repr=False)
-class Model(Result):
+class Model(Specification):
     """A model of a record: damping, restoring law, noise, priors and known parameters.
 
     Parameters
@@ -80,105 +71,8 @@ class Model(Result):
     ('viscous+coulomb@pendulum', ('viscous', 'coulomb'))
     """
 
-    damping: str
-    restoring: str = "linear"
-    noise: str | tuple[str, ...] = "auto"
-    priors: Mapping[str, Prior] = field(default_factory=dict)
-    known: Mapping[str, float] = field(default_factory=dict)
-    deviation: str = "none"
-    sensor: float = SENSOR
-    amplitude: float | None = None
-    frequency: float | None = None
-
-    def __post_init__(self) -> None:
-        try:
-            damping = canonical_model(self.damping, "damping")
-        except StudyError as error:
-            raise InputError(f"Model: {error}") from None
-        for what, given, valid in (
-            ("restoring law", self.restoring, LAWS.names()),
-            ("deviation", self.deviation, list(DEVIATIONS)),
-        ):
-            if given not in valid:
-                raise InputError(f"Model: unknown {what} {given!r}{nearest(str(given), valid)}")
-        object.__setattr__(self, "damping", damping)
-        object.__setattr__(self, "noise", self.noise if isinstance(self.noise, str) else tuple(self.noise))
-        check_noise("Model", self.noise)
-        if self.approximate:
-            check_sensor("Model", self.sensor)
-            for name in self.priors:
-                if name in FIXED:
-                    raise InputError(
-                        f"Model: the prior of {name!r} has no meaning under deviation {self.deviation!r}, which fixes "
-                        "it; remove it, or give it as known"
-                    )
-        known = check_known("Model", self.known, self._coefficients, self.parameters)
-        priors = check_priors("Model", self.priors, known, self._coefficients, self.parameters)
-        object.__setattr__(self, "known", {n: v for n, v in known.items() if n in self.parameters})
-        object.__setattr__(self, "priors", priors)
-        for name in ("amplitude", "frequency"):
-            value = getattr(self, name)
-            if value is not None and not number(value) > 0:
-                raise InputError(f"Model: {name} is {value!r}; it must be a positive number")
-
-    def __hash__(self) -> int:
-        mappings = (
-            tuple(sorted(self.known.items())),
-            tuple(sorted(self.priors.items(), key=lambda item: item[0])),
-        )
-        return hash((self.damping, self.restoring, self.noise, self.deviation, self.sensor, *mappings))
-
-    @property
-    def name(self) -> str:
-        """Damping and restoring law: `viscous+coulomb@pendulum`."""
-        return types.candidate_name(self.damping, self.restoring)
-
-    @property
-    def terms(self) -> tuple[str, ...]:
-        """Names of the damping terms."""
-        return tuple(self.damping.split("+"))
-
-    @property
-    def noises(self) -> tuple[str, ...]:
-        """The noise models in play."""
-        if self.noise == "auto":
-            return tuple(NOISES.names())
-        return (self.noise,) if isinstance(self.noise, str) else self.noise
-
-    @property
-    def approximate(self) -> bool:
-        """Whether laws may hold approximately."""
-        return self.deviation != "none"
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of all parameters, known ones included; of the noise, those of all models in play."""
-        noise = dict.fromkeys(p for n in self.noises for p in NOISES.get(n).parameters)
-        return (*Oscillator(self.terms, self.restoring).parameters, *noise)
-
-    @property
-    def system(self) -> System:
-        """What is known and believed of all but the damping, as the other packages need it."""
-        free: dict[str, object | None] = {n: None for n in self.parameters if n not in self._coefficients}
-        given = {n: p for n, p in self.priors.items() if n in free}
-        free = {n: given.get(n) for n in free if n not in self.known and (n != "epsilon" or n in given)}
-        return System(self.restoring, dict(self.known), free, self.amplitude, self.frequency)
-
-    @property
-    def parameter_priors(self) -> dict[str, Prior]:
-        """The priors that are given, by parameter."""
-        return by_parameter(self.priors, self._coefficients)
-
-    @property
-    def term_priors(self) -> dict[str, Prior]:
-        """The priors that are given for damping terms or coefficients, by term."""
-        by_name = {**self._coefficients, **{t: t for t in self.terms}}
-        return {by_name[n]: p for n, p in self.priors.items() if n in by_name}
-
-    @property
-    def _coefficients(self) -> dict[str, str]:
-        """The term of each coefficient."""
-        return coefficients_of(self.terms)
+    if not TYPE_CHECKING:
+        __init__ = told(Specification.__init__, "Model")
 
     def bind(self, signal: types.Signal, *, seed: int = 0) -> Density:
         """Return the posterior density on a record, as plain functions of the parameters in natural units.
@@ -198,9 +92,6 @@ class Model(Result):
         Refusal
             Where the model cannot be fitted to this record.
         """
-        from bayesdamp.interface.density import Density
-        from bayesdamp.interface.search import check_signal, fit_approximate, fit_exact
-
         own = check_signal(signal, self)
         if self.approximate:
             mode = fit_approximate(own, self).mode
@@ -208,30 +99,139 @@ class Model(Result):
         target, mode, _ = fit_exact(own, self, None, seed)
         return Density.at(own, self, target, mode)
 
-    def summary(self) -> pd.DataFrame:
-        """Return a row for each parameter: its value where it is known, and the prior that was given.
 
-        Default priors depend on the record and are in the summary of a fit.
-        """
-        import pandas as pd
+def check_signal(signal: object, model: object) -> Signal:
+    """Return the signal as a `Signal` of the interface.
 
-        given = {n: p.describe() for n, p in self.parameter_priors.items()}
-        rows = [(n, self.known.get(n), given.get(n)) for n in self.parameters]
-        return pd.DataFrame(rows, columns=["parameter", "known", "prior"]).set_index("parameter")
+    Raises
+    ------
+    InputError
+        Where an argument has another type, or the restoring law does not suit the record.
+    """
+    if not isinstance(signal, types.Signal):
+        raise InputError(
+            f"signal is {type(signal).__name__}; it must be a Signal, such as read(...).signal() gives"
+        )
+    if not isinstance(model, Model):
+        raise InputError(f"model is {type(model).__name__}; it must be a Model")
+    if UNITS[signal.unit].translates and not LAWS.get(model.restoring).translates:
+        laws = ", ".join(n for n in LAWS.names() if LAWS.get(n).translates)
+        raise InputError(
+            f"{signal.name}: is in {signal.unit}, a translation, which {model.restoring} does not describe; "
+            f"restoring can be {laws}"
+        )
+    return Signal.of(signal)
 
-    def _table(self) -> Table:
-        rows = [("damping", self.damping), ("restoring", self.restoring)]
-        rows += [("noise", self.noise if isinstance(self.noise, str) else " or ".join(self.noise))]
-        rows += [("deviation", self.deviation), ("sensor", f"{self.sensor:.3g}")] * self.approximate
-        rows += [(f"prior of {n}", p.describe()) for n, p in self.priors.items()]
-        rows += [(n, f"{v:.6g} (known)") for n, v in self.known.items()]
-        return Table(("", ""), rows, caption=f"Model {self.name}")
+
+def fit_approximate(signal: Signal, model: Model) -> Single:
+    """Fit a model with laws that may hold approximately. Raises Refusal where that cannot be done."""
+    case = Case.with_noise(signal, model)
+    noises = noises_of(model.noise)
+    fit = partial(
+        single,
+        damping=model.terms,
+        restoring=model.restoring,
+        known=model.known,
+        priors=model.parameter_priors,
+        reference=case.reference,
+        noises=noises,
+    )
+    average = not any(n in model.known for n in START)
+    result = fit(prepared_for(signal, noises, model.known, model.parameter_priors, average))
+    averaging = averaging_of(result.weighing)
+    if averaging is not None and not averaging.close and averaging.cycles <= MOST_CYCLES:
+        return fit(prepared(signal, average=False))
+    return result
 
 
-if not TYPE_CHECKING:
-    Model.__init__ = told(Model.__init__, "Model")
+def fit_exact(
+    signal: Signal, model: Model, start: Mapping[str, float] | None, seed: int
+) -> tuple[Target, Mode, tuple[str, ...]]:
+    """Fit a model with laws that hold exactly.
+
+    Returns
+    -------
+    target
+        The target under the noise that was chosen.
+    mode
+        Its highest mode, where the solver's steps are set.
+    notes
+        Sentences on what was chosen.
+
+    Raises
+    ------
+    InputError
+        Where `start` has an unknown parameter.
+    Refusal
+        Where the model cannot be fitted to the record.
+    """
+    case = Case.with_noise(signal, model)
+    given = {} if start is None else {Seed("given"): dict(start)}
+    for name in start or ():
+        if name not in model.parameters:
+            raise InputError(
+                f"fit: start has unknown parameter {name!r}{nearest(name, list(model.parameters))}"
+            )
+    try:
+        starts = given | dict(case.starts())
+    except Refusal:
+        if not given:
+            raise
+        starts = dict(given)
+    noise, epsilon, notes, chosen = _choose(case, model)
+    target = case.target(noise, epsilon)
+    mode = case.mode(target, {**chosen, **starts, **prior_starts(target, PRIOR_STARTS, seed)})
+    # Restored at the mode, as it is where a fit is read from a file, so that both are the same.
+    return target, restore_mode(target, mode.stored), notes
 
 
-def units_of(names: Iterable[str], restoring: str, signal: types.Signal) -> dict[str, str]:
-    """Return the unit of each parameter on a record."""
-    return {n: parameter_unit(n, restoring, signal.unit, signal.quantity) for n in names}
+def _choose(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...], Starts]:
+    """Choose the noise model by its evidence under the model's own damping, where several are possible.
+
+    Then choose the width of friction, where it is neither known nor inferred.
+
+    Returns
+    -------
+    noise
+        The noise model.
+    epsilon
+        Width of friction in rad/s, where one was chosen.
+    notes
+        Sentences on both.
+    starts
+        Where the fit that chose them ended.
+
+    Raises
+    ------
+    Refusal
+        Where the model cannot be fitted to the record.
+    """
+    names = model.noises
+    if len(names) == 1:
+        return names[0], None, (), {}
+    own = {n: set(NOISES.get(n).parameters) for n in names}
+    given = set.union(*own.values()) & {*model.known, *model.priors}
+    candidate = Candidate(model.terms, model.restoring)
+    with threadpool_limits(1, "blas"):
+        weighing = weigh_all(
+            prepared(case.signal, average=False),
+            [candidate],
+            known=model.system.known,
+            priors=model.parameter_priors,
+            reference=case.reference,
+            approximate=False,
+            noises=tuple(n for n in names if given <= own[n]),
+        )
+    if not weighing.results:
+        raise Refusal(weighing.refused[candidate])
+    fit = weighing.results[0].fit
+    epsilon, notes = None, []
+    if weighing.frictions and "epsilon" not in model.priors:
+        epsilon = weighing.epsilon
+        notes.append(f"ε was not given; {epsilon:.3g} {case.signal.unit}/s suits the record best.")
+    order = sorted(weighing.noise.weighed, key=lambda noise: -noise.log_evidence)
+    if len(order) > 1:
+        ahead = order[0].log_evidence - order[1].log_evidence
+        notes.append(f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name}.")
+    starts = {Seed("fit that chose the noise"): fit.parameters.named(fit.z)}
+    return weighing.noise.likeliest, epsilon, tuple(notes), starts

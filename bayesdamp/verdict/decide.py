@@ -10,7 +10,7 @@ from bayesdamp.inference.deviation.findings import Findings
 from bayesdamp.inference.deviation.numbers.draws import Quantity
 from bayesdamp.physics.damping import TERMS, twins_of
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.physics.units import parameter_unit
+from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import (
     Averages,

@@ -19,7 +19,7 @@ from bayesdamp.inference.deviation.several.specimen import (
     weigh_specimen,
 )
 from bayesdamp.physics.damping import parse_model
-from bayesdamp.physics.units import parameter_unit
+from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.records.answering import AnswerCell, answered_of, approximately, stated_priors
 from bayesdamp.pipeline.records.records import cell_seed

@@ -12,7 +12,7 @@ from bayesdamp.config import SignalSpec, Simulation, Study
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.physics.units import parameter_unit
+from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.candidates.averaging import probabilities
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
 from bayesdamp.pipeline.records.answering import SAMPLED, approximately, likelihood_of
