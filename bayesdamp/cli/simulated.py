@@ -87,10 +87,10 @@ def simulated(
     """
     further = {key for name in TERMS.names() for key in TERMS.get(name).further}
     terms = {name: value for name, value in damping.items() if name not in further} or DAMPING
-    beside = {name: value for name, value in damping.items() if name in further}
+    own = {name: value for name, value in damping.items() if name in further}
     needed = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
     known = {name: value for name, value in LAW.items() if name in needed}
-    make = partial(simulate, terms, restoring, **{**known, **beside, **other}, **options)
+    make = partial(simulate, terms, restoring, **{**known, **own, **other}, **options)
     clean = make()
     if noise_sd is None:
         noise_sd = float(f"{NOISE * np.ptp(clean.y) / 2:.1e}")

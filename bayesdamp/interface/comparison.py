@@ -241,7 +241,7 @@ def compare(
     deviation
         "auto" or "law": laws may hold approximately; "none": they hold exactly.
     noise
-        A noise model, several of which the most probable is used, or "auto" for all.
+        A noise model; or several, or "auto" for all, of which the most probable one is used.
     damping, restoring
         What is compared; by default every sum under every law that the record's unit allows.
     known

@@ -43,7 +43,7 @@ class Model(Specification):
     restoring
         The restoring law.
     noise
-        A noise model, several of which the evidence chooses one for the record, or "auto" for all.
+        A noise model; or several, or "auto" for all, of which the evidence chooses one for the record.
     priors
         Priors by damping term or parameter name; parameters without one have the default.
     known

@@ -344,7 +344,7 @@ def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[Dam
     }
 
 
-def joint_damping(answers: Sequence[EnvelopeAnswer], seed: int = 0) -> WeighedSpecimen | None:
+def joint_damping(answers: Sequence[EnvelopeAnswer]) -> WeighedSpecimen | None:
     """Weigh every sum with one set of coefficients for all records, times a factor for each record.
 
     The deviation's size and length are common to the records. Return None where fewer than two records have a decay.
@@ -366,7 +366,7 @@ def joint_damping(answers: Sequence[EnvelopeAnswer], seed: int = 0) -> WeighedSp
             for likelihood in likelihoods
         ]
         model = name, ""
-        repeats[model] = joined(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=seed)
+        repeats[model] = joined(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=0)
         logs[model] = repeats[model].log_evidence + float(np.log(odds(terms)))
     share = dict(zip(logs, shares(np.array(list(logs.values()))).tolist(), strict=True))
     return WeighedSpecimen((), logs, share, repeats, {}, Reference(1.0, 1.0))

@@ -55,7 +55,7 @@ EXPONENT_NAMED = 0.3
 HARDLY_FALLS = 0.7
 """Share of the first amplitude left at the end from which dampings are hard to distinguish."""
 FEW_READINGS = 20
-"""Readings of an envelope below which its noise is hardly known, and no power law is told from a sum."""
+"""Readings of an envelope below which its noise is hardly known, and a power law is not distinguished from a sum."""
 SHALLOW = 10.0
 """Fall of an envelope in dB below which dampings are hard to distinguish."""
 MOVED = 0.5

@@ -90,7 +90,7 @@ def check(file: File, plugin: o.Plugins = None) -> int:
 
 def calibrate(
     file: File,
-    out: Annotated[Path | None, typer.Option(help="The folder of the run; by default reports/NAME.")] = None,
+    out: o.Out = None,
     models: Annotated[bool, typer.Option("--models", help="Test the probabilities of the models.")] = False,
     records: Annotated[
         int | None,

@@ -63,6 +63,6 @@ def twins_of(term: str) -> list[str]:
     return [n for n in names if n != term and (n in own or TERMS.get(n).twin == term)]
 
 
-def all_sums(terms: tuple[str, ...] = PAPER_TERMS) -> list[str]:
-    """Return all non-empty sums of the terms, single ones first: seven for the paper's three."""
-    return ["+".join(c) for n in range(1, len(terms) + 1) for c in combinations(terms, n)]
+def all_sums() -> list[str]:
+    """Return the seven sums of the paper's terms, single ones first."""
+    return ["+".join(c) for n in (1, 2, 3) for c in combinations(PAPER_TERMS, n)]
