@@ -51,16 +51,20 @@ def simulate(
         Coefficients by damping term, such as {"viscous": 0.05, "coulomb": 0.03}.
     restoring
         The restoring law.
-    duration, samples
-        Length in s, and number of equally spaced samples from 0 to it.
-    noise_sd, quantum
-        Standard deviation of the noise, and recording step, in the unit of the quantity.
+    duration
+        Length of the record in s.
+    samples
+        Number of equally spaced samples from 0 to `duration`.
+    noise_sd
+        Standard deviation of the noise, in the unit of the quantity.
     noise
         The noise model.
     outliers
         Number of outliers, or their share where it is below 1.
     gaps
         Number of stretches without samples.
+    quantum
+        Recording step, in the unit of the quantity; 0 for none.
     quantity
         "angle" (any displacement), "velocity" or "acceleration".
     unit
