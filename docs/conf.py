@@ -67,4 +67,5 @@ def setup(app):
     generated.write(HERE.parent)
     pictures.write(HERE.parent)
     mathml.register(app)
-    app.connect("autodoc-process-docstring", _as_restructured, priority=400)  # before napoleon reads the sections
+    # Before napoleon, which turns NumPy sections into field lists.
+    app.connect("autodoc-process-docstring", _as_restructured, priority=400)
