@@ -261,7 +261,12 @@ def _ratios(
         own = law.copy()
         scatter = np.zeros(DRAWS)
         if approximate:
-            p = pooled(*np.array([_over_at(r.curve, float(amplitude)) for r in records]).T)
+            over = []
+            for curve in (r.curve for r in records):
+                order = np.argsort(curve["amplitude"])
+                x = np.log(curve["amplitude"][order])
+                over.append([np.interp(np.log(amplitude), x, curve[n][order]) for n in ("over", "over_sd")])
+            p = pooled(*np.array(over).T)
             own = own * np.exp(p.mean + p.sd * rng.standard_normal(DRAWS))
             scatter = np.full(DRAWS, p.spread)
         own = own * (1 + (sensor if approximate else 0.0) * rng.standard_normal(DRAWS))
@@ -272,13 +277,6 @@ def _ratios(
             rest = float(np.sqrt(max(float(np.std(draws)) ** 2 - noise**2, 0.0)))
             rows.append(DampingRatio(float(amplitude), unit, value, noise, rest, low, high))
     return tuple(specimen_rows), tuple(following_rows)
-
-
-def _over_at(curve: Curve, amplitude: float) -> tuple[float, float]:
-    """Interpolate mean and sd of the logarithm of the damping over its law at an amplitude."""
-    order = np.argsort(curve["amplitude"])
-    x, at = np.log(curve["amplitude"][order]), np.log(amplitude)
-    return float(np.interp(at, x, curve["over"][order])), float(np.interp(at, x, curve["over_sd"][order]))
 
 
 def _pooled_interval(intervals: Sequence[Interval | None]) -> Interval | None:

@@ -18,7 +18,7 @@ from bayesdamp.cli.commands.completion import SHELLS, VARIABLE
 def test_a_fault_in_one_check_is_its_finding(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def broken() -> doctor.Check:
+    def broken() -> doctor.CheckResult:
         raise OSError("no such library")
 
     monkeypatch.setattr(doctor.results, "__defaults__", ((doctor.machine, broken),))

@@ -20,7 +20,7 @@ TRUTH, WITHIN = 0.05, 0.1
 
 
 @dataclass(frozen=True)
-class Check:
+class CheckResult:
     """One line: what was checked, whether it is good, and what there is (or how to correct it)."""
 
     what: str
@@ -28,14 +28,14 @@ class Check:
     text: str
 
 
-def packages() -> Check:
+def packages() -> CheckResult:
     """Check the required libraries against the ranges that the package states."""
     from packaging.requirements import Requirement
 
     try:
         needed = [Requirement(text) for text in requires("bayesdamp") or ()]
     except PackageNotFoundError:
-        return Check("libraries", False, "bayesdamp is not installed; pip install -e . in its folder")
+        return CheckResult("libraries", False, "bayesdamp is not installed; pip install -e . in its folder")
     wrong, right = [], 0
     for library in needed:
         if library.marker is not None and not library.marker.evaluate({"extra": ""}):
@@ -49,10 +49,10 @@ def packages() -> Check:
             right += 1
         else:
             wrong.append(f"{library.name} is {own}, but {library.specifier} is required")
-    return Check("libraries", not wrong, "; ".join(wrong) or f"{right}, all within their ranges")
+    return CheckResult("libraries", not wrong, "; ".join(wrong) or f"{right}, all within their ranges")
 
 
-def cache() -> Check:
+def cache() -> CheckResult:
     """Check the folder of compiled programs."""
     folder = cache_folder()
     try:
@@ -61,21 +61,21 @@ def cache() -> Check:
             pass
     except OSError as error:
         why = (error.strerror or str(error)).lower()
-        return Check("cache", False, f"{folder}: {why}; set BAYESDAMP_CACHE to a folder of your own")
-    return Check("cache", True, f"{folder} can be written")
+        return CheckResult("cache", False, f"{folder}: {why}; set BAYESDAMP_CACHE to a folder of your own")
+    return CheckResult("cache", True, f"{folder} can be written")
 
 
-def kernels() -> Check:
+def kernels() -> CheckResult:
     """Load the compiled kernels, and compile them where that is needed."""
     from bayesdamp.physics.kernel.warm import warm
 
     began = time.perf_counter()
     warm()
     took = time.perf_counter() - began
-    return Check("kernels", True, f"ready after {took:.1f} s; later runs load them")
+    return CheckResult("kernels", True, f"ready after {took:.1f} s; later runs load them")
 
 
-def machine() -> Check:
+def machine() -> CheckResult:
     """Check the cores and the memory (GiB) that this process may use."""
     from bayesdamp.machine.threads import cores
 
@@ -83,10 +83,10 @@ def machine() -> Check:
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     enough = memory >= LEAST_MEMORY
     text = f"{count} core{'s' if count > 1 else ''}, {memory:.1f} GiB of memory"
-    return Check("machine", enough, text if enough else f"{text}; {LEAST_MEMORY:g} GiB are needed")
+    return CheckResult("machine", enough, text if enough else f"{text}; {LEAST_MEMORY:g} GiB are needed")
 
 
-def answer() -> Check:
+def answer() -> CheckResult:
     """Analyse a small simulated record, whose damping is known."""
     import bayesdamp as bd
 
@@ -97,19 +97,21 @@ def answer() -> Check:
     took = time.perf_counter() - began
     rates = [c.value for c in verdict.coefficients if c.name == "zeta"]
     good = verdict.damping == "viscous" and bool(rates) and abs(rates[0] / TRUTH - 1) < WITHIN
-    return Check("answer", good, f"{verdict.sentence or 'none'} ({took:.1f} s)")
+    return CheckResult("answer", good, f"{verdict.sentence or 'none'} ({took:.1f} s)")
 
 
-CHECKS: tuple[Callable[[], Check], ...] = (packages, machine, cache, kernels, answer)
+CHECKS: tuple[Callable[[], CheckResult], ...] = (packages, machine, cache, kernels, answer)
 
 
-def results(checks: tuple[Callable[[], Check], ...] = CHECKS) -> Iterator[Check]:
+def results(checks: tuple[Callable[[], CheckResult], ...] = CHECKS) -> Iterator[CheckResult]:
     """Run each check; an exception in one is its result."""
     for function in checks:
         try:
             yield function()
         except Exception as fault:
-            yield Check(function.__name__, False, f"{type(fault).__name__}: {' '.join(str(fault).split())}")
+            yield CheckResult(
+                function.__name__, False, f"{type(fault).__name__}: {' '.join(str(fault).split())}"
+            )
 
 
 def doctor() -> int:

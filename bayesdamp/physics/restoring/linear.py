@@ -9,7 +9,7 @@ import numpy as np
 from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
 
 
-class Linear(RestoringLaw):
+class LinearSpring(RestoringLaw):
     """F = k(θ − θ_e)."""
 
     name = "linear"
@@ -44,4 +44,4 @@ class Linear(RestoringLaw):
         )
 
 
-PLUGIN = Linear()
+PLUGIN = LinearSpring()
