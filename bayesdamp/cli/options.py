@@ -39,9 +39,9 @@ Quantity = Annotated[
         "or level alone). By default from the file; otherwise angle.",
     ),
 ]
-Clock = Annotated[str, option(READING, "auto, as_logged or uniform.")]
-Start = Annotated[str, option(READING, "Where the free decay starts, in s, or auto.")]
-Stop = Annotated[str, option(READING, "Where the free decay stops, in s, or auto.")]
+Clock = Annotated[str, option(READING, "Clock of the samples: auto, as_logged or uniform.")]
+Start = Annotated[str, option(READING, "Start of the free decay in s, or auto.")]
+Stop = Annotated[str, option(READING, "End of the free decay in s, or auto.")]
 Runs = Annotated[str | None, option(READING, "Runs of a file with several, such as 1,3-5; by default all.")]
 Channels = Annotated[
     list[str] | None,
