@@ -32,14 +32,13 @@ _NAMES = {
     "interface.estimate": ("Estimate", "estimate"),
     "interface.evidence": ("Evidence", "evidence"),
     "interface.fit": ("Fit", "fit"),
-    "interface.load": ("load",),
     "interface.model": ("Model",),
-    "interface.posterior": ("Posterior",),
+    "interface.posterior": ("Posterior", "sample"),
     "interface.prediction": ("Prediction",),
-    "interface.records.record": ("Record", "read"),
-    "interface.records.signal": ("Signal", "signal"),
-    "interface.records.simulate": ("simulate",),
-    "interface.sampling": ("sample",),
+    "interface.record": ("Record", "read"),
+    "interface.result": ("load",),
+    "interface.signal": ("Signal", "signal"),
+    "interface.simulate": ("simulate",),
     "physics.damping": ("DampingTerm",),
     "physics.oscillator": ("Oscillator",),
     "physics.trajectories": ("trajectory",),
@@ -72,16 +71,16 @@ if TYPE_CHECKING:
     from bayesdamp.interface.evidence import evidence as evidence
     from bayesdamp.interface.fit import Fit as Fit
     from bayesdamp.interface.fit import fit as fit
-    from bayesdamp.interface.load import load as load
     from bayesdamp.interface.model import Model as Model
     from bayesdamp.interface.posterior import Posterior as Posterior
+    from bayesdamp.interface.posterior import sample as sample
     from bayesdamp.interface.prediction import Prediction as Prediction
-    from bayesdamp.interface.records.record import Record as Record
-    from bayesdamp.interface.records.record import read as read
-    from bayesdamp.interface.records.signal import Signal as Signal
-    from bayesdamp.interface.records.signal import signal as signal
-    from bayesdamp.interface.records.simulate import simulate as simulate
-    from bayesdamp.interface.sampling import sample as sample
+    from bayesdamp.interface.record import Record as Record
+    from bayesdamp.interface.record import read as read
+    from bayesdamp.interface.result import load as load
+    from bayesdamp.interface.signal import Signal as Signal
+    from bayesdamp.interface.signal import signal as signal
+    from bayesdamp.interface.simulate import simulate as simulate
     from bayesdamp.physics.damping import DampingTerm as DampingTerm
     from bayesdamp.physics.oscillator import Oscillator as Oscillator
     from bayesdamp.physics.trajectories import simulate as trajectory

@@ -20,7 +20,8 @@ author = "the authors of bayesdamp"
 release = version = __version__
 html_title = f"bayesdamp {__version__}"
 
-extensions = ["myst_nb", "sphinx.ext.autodoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+napoleon_use_ivar = True
 root_doc = "index"
 exclude_patterns = ["_build", "_generated"]
 myst_enable_extensions = ["dollarmath", "deflist"]
@@ -58,7 +59,7 @@ def _as_restructured(app, what, name, obj, options, lines):
         parts = re.split(r"(`[^`]+`)", block)
         for i, part in enumerate(parts):
             parts[i] = f"``{part[1:-1]}``" if i % 2 else re.sub(r"([\\*|_])", r"\\\1", part)
-        made.append("\n".join(line.lstrip() for line in "".join(parts).split("\n")))
+        made.append("".join(parts))
     lines[:] = "".join(made).split("\n")
 
 
@@ -66,4 +67,5 @@ def setup(app):
     generated.write(HERE.parent)
     pictures.write(HERE.parent)
     mathml.register(app)
-    app.connect("autodoc-process-docstring", _as_restructured)
+    # Before napoleon, which turns NumPy sections into field lists.
+    app.connect("autodoc-process-docstring", _as_restructured, priority=400)

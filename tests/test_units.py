@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bayesdamp.physics.units import parameter_unit
+from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.units import UNITS, quantity_unit
 
 

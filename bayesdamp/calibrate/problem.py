@@ -16,7 +16,7 @@ from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.defaults import build_target
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.interface.records.simulate import simulated
+from bayesdamp.interface.simulate import simulated
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS

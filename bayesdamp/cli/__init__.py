@@ -1,4 +1,4 @@
-"""The command line: one command a file in `commands`, and what they share."""
+"""Run bayesdamp from the command line: the commands are in `commands`, and what they share is here."""
 
 from bayesdamp.cli.app import main
 

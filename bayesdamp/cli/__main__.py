@@ -1,4 +1,4 @@
-"""`python -m bayesdamp.cli`, as `bayesdamp` itself."""
+"""Run `python -m bayesdamp.cli` as `bayesdamp` itself."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""The commands; an error becomes one clear line and an exit status."""
+"""Run a command; an error becomes one clear line and an exit status."""
 
 from __future__ import annotations
 
@@ -8,32 +8,29 @@ import sys
 import traceback
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from bayesdamp import __version__
-from bayesdamp.cli.border import one_line, present, refused_by_the_machine, say, silence
-from bayesdamp.cli.commands.calibrate import calibrate
-from bayesdamp.cli.commands.check import check
+from bayesdamp.cli.border import discard_output, machine_refusal, one_line, prepare_streams, print_error
 from bayesdamp.cli.commands.claims import claims
 from bayesdamp.cli.commands.compare import compare
-from bayesdamp.cli.commands.completion import completion, prepare
+from bayesdamp.cli.commands.completion import answer_shell, completion
 from bayesdamp.cli.commands.doctor import doctor
 from bayesdamp.cli.commands.init import init
 from bayesdamp.cli.commands.look import look
-from bayesdamp.cli.commands.report import report
 from bayesdamp.cli.commands.simulate import simulate
-from bayesdamp.cli.commands.study import study
+from bayesdamp.cli.commands.study import calibrate, check, report, study
 from bayesdamp.machine import kill_as_interrupt
 from bayesdamp.types import BayesdampError, InputError
 
 FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 UNREAD = 141
-"""What a shell says of a process that SIGPIPE ends: `bayesdamp look rig.csv | head -3` is no mistake."""
+"""Exit status in a shell of a process that SIGPIPE ends: `bayesdamp look rig.csv | head -3` is not a mistake."""
 app = typer.Typer(
     name="bayesdamp",
-    help="How large is the damping of a decaying oscillation, which damping is it, and how sure may one be?",
+    help="Find which damping a decaying oscillation has, how large it is, and how certain that is.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -57,20 +54,8 @@ for command, example in EXAMPLES.items():
     app.command(epilog=f"Example: {example}")(command)
 
 
-def _help_of(given: Sequence[str]) -> str:
-    """The help of the command that was typed, or of all."""
-    known = given[:1] and given[0] in {command.__name__ for command in EXAMPLES}
-    return f"bayesdamp {given[0]} --help" if known else "bayesdamp --help"
-
-
-def _of_one_kind(said: str) -> str:
-    """What the parser of the command line says of an option's value, in the form of all other lines."""
-    at = re.fullmatch(r"Invalid value for '(--[\w-]+)[^']*': Input should be ([^,]*)(,.*)?", said)
-    return f"{at[1]}: must be {at[2]}" if at else said
-
-
-def _version(asked: bool) -> None:
-    if asked:
+def _show_version(wanted: bool) -> None:
+    if wanted:
         typer.echo(f"bayesdamp {__version__}")
         raise typer.Exit
 
@@ -78,7 +63,8 @@ def _version(asked: bool) -> None:
 @app.callback()
 def _main(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit."),
     ] = False,
 ) -> None:
     del version
@@ -87,66 +73,70 @@ def _main(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status.
 
-    0 done, 1 a fault of the program, 2 the input is wrong, 3 done but with failed tasks, 130 interrupted,
-    141 what reads the output has closed it.
+    0: done; 1: internal error; 2: wrong input; 3: done, but with failed tasks; 130: interrupted; 141: the reader of
+    the output has closed it.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    present()
-    prepare()
+    prepare_streams()
+    answer_shell()
     try:
         if any("\0" in word for word in given):
             raise InputError(
-                "a word of the command holds a zero byte, which no path or name has; leave it out"
+                "a word of the command contains a zero byte, which no path or name has; remove it"
             )
         with kill_as_interrupt():
             status = _commands()(args=given, standalone_mode=False)
         sys.stdout.flush()
     except BayesdampError as error:
         _trace()
-        return _refused(error)
+        print_error(one_line(error))
+        return WRONG_INPUT
     except KeyboardInterrupt:
         status = INTERRUPTED
-    except (
-        SystemExit
-    ) as left:  # what parses commands and what draws tables leave so where their output is closed
-        if not isinstance(left.__context__, BrokenPipeError):
+    except SystemExit as error:  # typer and rich exit so where their output is closed
+        if not isinstance(error.__context__, BrokenPipeError):
             raise
-        silence()
+        discard_output()
         return UNREAD
     except Exception as error:
-        usage = getattr(error, "format_message", None)
-        if usage is not None:
-            said = _of_one_kind(usage().rstrip("."))
-            if given[:1] == ["simulate"]:
-                from bayesdamp.cli.simulated import meant
-
-                said += meant(getattr(error, "option_name", None) or "")
-            if not said:
-                return WRONG_INPUT
-            return _refused(f"{said}{'' if said.endswith('?') else ';'} see {_help_of(given)}")
+        if hasattr(error, "format_message"):
+            if line := _usage_error(error, given):
+                print_error(one_line(line))
+            return WRONG_INPUT
         _trace()
-        said = refused_by_the_machine(error)
-        silence()
-        if said is not None:
-            return _refused(said)
+        refusal = machine_refusal(error)
+        discard_output()
+        if refusal is not None:
+            print_error(one_line(refusal))
+            return WRONG_INPUT
         what = f"{type(error).__name__}: {error}"
-        hint = "BAYESDAMP_DEBUG=1 shows where"
-        say(one_line(f"bayesdamp: a fault of the program: {what} ({hint})"))
+        print_error(one_line(f"bayesdamp: internal error: {what} (BAYESDAMP_DEBUG=1 shows where)"))
         return FAULT
     if status == INTERRUPTED:
-        say("interrupted; the same command resumes what was done")
+        print_error("interrupted; the same command resumes the run")
     return int(status or 0)
+
+
+def _usage_error(error: Any, given: Sequence[str]) -> str:
+    """Return the line on a wrong command line, in the form of all other errors; empty where there is none to print."""
+    line = error.format_message().rstrip(".")
+    at = re.fullmatch(r"Invalid value for '(--[\w-]+)[^']*': Input should be ([^,]*)(,.*)?", line)
+    line = f"{at[1]}: must be {at[2]}" if at else line
+    if given[:1] == ["simulate"]:
+        from bayesdamp.cli.simulated import suggest_option
+
+        line += suggest_option(getattr(error, "option_name", None) or "")
+    if not line:
+        return ""
+    known = given[:1] and given[0] in {command.__name__ for command in EXAMPLES}
+    command = f"bayesdamp {given[0]} --help" if known else "bayesdamp --help"
+    return f"{line}{'' if line.endswith('?') else ';'} see {command}"
 
 
 @lru_cache(maxsize=1)
 def _commands() -> Callable[..., int | None]:
-    """The commands as they are parsed, built once a process: a test runs hundreds."""
+    """Return the parsed commands, built once in a process: a test runs hundreds."""
     return typer.main.get_command(app)
-
-
-def _refused(what: object) -> int:
-    say(one_line(what))
-    return WRONG_INPUT
 
 
 def _trace() -> None:

@@ -1,4 +1,4 @@
-"""The border to the terminal: one line that is short for whatever went wrong, and what the machine refused by name."""
+"""Print errors as one short line, and name what the machine refuses."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import os
 import sys
 
 LONGEST = 295
-"""Characters of the one line on stderr."""
+"""Characters of the line on stderr."""
 _HEAD = 180
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _STOPS = ("strict", "surrogateescape")
-"""What a stream does with a character that it has not, where that is an error."""
+"""Error handlers of a stream that fail for a character which its encoding lacks."""
 _MEMORY = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc")
 
 
 def one_line(text: object) -> str:
-    """A text as one printable line; of a long one the middle is left out, so that the remedy at its end stays."""
+    """Return a text as one printable line, without the middle of a long one, so that the remedy at its end stays."""
     words = " ".join(str(text).split())
     line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in words)
     if len(line) <= LONGEST:
@@ -25,8 +25,8 @@ def one_line(text: object) -> str:
     return f"{line[:_HEAD]}...{line[-(LONGEST - _HEAD - 3) :]}"
 
 
-def refused_by_the_machine(error: BaseException) -> str | None:
-    """What is said of a full disk, too little memory or a path that the system refuses; None of all else."""
+def machine_refusal(error: BaseException) -> str | None:
+    """Return a line on a full disk, too little memory or a path that the system refuses; None for other errors."""
     number = getattr(error, "errno", None)
     if (
         isinstance(error, MemoryError)
@@ -34,7 +34,7 @@ def refused_by_the_machine(error: BaseException) -> str | None:
         or any(mark in str(error) for mark in _MEMORY)
     ):
         return (
-            "too little memory for this; close other programs, give fewer --workers, or a part of the record"
+            "too little memory for this; close other programs, use fewer --workers, or a part of the record"
         )
     if not isinstance(error, OSError) or error.errno is None:
         return None
@@ -44,12 +44,15 @@ def refused_by_the_machine(error: BaseException) -> str | None:
         return f"{where or 'the output'}: the disk is full; make room there, then run the same command again"
     if not where:
         return None
-    return f"{where}: {(error.strerror or str(error)).lower()}; mend that, or give another path"
+    return f"{where}: {(error.strerror or str(error)).lower()}; correct that, or give another path"
 
 
-def present() -> None:
-    """Give a process that was started without stdout or stderr ones that lead nowhere, before a file takes their
-    place; let a stream replace what its encoding has not; and draw without a screen, whatever Matplotlib is told."""
+def prepare_streams() -> None:
+    """Prepare stdout, stderr and drawing for every environment.
+
+    A process that was started without stdout or stderr gets ones that lead nowhere, before a file takes their place.
+    Streams replace characters that their encoding lacks. Matplotlib draws without a screen.
+    """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
@@ -57,21 +60,21 @@ def present() -> None:
         elif getattr(stream, "errors", "") in _STOPS and isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     if not os.environ.get("COLUMNS", "1").strip("0"):
-        del os.environ["COLUMNS"]  # a terminal of no width would be told nothing
+        del os.environ["COLUMNS"]  # nothing would be printed on a terminal without a width
     if "MPLBACKEND" in os.environ:
         os.environ["MPLBACKEND"] = "agg"
 
 
-def say(line: str) -> None:
-    """A line on stderr, or nowhere where nobody reads it."""
+def print_error(line: str) -> None:
+    """Print a line on stderr, or nowhere where nobody reads it."""
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:
-        silence()
+        discard_output()
 
 
-def silence() -> None:
-    """Let what cannot be printed go nowhere, so that it is not tried again at the end: the output is closed or full."""
+def discard_output() -> None:
+    """Discard what a closed or full output cannot take, so that the process does not try it again at its end."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

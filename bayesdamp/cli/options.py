@@ -1,4 +1,4 @@
-"""Options that several commands have: how files are read, how a run goes, what is said."""
+"""Define the options that several commands share: reading files, running, printing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 
 from bayesdamp.types import InputError
 
-READING, WEIGHED, RUNNING, SAID = "Reading the file", "What is weighed", "The run", "What is said"
+READING, WEIGHED, RUNNING, OUTPUT = "Reading the file", "What is compared", "The run", "Output"
 """Groups of options."""
 
 
@@ -27,55 +27,55 @@ Unit = Annotated[
     str | None,
     option(
         READING,
-        "rad, deg, m, mm, V, g and others (a wrong one lists them): of the displacement itself, or g, rpm, dps; "
-        "else as the file says, else rad, or deg or counts where the values are too large for that.",
+        "Unit of the displacement: rad, deg, m, mm, V and others (a wrong one lists them), or g, rpm, dps. By default "
+        "from the file; otherwise rad, or deg or counts where the values are too large for rad.",
     ),
 ]
 Quantity = Annotated[
     str | None,
     option(
         READING,
-        "angle (any displacement), velocity or acceleration; compare and look: envelope too (amplitude, power or "
-        "level alone); else as the file says, else angle.",
+        "angle (any displacement), velocity or acceleration; for compare and look also envelope (amplitude, power "
+        "or level alone). By default from the file; otherwise angle.",
     ),
 ]
-Clock = Annotated[str, option(READING, "auto, as_logged or uniform.")]
-Start = Annotated[str, option(READING, "Where the free decay starts, in s, or auto.")]
-Stop = Annotated[str, option(READING, "Where it stops, in s, or auto.")]
-Runs = Annotated[str | None, option(READING, "Runs of a file that has several: 1,3-5; all by default.")]
+Clock = Annotated[str, option(READING, "Clock of the samples: auto, as_logged or uniform.")]
+Start = Annotated[str, option(READING, "Start of the free decay in s, or auto.")]
+Stop = Annotated[str, option(READING, "End of the free decay in s, or auto.")]
+Runs = Annotated[str | None, option(READING, "Runs of a file with several, such as 1,3-5; by default all.")]
 Channels = Annotated[
     list[str] | None,
-    option(READING, "A channel of a file that has several, may be given again.", "--channel"),
+    option(READING, "A channel of a file with several; may be repeated.", "--channel"),
 ]
 Plugins = Annotated[
     list[Path] | None,
-    option(WEIGHED, "A Python file with plug-ins of your own; may be given again.", "--plugin"),
+    option(WEIGHED, "A Python file with plug-ins of your own; may be repeated.", "--plugin"),
 ]
 Out = Annotated[Path | None, option(RUNNING, "The folder to write; by default reports/NAME.")]
-Workers = Annotated[int | None, option(RUNNING, "Processes; as many as cores by default.", min=1)]
+Workers = Annotated[int | None, option(RUNNING, "Number of processes; by default one for each core.", min=1)]
 Scheduler = Annotated[
     str | None, option(RUNNING, "Address of a Dask scheduler whose workers share the work.")
 ]
 Fresh = Annotated[bool, option(RUNNING, "Compute everything again.", "--fresh")]
 Quick = Annotated[
-    bool, option(RUNNING, "Only the answer, within seconds; no sampling to confirm it.", "--quick")
+    bool, option(RUNNING, "Only the answer, in seconds, without sampling to confirm it.", "--quick")
 ]
-Quiet = Annotated[bool, option(SAID, "The answer and what failed; nothing else.", "--quiet", "-q")]
-AsJson = Annotated[bool, option(SAID, "The verdicts as JSON, as in verdict.json.", "--json")]
+Quiet = Annotated[bool, option(OUTPUT, "Print only the answer and what failed.", "--quiet", "-q")]
+AsJson = Annotated[bool, option(OUTPUT, "Print the verdicts as JSON, as in verdict.json.", "--json")]
 
 
 LONGEST = 40
-"""Characters of a wrong value that are repeated."""
+"""Characters of a wrong value that an error repeats."""
 
 
 def wrong(option: str, value: object, right: str) -> InputError:
-    """The one line on a wrong value of an option: what it is, and what it must be."""
+    """Return the error on a wrong value of an option: what it is, and what it must be."""
     shown = repr(value[:LONGEST]) if isinstance(value, str) else f"{value:g}"
     return InputError(f"{option}: is {shown}; it must be {right}")
 
 
 def bound(text: float | str, name: str) -> float | str:
-    """Return a time in s, or "auto". Raises InputError."""
+    """Return a time in s, or "auto". Raises InputError for anything else."""
     if text == "auto":
         return text
     try:

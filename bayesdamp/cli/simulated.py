@@ -1,4 +1,4 @@
-"""A simulated record from the words of a command, written as CSV."""
+"""Simulate a record from the words of a command, and write it as CSV."""
 
 from __future__ import annotations
 
@@ -10,21 +10,23 @@ import numpy as np
 
 from bayesdamp.cli.options import wrong
 from bayesdamp.cli.single_file import FIRST_LINE
-from bayesdamp.interface.records.signal import Signal
-from bayesdamp.interface.records.simulate import START, simulate
+from bayesdamp.interface.signal import Signal
+from bayesdamp.interface.simulate import START, simulate
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import InputError
 
 DAMPING = {"viscous": 0.1}
-"""What damps where nothing is given, in 1/s: Q of about 30."""
+"""Default damping, in 1/s: Q of about 30."""
 LAW = {"stiffness": 40.0, "gravity": 4.0, "cubic": 40.0, "rest_angle": 0.0, "spring_angle": 0.0}
-"""What holds where it is not given, of the laws that have it: about 1 Hz, and bends that one sees."""
+"""Defaults of the restoring laws' parameters: about 1 Hz, and visible nonlinearities."""
+NOISE = 0.01
+"""Default noise as a share of the amplitude: a record without any noise has no likelihood."""
 
 
-def pairs(texts: Sequence[str], option: str) -> dict[str, float]:
-    """`a=1,b=2` as a mapping. Raises InputError."""
-    found: dict[str, float] = {}
+def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
+    """Parse `a=1,b=2`. Raises InputError for anything else."""
+    values: dict[str, float] = {}
     for part in ",".join(texts).split(","):
         name, _, value = (piece.strip() for piece in part.partition("="))
         if not part.strip():
@@ -34,14 +36,14 @@ def pairs(texts: Sequence[str], option: str) -> dict[str, float]:
         except ValueError:
             example = "viscous=0.05" if option == "--damping" else "stiffness=20"
             raise wrong(option, part.strip(), f"NAME=NUMBER, such as {example}") from None
-        if name in found:
+        if name in values:
             raise InputError(f"{option}: {name[:40]!r} is given twice; once is enough")
-        found[name] = number
-    return found
+        values[name] = number
+    return values
 
 
-def taken(damping: Mapping[str, float], other: Mapping[str, float], restoring: str) -> str:
-    """What was not given and is not zero, as one would type it; empty where there is nothing."""
+def defaults_used(damping: Mapping[str, float], other: Mapping[str, float], restoring: str) -> str:
+    """Return the defaults other than zero that were used, as one would type them; empty where there are none."""
     system = {name: LAW[name] for name in LAWS.get(restoring).parameters if name in LAW} | START
     left = {name: value for name, value in system.items() if value and name not in other}
     options = {"--damping": {} if damping else DAMPING, "--set": left}
@@ -49,17 +51,13 @@ def taken(damping: Mapping[str, float], other: Mapping[str, float], restoring: s
     return " ".join(f"{option} {','.join(words)}" for option, words in typed if words)
 
 
-def meant(option: str) -> str:
-    """Return what to type for an unknown option that names a damping term or a parameter; empty for others."""
+def suggest_option(option: str) -> str:
+    """Return what to type for an unknown option that is a damping term or a parameter; empty for others."""
     name = option.lstrip("-").replace("-", "_")
     if name in TERMS.names():
         return f"; it is --damping {name}=NUMBER"
     parameters = {*START, *(p for law in LAWS.names() for p in LAWS.get(law).parameters)}
     return f"; it is --set {name}=NUMBER" if name in parameters else ""
-
-
-NOISE = 0.01
-"""Share of the amplitude that the noise has where it is not given: a record without any has no likelihood."""
 
 
 def simulated(
@@ -69,25 +67,41 @@ def simulated(
     noise_sd: float | None = None,
     **options: Any,
 ) -> tuple[Signal, float]:
-    """Return the record that `simulate` makes of the words of the command, and its noise's sd in rad.
+    """Return the record that `simulate` makes from the words of the command, and the sd of its noise in rad.
 
-    Without `noise_sd` the sd is a hundredth of the amplitude. Raises InputError, one line.
+    Parameters
+    ----------
+    damping, other
+        Coefficients and parameters, by name.
+    restoring
+        The restoring law.
+    noise_sd
+        Standard deviation of the noise in rad; a hundredth of the amplitude by default.
+    **options
+        Options of `simulate`.
+
+    Raises
+    ------
+    InputError
+        Where the record cannot be simulated.
     """
     further = {key for name in TERMS.names() for key in TERMS.get(name).further}
     terms = {name: value for name, value in damping.items() if name not in further} or DAMPING
-    beside = {name: value for name, value in damping.items() if name in further}
+    own = {name: value for name, value in damping.items() if name in further}
     needed = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
     known = {name: value for name, value in LAW.items() if name in needed}
-    make = partial(simulate, terms, restoring, **{**known, **beside, **other}, **options)
+    make = partial(simulate, terms, restoring, **{**known, **own, **other}, **options)
     clean = make()
     if noise_sd is None:
         noise_sd = float(f"{NOISE * np.ptp(clean.y) / 2:.1e}")
         if noise_sd == 0:
-            raise InputError("simulate: nothing moves; start away from rest, such as --set theta0=0.3")
+            raise InputError(
+                "simulate: nothing moves; start away from rest, for example with --set theta0=0.3"
+            )
     return make(noise_sd=noise_sd), noise_sd
 
 
 def as_csv(signal: Signal) -> str:
-    """The record as CSV, behind a line by which it is known as ours."""
+    """Return the record as CSV, after a line that marks it as simulated."""
     rows = (f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y, strict=True))
     return FIRST_LINE + "\n".join(["t (s),angle (rad)", *rows]) + "\n"

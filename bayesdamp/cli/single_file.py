@@ -1,4 +1,4 @@
-"""The single files that commands write: what is there already stays, unless it is one of ours of that kind."""
+"""Write the single files of commands; they replace only a file that the same command has written."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from bayesdamp.types import InputError
 FIRST_LINE = "# simulated by bayesdamp\n"
 """First line of a simulated record."""
 GENERATOR = '<meta name="generator" content="bayesdamp look">'
-"""In the head of a page of `bayesdamp look`."""
+"""Tag in the head of a page of `bayesdamp look`."""
 SIMULATED = re.compile(FIRST_LINE)
 LOOK_PAGE = re.compile(rf"<!doctype html>(?:(?!</style>).)*{re.escape(GENERATOR)}", re.DOTALL)
 CLAIMS_PAGE = re.compile(r"# The paper's claims, measured\n.*\nMade by `bayesdamp claims`\.", re.DOTALL)
-"""How files begin that `bayesdamp simulate`, `look` and `claims` have written."""
+"""Beginnings of files that `bayesdamp simulate`, `look` and `claims` have written."""
 _HEAD = 4096
-"""Bytes of a file in which it says what it is."""
+"""Bytes at the beginning of a file that identify it."""
 
 
 @dataclass(frozen=True)
 class SingleFile:
     """A file that a command writes.
 
-    ours: how one begins that was made by the same command, and may be replaced. option: by which it was named. inputs:
-    files that the command reads.
+    ours: beginning of a file of the same command, which may be replaced; option: the option that names the file;
+    inputs: files that the command reads.
     """
 
     path: Path
@@ -37,13 +37,13 @@ class SingleFile:
     inputs: tuple[Path, ...] = ()
 
     def check(self) -> None:
-        """Refuse what may not or cannot be written, before anything is computed for it. Raises InputError."""
+        """Refuse a file that must not or cannot be written, before anything is computed. Raises InputError."""
         from bayesdamp.store.files import refuse_special
 
         try:
             above = next(filter(os.path.lexists, self.path.absolute().parents), None)  # `/` has none
             if above is not None and not above.is_dir():
-                raise NotADirectoryError(errno.ENOTDIR, f"{above} is no folder")
+                raise NotADirectoryError(errno.ENOTDIR, f"{above} is not a folder")
             refuse_special(self.path)
         except OSError as error:
             raise self._refused(error) from None
@@ -52,7 +52,9 @@ class SingleFile:
         for other in self.inputs:
             with suppress(OSError):
                 if self.path.samefile(other):
-                    raise InputError(f"{self.option} {self.path}: is read by this command; give another name")
+                    raise InputError(
+                        f"{self.option} {self.path}: is an input of this command; give another name"
+                    )
         if os.path.lexists(self.path):
             head = ""
             with suppress(OSError), self.path.open("rb") as handle:
@@ -61,8 +63,17 @@ class SingleFile:
                 raise self._taken()
 
     def write(self, text: str) -> None:
-        """Write it in one step, all of it or nothing. Raises InputError; OSError where the disk is full."""
-        from bayesdamp.store.files import create, no_room, write_bytes
+        """Write the file in one step, completely or not at all.
+
+        Raises
+        ------
+        InputError
+            Where the file must not or cannot be written.
+        OSError
+            Where the disk is full.
+        """
+        from bayesdamp.store.files import create, no_room
+        from bayesdamp.store.files import write_bytes
 
         self.check()
         write = write_bytes if os.path.lexists(self.path) else create
@@ -76,7 +87,7 @@ class SingleFile:
             raise self._refused(error) from None
 
     def _taken(self) -> InputError:
-        what = "is there already and was not made by bayesdamp"
+        what = "already exists and was not made by bayesdamp"
         return InputError(f"{self.option} {self.path}: {what}: give another name, or remove it")
 
     def _refused(self, error: OSError) -> InputError:

@@ -1,4 +1,4 @@
-"""The text of a study file: what `compare` asks, as TOML with comments."""
+"""Write the text of a study file: what `compare` asks, as TOML with comments."""
 
 from __future__ import annotations
 
@@ -29,20 +29,25 @@ _SECTIONS: dict[str, type[Section]] = {
 }
 _TABLES = {
     "estimators": 'Estimates beside the comparison; use = "all" runs the eleven methods.',
-    "models": "Which damping laws are weighed against each other.",
+    "models": "Which damping laws are compared.",
     "posterior": "How the posterior is sampled.",
-    "evidence": "How damping models are weighed, and when nested sampling is asked as well.",
+    "evidence": "How damping models are compared, and when nested sampling is used as well.",
 }
 
 
 def study_text(records: Sequence[Asked], out: Path) -> str:
-    """The study of records whose files lie beside `out`, where it will be written. Raises InputError and StudyError
-    where the study would not be one."""
+    """Return the study of records whose files are in the folder of `out`, where it will be written.
+
+    Raises
+    ------
+    InputError, StudyError
+        Where the study would not be valid.
+    """
     tables = comparison_tables([{**asked, "file": Path(asked["file"]).name} for asked in records])
     typed, of = _commented(shlex.quote(out.name)), _commented(Path(records[0]["file"]).name)
     lines = [
         f"# A study of {of}, as `bayesdamp compare --exact` would do it. Change what is wrong, then",
-        f"#   bayesdamp check {typed}    reads it and says what is wrong with it",
+        f"#   bayesdamp check {typed}    reads it and reports errors",
         f"#   bayesdamp study {typed}    runs it, in minutes; with --quick the answer alone, in seconds",
         "",
     ]
@@ -54,7 +59,7 @@ def study_text(records: Sequence[Asked], out: Path) -> str:
         lines += [
             "",
             "[[signal]]",
-            *(_line(SignalTable, key, value) for key, value in _ordered(given).items()),
+            *(_line(SignalTable, key, value) for key, value in sorted(given.items(), key=_place)),
         ]
     for name, table in tables.items():
         if isinstance(table, dict):
@@ -66,13 +71,14 @@ def study_text(records: Sequence[Asked], out: Path) -> str:
 
 
 def _commented(text: str) -> str:
-    """A text as one line of a comment."""
+    """Return a text as one line of a comment."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
-def _ordered(signal: Mapping[str, Any]) -> dict[str, Any]:
+def _place(item: tuple[str, Any]) -> int:
+    """Return the place of a key in a [[signal]]: these come last, in this order."""
     last = ("specimen", "restoring", "system")
-    return {k: v for k, v in signal.items() if k not in last} | {k: signal[k] for k in last if k in signal}
+    return last.index(item[0]) if item[0] in last else -1
 
 
 def _line(section: type[Section], key: str, value: object) -> str:
@@ -81,7 +87,7 @@ def _line(section: type[Section], key: str, value: object) -> str:
 
 
 def written(value: object) -> str:
-    """A value as TOML writes it."""
+    """Return a value as TOML writes it."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""The answer on one signal, as a study's task, the command line and Python get it."""
+"""Answer which damping one signal has, for a study's task, the command line and Python."""
 
 from __future__ import annotations
 
@@ -27,10 +27,7 @@ from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.law_free import TWO_SIDED, amplitude_curves, law_free
 from bayesdamp.serial import split
-from bayesdamp.store.contents import (
-    AnswerContent,
-    WeighedCandidate,
-)
+from bayesdamp.store.contents import AnswerContent, WeighedCandidate
 from bayesdamp.types import OK, InputError, Reference, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
@@ -39,26 +36,33 @@ from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Verdict
 
 BEYOND = 1.3
-"""By which factor an amplitude that is asked for may lie outside those of the record."""
+"""Factor by which an amplitude may lie outside those of the record."""
 WEIGHED = "weighing"
 CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
 BY_LAW = ("ratio", "low", "high", "free/")
-"""How arrays of a picture begin that are the damping curve by the law that is the answer, not measured without one."""
+"""Prefixes of a picture's arrays that are the damping curve by a law, not measured without one."""
 OF_LAW = (*BY_LAW, "fit", "residual", "exponent", "law/", "work/")
-"""How all those begin that the law has a part in."""
+"""Prefixes of all arrays that depend on the law."""
 RUN = "run/"
-"""Before the names of arrays that hold a candidate's likelihood of its damping, for a verdict on several records."""
+"""Prefix of arrays with a candidate's likelihood of its damping, for a verdict on several records."""
 JOINABLE = 40.0
-"""Nats behind the best up to which it is kept of a form that is not compared."""
+"""Log Bayes factor to the best in nats up to which this is stored of a form that is not compared."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer on a record, as a cell or a file holds it.
+    """The answer on a record, as a task or a file stores it.
 
-    arrays: what its picture is drawn from, as `inference.deviation.picture` leaves them, and of one of several records
-    `run/DAMPING@RESTORING/...`. further: draws of the candidates that were sampled, `draws/DAMPING@RESTORING`, and
-    arrays of the laws of `content`, `found/DAMPING@RESTORING/...`.
+    Attributes
+    ----------
+    content
+        The answer as plain values.
+    arrays
+        The arrays of its picture, as in `inference.deviation.picture`; for one of several records also
+        `run/DAMPING@RESTORING/...`.
+    further
+        Draws of the candidates that were sampled, `draws/DAMPING@RESTORING`, and arrays of the laws of `content`,
+        `found/DAMPING@RESTORING/...`.
     """
 
     content: AnswerContent
@@ -72,7 +76,7 @@ class Answer:
 
     @property
     def candidates(self) -> tuple[WeighedCandidate, ...]:
-        """Each that was asked for, in the order of the question, refused ones last."""
+        """The candidates in the order in which they were asked for, refused ones last."""
         return self.content.candidates
 
     @property
@@ -81,7 +85,7 @@ class Answer:
         return self.content.rivals
 
     def of_specimen(self) -> Answered:
-        """Return what a verdict on several records takes of this one."""
+        """Return what a verdict on several records needs of this one."""
         rows = [r for r in self.candidates if r.outcome == OK]
         exact = any(r.log_evidence is None for r in rows)
 
@@ -89,13 +93,16 @@ class Answer:
             return row.exact if exact or row.log_evidence is None else row.log_evidence
 
         top = max(map(log_of, rows))
-        curve = {name: self.arrays[name] for name in CURVE if name in self.arrays}
-        runs = {
-            (r.damping, r.restoring): run
-            for r in (*rows, *self.rivals)
-            if (run := _run_from(f"{RUN}{r.damping}@{r.restoring}/", r.parameters, self.arrays, top))
-            is not None
-        }
+        runs = {}
+        for row in (*rows, *self.rivals):
+            prefix = f"{RUN}{row.damping}@{row.restoring}/"
+            own = {n.removeprefix(prefix): a for n, a in self.arrays.items() if n.startswith(prefix)}
+            if "log" in own:
+                likelihood = DampingLikelihood(own["log"] - top, own["slope"], own["information"])
+                coefficients = own["coefficients"].astype(bool)
+                runs[row.damping, row.restoring] = DampingRun(
+                    row.parameters, coefficients, own["mode"], likelihood, own["per_unit"], own["growth"]
+                )
         weighed = WeighedRun(
             {(r.damping, r.restoring): log_of(r) - top for r in rows},
             tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in self.rivals),
@@ -103,15 +110,11 @@ class Answer:
             Reference(*map(float, self.arrays.get(f"{RUN}reference", (1.0, 1.0)))),
             self.arrays["amplitude"],
         )
-        return Answered(self.verdict, weighed, curve)
-
-
-def _of_verdict(verdict: Verdict) -> Answer:
-    return Answer(AnswerContent(verdict.to_dict()))
+        return Answered(self.verdict, weighed, {n: self.arrays[n] for n in CURVE if n in self.arrays})
 
 
 def found_name(damping: str, restoring: str) -> str:
-    """How the arrays of a law begin, as they are in `Answer.further`."""
+    """Return the prefix of the arrays of a law in `Answer.further`."""
     return f"found/{damping}@{restoring}"
 
 
@@ -135,19 +138,54 @@ def answer(
     repeated: bool = False,
     noise: str | Sequence[str] = "auto",
 ) -> Answer:
-    """Which damping a signal has, how large it is and how well the law holds.
+    """Return which damping a signal has, how large it is, and how well the law holds.
 
-    amplitudes: where the damping ratio is given, in `unit` (of the displacement; by default the signal's); three of the
-    record by default. What comes back is in the signal's. deviation: "none", laws
-    hold exactly; "law" or "auto", they may hold approximately. known: values of parameters, or a function from a law's
-    name to them; priors: by parameter. sensor: relative linearity of the sensor, the floor of every rate. measured:
-    whether probabilities are capped. notes: sentences on the record, for the remarks. sample: whether motions
-    themselves are sampled, and not their linear model alone. made: where the weighing under linear models is left, and
-    taken from where it is there: of the same signal and arguments. repeated: whether it is one of several records of a
-    specimen, for whose verdict each candidate's likelihood of its damping is kept. noise: a noise model, several to
-    choose from, or "auto". Of a signal on which nothing can be
-    said the grade is `not_weighed` and the sentence says why; of one that is no free decay of one oscillator it is
-    `no_free_decay`, and nothing is weighed.
+    Parameters
+    ----------
+    signal
+        The signal.
+    amplitudes
+        Where the damping ratio is given, in `unit`; by default three of the record.
+    unit
+        Unit of `amplitudes`; by default the signal's, in which the answer is.
+    deviation
+        "none": laws hold exactly; "law" or "auto": they may hold approximately.
+    damping, restoring
+        Damping sums and restoring laws to compare; by default all.
+    known
+        Values of parameters, or a function from a law's name to them.
+    priors
+        Priors by parameter.
+    reference
+        What default priors scale with; by default the record's.
+    sensor
+        Relative linearity of the sensor, the least error of every rate.
+    measured
+        Whether the record is a measurement, so that probabilities are capped.
+    seed
+        Seed of all random numbers.
+    notes
+        Sentences on the record, for the remarks.
+    sample
+        Whether the motions themselves are sampled, and not only their linear model.
+    made
+        A store of the weighing under linear models, for a second call on the same signal with the same arguments.
+    repeated
+        Whether the signal is one of several records of a specimen, whose verdict needs each candidate's likelihood of
+        its damping.
+    noise
+        A noise model, several to choose from, or "auto".
+
+    Returns
+    -------
+    Answer
+        Its grade is `not_weighed`, with the reason as the sentence, where nothing can be weighed, and `no_free_decay`
+        where the signal is not the free decay of one oscillator.
+
+    Raises
+    ------
+    InputError
+        For a wrong argument.
     """
     if deviation not in DEVIATIONS:
         raise InputError(f"deviation = {deviation!r}: must be one of {', '.join(DEVIATIONS)}")
@@ -158,7 +196,7 @@ def answer(
         )
     other = no_free_decay(signal)
     if other is not None:
-        return _of_verdict(other)
+        return Answer(AnswerContent(other.to_dict()))
     approximate = deviation != "none"
     try:
         weighing = (made or {}).get(WEIGHED) or weighing_of(
@@ -173,66 +211,63 @@ def answer(
         )
     except Refusal as refusal:
         text = str(refusal)
-        said = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
-        none = Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), quantity=signal.quantity)
-        return _of_verdict(replace(none, sentence=said))
+        sentence = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
+        refused = Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), quantity=signal.quantity)
+        return Answer(AnswerContent(replace(refused, sentence=sentence).to_dict()))
     if made is not None:
         made[WEIGHED] = weighing
-    asked = in_base(amplitudes, weighing, unit or UNITS[signal.unit])
+    wanted = in_base(amplitudes, weighing, unit or UNITS[signal.unit])
     if sample:
         weighing = with_samples(weighing, approximate, seed)
-    found = findings(weighing, asked, approximate=approximate, sensor=sensor, seed=seed)
+    numbers = findings(weighing, wanted, approximate=approximate, sensor=sensor, seed=seed)
     first = signal.provenance.start
-    window = Window(first, first + weighing.data.duration, weighing.data.cycles, "")
     averaging = weighing.averaging
-    averages = None if averaging is None else Averages(averaging.cycles, averaging.error)
+    remarks = [*notes, *filter(None, [remark_on(signal), _noise_remark(weighing.noise)])]
+    if damping:
+        weighed = {r.candidate.damping for r in weighing.results}
+        reasons = {c.damping: why for c, why in weighing.refused.items() if c.damping not in weighed}
+        remarks += [f"{'+'.join(terms)} was not weighed: {why}." for terms, why in reasons.items()]
     verdict = decide(
-        found,
+        numbers,
         record=signal.name,
         unit=signal.unit,
         quantity=signal.quantity,
         measured=measured,
         approximate=approximate,
-        window=window,
-        notes=[
-            *notes,
-            *filter(None, [remark_on(signal), _on_noise(weighing.noise)]),
-            *(_not_weighed(weighing) if damping else ()),
-        ],
-        averages=averages,
-        law_free=measured_at(signal, [r.amplitude for r in found.ratios]) if found.ratios else None,
+        window=Window(first, first + weighing.data.duration, weighing.data.cycles, ""),
+        notes=remarks,
+        averages=None if averaging is None else Averages(averaging.cycles, averaging.error),
+        law_free=measured_at(signal, [r.amplitude for r in numbers.ratios]) if numbers.ratios else None,
     )
     other = no_free_decay(signal, harmonics=True) if verdict.law_free else None
     if other is not None:
-        return _of_verdict(other)
-    arrays = dict(picture(weighing, found))
+        return Answer(AnswerContent(other.to_dict()))
+    arrays = dict(picture(weighing, numbers))
     if verdict.law_free:
         left_out = OF_LAW if verdict.contradicted else BY_LAW
         arrays = {n: a for n, a in arrays.items() if not n.startswith(left_out)} | measured_curve(signal)
     if repeated:
-        arrays |= _runs(weighing, found, approximate)
-    return _stored(weighing, verdict, arrays)
+        arrays |= _runs(weighing, numbers, approximate)
+    return _store(weighing, verdict, arrays)
 
 
-def _stored(weighing: Weighing, verdict: Verdict, arrays: Mapping[str, np.ndarray]) -> Answer:
-    """Return the answer as cells and files hold it."""
+def _store(weighing: Weighing, verdict: Verdict, arrays: Mapping[str, np.ndarray]) -> Answer:
+    """Return the answer as tasks and files store it."""
     further: dict[str, np.ndarray] = {}
     terms = next(iter(weighing.solvers.values())).terms
     priors, posteriors, laws, fits = [], [], [], {}
     for r in weighing.results:
-        law = r.candidate.restoring
-        name = {"damping": "+".join(r.candidate.damping), "restoring": law}
+        damping, law = "+".join(r.candidate.damping), r.candidate.restoring
+        name = {"damping": damping, "restoring": law}
         priors.append({**name, "priors": {n: p.describe() for n, p in r.fit.parameters.priors.items()}})
-        if set(r.candidate.damping) == set(
-            terms
-        ):  # the fit of all terms, of a law that was not out of the question
+        if set(r.candidate.damping) == set(terms):  # the fit of all terms, under a law that is possible
             fits[law] = r.fit.parameters.named(r.fit.z)
         if r.sampled is not None and r.sampled.trusted:
-            said, draws = posterior_of(weighing, r, r.sampled)
-            further["draws/{damping}@{restoring}".format(**name)] = draws
-            posteriors.append({**name, **said})
+            table, draws = posterior_of(weighing, r, r.sampled)
+            further[f"draws/{damping}@{law}"] = draws
+            posteriors.append({**name, **table})
         if r.about is not None and r.weighed is not None:
-            laws.append({**name, "found": split(found_of(weighing, r), further, found_name(**name))})
+            laws.append({**name, "found": split(found_of(weighing, r), further, found_name(damping, law))})
     refused = [
         WeighedCandidate("+".join(c.damping), c.restoring, outcome=why) for c, why in weighing.refused.items()
     ]
@@ -272,7 +307,7 @@ def measured_at(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None
 
 
 def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
-    """Return the arrays `free/*` of a picture, the damping curve without a law, as they are measured.
+    """Return the arrays `free/*` of a picture, the damping curve that is measured without a law.
 
     The energy lost in a cycle is that of a nearly sinusoidal oscillation.
     """
@@ -286,8 +321,22 @@ def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
 
 
 def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) -> tuple[float, ...] | None:
-    """Amplitudes in a unit of displacement as the weighing has them, in its base; None where none are given. Raises
-    InputError for one that the record does not have."""
+    """Return amplitudes in the base unit of the weighing.
+
+    Parameters
+    ----------
+    amplitudes
+        In `unit`; None where none are given.
+    weighing
+        The weighing of the record.
+    unit
+        A unit of displacement.
+
+    Raises
+    ------
+    InputError
+        For an amplitude that the record does not have.
+    """
     if amplitudes is None:
         return None
     own = unit.displacement
@@ -300,8 +349,8 @@ def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) 
     return tuple(float(a) * own.factor for a in amplitudes)
 
 
-def _on_noise(noise: SampleNoise) -> str:
-    """Return a sentence on noise that is not Gaussian, "" on noise that is."""
+def _noise_remark(noise: SampleNoise) -> str:
+    """Return a sentence on noise that is not Gaussian; empty where it is."""
     if noise.name == GAUSSIAN:
         return ""
     if not np.isfinite(noise.ahead):
@@ -310,61 +359,40 @@ def _on_noise(noise: SampleNoise) -> str:
     match noise.name:
         case "student_t":
             freedom = f"{noise.fitted.values['noise_dof']:.2g} degrees of freedom"
-            return f"The record has outliers, which count for little: Student's t noise (student_t, {freedom}) {ahead}."
+            return f"The record has outliers with little weight: Student's t noise (student_t, {freedom}) {ahead}."
         case "quantised":
-            return f"The record is rounded to coarse steps, which is allowed for: rounded noise (quantised) {ahead}."
+            return (
+                f"The record is rounded to coarse steps, which the noise model includes: quantised {ahead}."
+            )
         case _:
             return f"The noise model is {noise.name}, which {ahead}."
 
 
-def _not_weighed(weighing: Weighing) -> list[str]:
-    """A sentence for each sum that was named and is weighed under no law."""
-    weighed = {r.candidate.damping for r in weighing.results}
-    why = {c.damping: said for c, said in weighing.refused.items() if c.damping not in weighed}
-    return [f"{'+'.join(terms)} was not weighed: {said}." for terms, said in why.items()]
+def _runs(weighing: Weighing, numbers: Findings, approximate: bool) -> dict[str, np.ndarray]:
+    """Return the arrays that a verdict on several records needs.
 
-
-def _runs(weighing: Weighing, found: Findings, approximate: bool) -> dict[str, np.ndarray]:
-    """What a verdict on several records takes of this one: of each candidate the likelihood of its damping, and how far
-    the damping is off its law along the curve."""
-    amplitudes = np.array([r.amplitude for r in found.curve])
+    They are each candidate's likelihood of its damping, and the deviation of the damping from its law along the curve.
+    """
+    amplitudes = np.array([r.amplitude for r in numbers.curve])
     arrays = {f"{RUN}reference": np.array([weighing.reference.amplitude, weighing.reference.frequency])}
-    if found.over_curve:
-        arrays |= {
-            n: np.array(c)
-            for n, c in zip(("over", "over_sd"), zip(*found.over_curve, strict=True), strict=True)
-        }
-    every = [r for r in (*weighing.results, *weighing.forms) if _counts(weighing, r)]
-    top = max(r.log_evidence for r in every)
-    for r in every:
-        counts = r in weighing.results or r.log_evidence > top - JOINABLE
-        run = damping_run(weighing, r, amplitudes, approximate) if counts else None
+    if numbers.over_curve:
+        arrays["over"], arrays["over_sd"] = map(np.array, zip(*numbers.over_curve, strict=True))
+    compared = [r for r in (*weighing.results, *weighing.forms) if _counts(weighing, r)]
+    top = max(r.log_evidence for r in compared)
+    for r in compared:
+        needed = r in weighing.results or r.log_evidence > top - JOINABLE
+        run = damping_run(weighing, r, amplitudes, approximate) if needed else None
         if run is None:
             continue
         own = {n: getattr(run, n) for n in ("coefficients", "mode", "per_unit", "growth")}
         name = f"{RUN}{'+'.join(r.candidate.damping)}@{r.candidate.restoring}"
-        arrays |= {
-            f"{name}/{part}": np.asarray(values, float)
-            for part, values in (own | vars(run.likelihood)).items()
-        }
+        for part, values in (own | vars(run.likelihood)).items():
+            arrays[f"{name}/{part}"] = np.asarray(values, float)
     return arrays
 
 
-def _run_from(
-    prefix: str, names: tuple[str, ...], arrays: Mapping[str, np.ndarray], top: float
-) -> DampingRun | None:
-    """A candidate's likelihood as `_runs` left it, less so many nats; None where it was not kept."""
-    if f"{prefix}log" not in arrays:
-        return None
-    of = {n.removeprefix(prefix): a for n, a in arrays.items() if n.startswith(prefix)}
-    likelihood = DampingLikelihood(of["log"] - top, of["slope"], of["information"])
-    return DampingRun(
-        names, of["coefficients"].astype(bool), of["mode"], likelihood, of["per_unit"], of["growth"]
-    )
-
-
 def _counts(weighing: Weighing, result: Result) -> bool:
-    """Whether a candidate is compared: under approximate laws those that could be linearised."""
+    """Return whether a candidate is compared: under approximate laws only where it could be linearised."""
     return weighing.results[0].weighed is None or result.weighed is not None
 
 

@@ -1,4 +1,4 @@
-"""Which damping a record has: `compare`, of one record or of several."""
+"""Compare dampings on one record, or on several of one specimen."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 from bayesdamp import types
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.sample_noise import noises_of
+from bayesdamp.interface import axes as drawing
 from bayesdamp.interface.answer import Answer, answer
+from bayesdamp.interface.arguments import check_noise, check_sensor, known_and_priors, sums_and_laws
 from bayesdamp.interface.envelopes import answer_envelope, specimen_of_envelopes
-from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.asked import checked_noise, checked_sensor, known_and_priors, sums_and_laws
-from bayesdamp.interface.parts.result import Result
-from bayesdamp.interface.records.signal import Signal
+from bayesdamp.interface.result import Result
+from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.priors import Prior
 from bayesdamp.records.envelope.record import EnvelopeRecord
@@ -43,10 +43,16 @@ _CANDIDATES = ["record", "damping", "restoring", "log_evidence", "log_evidence_e
 class Comparison(Result):
     """Every damping sum weighed on one record, or on several of one specimen.
 
-    verdict: the answer, its amplitudes in the unit that the record came in; so are tables and pictures. outcome: "ok",
-    or a sentence why nothing could be said.
-    answers: what is kept of each record, in rad, m or the sensor's unit; units: that each record came in; quantities:
-    what was recorded, "angle" (any displacement), "velocity", "acceleration" or "envelope".
+    Attributes
+    ----------
+    verdict
+        The answer, with amplitudes in the unit that the record came in, as in tables and pictures.
+    answers
+        The answer on each record, in rad, m or the sensor's unit.
+    units
+        The unit that each record came in.
+    quantities
+        What was recorded: "angle" (any displacement), "velocity", "acceleration" or "envelope".
     """
 
     verdict: Verdict
@@ -56,11 +62,13 @@ class Comparison(Result):
 
     @cached_property
     def records(self) -> tuple[Comparison, ...]:
-        """Of several records, the comparison of each by itself."""
+        """The comparison of each record by itself, where there are several."""
         if len(self.answers) == 1:
             return ()
-        each = zip(self.answers, self.units, self.quantities, strict=True)
-        return tuple(Comparison(in_unit(a.verdict, unit_named(u)), (a,), (u,), (q,)) for a, u, q in each)
+        return tuple(
+            Comparison(in_unit(a.verdict, unit_named(u)), (a,), (u,), (q,))
+            for a, u, q in zip(self.answers, self.units, self.quantities, strict=True)
+        )
 
     @property
     def outcome(self) -> str:
@@ -69,9 +77,12 @@ class Comparison(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row for each sum that was compared, law and record: damping, restoring, log_evidence and log_evidence_exact
-        (nats, to the best), rms that the fit leaves (unit of the record), outcome. Other forms of damping, which may be
-        likelier, are in `verdict.rivals`."""
+        """A row for each sum, restoring law and record that were compared.
+
+        The columns are damping, restoring, log_evidence and log_evidence_exact (nats, relative to the best), rms of the
+        fit's residuals (unit of the record) and outcome. Other forms of damping, which may be more probable, are in
+        `verdict.rivals`.
+        """
         import pandas as pd
 
         rows = [
@@ -92,19 +103,23 @@ class Comparison(Result):
 
     @property
     def curve(self) -> pd.DataFrame:
-        """The damping curve without a law: equivalent damping ratio, and energy lost in a cycle per unit of inertia
-        (unit²/s²), against amplitude, each with its 95 % interval."""
+        """The damping curve without a law, against amplitude, with 95 % intervals.
+
+        It has the equivalent damping ratio, and the energy lost in a cycle per unit of inertia (unit²/s²).
+        """
         return self._joined({n: f"free/{n}" for n in DAMPING_CURVES})
 
     @property
     def law_curve(self) -> pd.DataFrame:
-        """Equivalent damping ratio against amplitude under the laws that were weighed, averaged over them by their
-        probability, with its 95 % interval; without rows where no law is the answer (`verdict.law_free`)."""
+        """The damping ratio against amplitude by the laws, averaged by their probability, with 95 % intervals.
+
+        It has no rows where no law is the answer (`verdict.law_free`).
+        """
         names = {"amplitude": "amplitude", "ratio": "ratio", "ratio_low": "low", "ratio_high": "high"}
         return self._joined(names)
 
     def _joined(self, names: Mapping[str, str]) -> pd.DataFrame:
-        """Arrays as columns, one record after the other; without rows where no record has them."""
+        """Return arrays as columns, one record after the other; without rows where no record has them."""
         import pandas as pd
 
         parts = []
@@ -117,20 +132,34 @@ class Comparison(Result):
         return pd.concat(parts, ignore_index=True) if parts else empty
 
     def _each(self) -> Iterator[tuple[Answer, Unit]]:
-        """Each record's answer with the unit that it came in."""
+        """Yield each record's answer with the unit that it came in."""
         yield from zip(self.answers, map(unit_named, self.units), strict=True)
 
     def summary(self) -> pd.DataFrame:
-        """A row a record, with the columns of verdicts.csv."""
+        """Return a row for each record, and for the specimen, with the columns of verdicts.csv."""
         import pandas as pd
 
-        every = [*(r.verdict for r in self.records), self.verdict]
-        return pd.DataFrame([v.row() for v in every])
+        return pd.DataFrame([v.row() for v in (*(r.verdict for r in self.records), self.verdict)])
 
     def plot(self, ax: drawing.Given = None) -> tuple[Axes, ...]:
-        """Draw the answer: record, damping ratio against amplitude, residual, energy by term; the four axes drawn on,
-        which `ax` may give, as `plt.subplots(2, 2)` makes them. Of an envelope three: record, residual, exponent. Of
-        several records the first that has an answer. Raises InputError where nothing was weighed."""
+        """Draw the answer on the first record that has one.
+
+        Parameters
+        ----------
+        ax
+            Four axes, such as those of `plt.subplots(2, 2)`; three for an envelope. New ones by default.
+
+        Returns
+        -------
+        tuple of Axes
+            Record, damping ratio against amplitude, residual and energy by term; for an envelope record, residual and
+            exponent.
+
+        Raises
+        ------
+        InputError
+            Where nothing was weighed.
+        """
         from matplotlib import rc_context
 
         from bayesdamp.report.figures.answer import HEIGHT, draw_answer
@@ -140,21 +169,21 @@ class Comparison(Result):
         first = next((i for i, a in enumerate(self.answers) if a.arrays), None)
         if first is None:
             raise InputError(f"nothing to draw: {self.outcome}")
-        found, unit = self.answers[first], unit_named(self.units[first])
-        if found.content.envelope is not None:
-            three = drawing.several(ax, 3, size=(WIDTH, HEIGHT))
-            draw_envelope(three, found.arrays, found.verdict, unit.name)
+        answer, unit = self.answers[first], unit_named(self.units[first])
+        if answer.content.envelope is not None:
+            three = drawing.get_axes(ax, 3, size=(WIDTH, HEIGHT))
+            draw_envelope(three, answer.arrays, answer.verdict, unit.name)
             return three
         recorded = unit.of(self.quantities[first])
-        drawing.seen_in_notebooks()
+        drawing.show_in_notebook()
         with rc_context(RC):
-            four = drawing.several(ax, 4, columns=2, size=(WIDTH, HEIGHT))
-            arrays = picture_in_unit(found.arrays, unit)
-            draw_answer(four, arrays, unit.displacement.name, found.verdict.damping, recorded)
+            four = drawing.get_axes(ax, 4, columns=2, size=(WIDTH, HEIGHT))
+            arrays = picture_in_unit(answer.arrays, unit)
+            draw_answer(four, arrays, unit.displacement.name, answer.verdict.damping, recorded)
         return four
 
     def report(self, path: str | Path) -> Path:
-        """Write the answer as one page of HTML. Raises InputError where it cannot be written."""
+        """Write the answer as one page of HTML, and return the path. Raises InputError where it cannot be written."""
         from bayesdamp.report.render import page_of
         from bayesdamp.report.results.run import Run
 
@@ -194,33 +223,65 @@ def compare(
     sample: bool = True,
     seed: int = 0,
 ) -> Comparison:
-    """Which damping a record has, how large it is, and how well the law holds; in 5 to 10 s, with more cycles in up
-    to half a minute, and in about a minute where nothing is compiled yet.
+    """Find which damping a record has, how large it is, and how well the law holds.
 
-    signals: one, or several of one specimen with `repeats`: one damping for all, whose size differs from record to
-    record by a spread that is inferred. deviation: "auto" or "law", laws may hold approximately; "none", they hold
-    exactly. noise: a noise model, several of which the likeliest is used, or "auto". damping, restoring: what is
-    compared, by default every sum under every law that the record's unit allows.
-    known: values of parameters; priors: by damping term or parameter. sensor: its linearity error, relative: no damping
-    ratio is taken to be known better. amplitudes: where the damping ratio is given, in the unit that the records came
-    in. sample: whether the motions themselves are sampled, and not their linear model alone. name: of the specimen.
-    Envelopes, which `read_envelope` reads, are compared by their damping alone: of the options only `repeats`, `name`,
-    `damping` and `seed` apply to them.
-    Raises InputError for what is none of these; a record on which nothing can be said has it in `outcome`.
+    It takes 5 to 10 s, with more cycles up to half a minute, and about a minute longer where nothing is compiled yet.
+    Envelopes, which `read_envelope` reads, are compared by their damping alone: only `repeats`, `name`, `damping` and
+    `seed` apply to them.
 
+    Parameters
+    ----------
+    signals
+        One record; or several of one specimen with `repeats`: one damping for all, whose size differs between records
+        by a spread that is inferred.
+    repeats
+        Whether several records are of one specimen.
+    name
+        Name of the specimen.
+    deviation
+        "auto" or "law": laws may hold approximately; "none": they hold exactly.
+    noise
+        A noise model; or several, or "auto" for all, of which the most probable one is used.
+    damping, restoring
+        What is compared; by default every sum under every law that the record's unit allows.
+    known
+        Values of parameters.
+    priors
+        Priors by damping term or parameter.
+    sensor
+        Relative linearity error of the sensor, the least error of a damping ratio.
+    amplitudes
+        Where the damping ratio is given, in the unit that the records came in.
+    sample
+        Whether the motions themselves are sampled, and not only their linear model.
+    seed
+        Seed of all random numbers.
+
+    Returns
+    -------
+    Comparison
+        For a record on which nothing can be concluded, its `outcome` is the reason.
+
+    Raises
+    ------
+    InputError
+        For a wrong argument.
+
+    Examples
+    --------
     >>> import bayesdamp as bd
-    >>> made = {"stiffness": 20.0, "duration": 10.0, "samples": 200, "noise_sd": 0.003}
-    >>> signal = bd.simulate({"viscous": 0.05}, "linear", seed=1, **made)
-    >>> found = bd.compare(signal, damping=["viscous", "coulomb"], restoring=["linear"])
-    >>> found.verdict.damping
+    >>> options = {"stiffness": 20.0, "duration": 10.0, "samples": 200, "noise_sd": 0.003}
+    >>> signal = bd.simulate({"viscous": 0.05}, "linear", seed=1, **options)
+    >>> comparison = bd.compare(signal, damping=["viscous", "coulomb"], restoring=["linear"])
+    >>> comparison.verdict.damping
     'viscous'
-    >>> first = found.verdict.damping_ratio[0]
+    >>> first = comparison.verdict.damping_ratio[0]
     >>> first.low < 0.05 / 20.0**0.5 < first.high
     True
     """
     sums, laws = sums_and_laws(damping, restoring)
-    values, given = known_and_priors(sums, laws, known, priors, noises_of(checked_noise("compare", noise)))
-    checked_sensor("compare", sensor)
+    values, given = known_and_priors(sums, laws, known, priors, noises_of(check_noise("compare", noise)))
+    check_sensor("compare", sensor)
     single = isinstance(signals, types.Signal | EnvelopeRecord)
     every = [signals] if single else list(signals) if isinstance(signals, Iterable) else []
     motions = [s for s in every if isinstance(s, types.Signal)]
@@ -229,17 +290,19 @@ def compare(
     if not every or (len(every) > 1 and not repeats) or not one_kind:
         raise InputError("compare takes one signal, or several of one specimen with repeats=True")
     if envelopes:
-        options = {
+        given_options = {
             "noise": noise != "auto",
             "deviation": deviation != "auto",
             "amplitudes": amplitudes is not None,
+            "restoring": bool(restoring),
+            "known": bool(known),
+            "priors": bool(priors),
         }
-        options |= {"restoring": bool(restoring), "known": bool(known), "priors": bool(priors)}
-        stray = next((option for option, is_given in options.items() if is_given), None)
-        if stray:
-            raise InputError(f"compare: {stray} does not apply to envelopes; leave it out")
+        for option, is_given in given_options.items():
+            if is_given:
+                raise InputError(f"compare: {option} does not apply to envelopes; remove it")
         units, quantities = tuple(r.unit for r in envelopes), ("envelope",) * len(envelopes)
-        weighed = [parse_model(one) for one in sums or all_sums()]
+        weighed = [parse_model(sum_) for sum_ in sums or all_sums()]
         answers = tuple(answer_envelope(r, None, weighed, seed, len(every) > 1) for r in envelopes)
         together = specimen_of_envelopes(name, answers) if len(every) > 1 else None
     else:

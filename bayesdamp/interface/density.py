@@ -1,4 +1,4 @@
-"""A posterior as plain functions of the parameters, for any sampler or optimiser."""
+"""Offer a posterior as plain functions of the parameters, for any sampler or optimiser."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from bayesdamp.formatting import compact
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.fitting.specification import Specification
-from bayesdamp.interface.parts.definitions import units_of
-from bayesdamp.interface.parts.result import Shown
+from bayesdamp.interface.result import Shown
+from bayesdamp.interface.specification import Specification, units_of
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior, joint_log_density, joint_slope
 from bayesdamp.table import Table
@@ -28,18 +27,30 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 PRECISION = 1e-3
-"""Of the tolerance that a fit is solved to. Measured: within three standard deviations of the best fit the log
-likelihood is then within 1e-3 nats of SciPy's at a tolerance of 1e-11; with the fit's own tolerance it was off by up to
-0.006, and by up to 0.1 where friction's width is inferred (viscous, Coulomb, quadratic and Duffing motions)."""
+"""Share of the fit's tolerance to which motions are solved. Measured on viscous, Coulomb, quadratic and Duffing
+motions: within three standard deviations of the best fit the log likelihood is then within 1e-3 nats of SciPy's at a
+tolerance of 1e-11; with the fit's own tolerance it was off by up to 0.006, and by up to 0.1 where friction's width is
+inferred."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Density(Shown):
     """The posterior density of a model on a record; x is a vector of the parameters in natural units, by `names`.
 
-    values: the parameters where the model fits best; there the solver's steps are set. Within three standard deviations
-    of it the log likelihood is right within 1e-3 nats, farther out within a share of its depth.
-    units: of each parameter. known: what is not inferred.
+    The solver's steps are set at the best fit. Within three standard deviations of it the log likelihood is right
+    within 1e-3 nats, farther out within a share of its depth.
+
+    Attributes
+    ----------
+    signal, model
+        The record and the model.
+    values, units
+        Parameters at the best fit, and their units, by name.
+    target, mode
+        What samplers start from.
+
+    Examples
+    --------
 
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
@@ -60,7 +71,7 @@ class Density(Shown):
 
     @classmethod
     def at(cls, signal: types.Signal, model: Specification, target: Target, mode: Mode) -> Self:
-        """The density of a target about its mode."""
+        """Return the density of a target, with the solver's steps set at its mode."""
         values = {n: float(v) for n, v in target.values(mode.z).items()}
         return cls(signal, model, values, units_of(target.names, model.restoring, signal), target, mode)
 
@@ -71,25 +82,28 @@ class Density(Shown):
 
     @property
     def priors(self) -> Mapping[str, Prior]:
-        """The prior of each, defaults filled in."""
+        """The prior of each inferred parameter, defaults filled in."""
         return self.target.priors
 
     @property
     def known(self) -> Mapping[str, float]:
-        """Names and values of what is not inferred."""
+        """Values of parameters that are not inferred, by name."""
         return self.target.known
 
     def summary(self) -> pd.DataFrame:
-        """A row a parameter, in the order of x: value at the best fit, unit, prior."""
+        """Return a row for each parameter, in the order of x: value at the best fit, unit, prior."""
         import pandas as pd
 
         rows = {n: (self.values[n], self.units[n], p.describe()) for n, p in self.priors.items()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "unit", "prior"])
 
     def vector(self, values: Mapping[str, float] | None = None) -> Vector:
-        """Values by name as x, (d,); of what is not given, and by default, those of the best fit.
+        """Return values by name as x, (d,); those of the best fit for parameters that are not given.
 
-        Raises InputError for a name that is no parameter.
+        Raises
+        ------
+        InputError
+            For a name that is not a parameter.
         """
         for name in values or {}:
             if name not in self.names:
@@ -97,19 +111,22 @@ class Density(Shown):
         return np.array([float({**self.values, **(values or {})}[n]) for n in self.names])
 
     def log_prior(self, x: ArrayLike) -> float:
-        """Normalised log density of the prior at x; −∞ outside its support."""
+        """Return the normalised log density of the prior at x, (d,); −∞ outside its support."""
         return float(self._log_priors(self._vector(x)[None])[0])
 
     def log_likelihood(self, x: ArrayLike) -> float:
-        """Log density of the record in nats at x; −∞ where the motion escapes, and outside the prior's support."""
+        """Return the log density of the record in nats at x, (d,).
+
+        It is −∞ where the motion escapes, and outside the prior's support.
+        """
         return float(self._log_likelihoods(self._vector(x)[None])[0])
 
     def log_posterior(self, x: ArrayLike) -> float:
-        """Log prior plus log likelihood at x, not normalised; −∞ outside the support."""
+        """Return log prior plus log likelihood at x, (d,), not normalised; −∞ outside the support."""
         return float(self.log_posteriors(self._vector(x)[None])[0])
 
     def log_posteriors(self, x: ArrayLike) -> Vector:
-        """`log_posterior` of many at once: x of shape (m, d) to (m,)."""
+        """Return `log_posterior` at many x, (m, d), as (m,)."""
         many = np.array(x, float)
         if many.ndim != 2 or many.shape[1] != len(self.names):
             raise InputError(f"density: x has shape {many.shape}; it must be (m, {len(self.names)})")
@@ -117,36 +134,40 @@ class Density(Shown):
         return prior + np.where(np.isfinite(prior), self._log_likelihoods(many), -np.inf)
 
     def gradient(self, x: ArrayLike) -> Vector:
-        """Gradient of the log posterior at x, (d,), per natural unit; zeros where the log posterior is −∞."""
+        """Return the gradient of the log posterior at x, (d,), per natural unit; zeros where it is −∞."""
         x = self._vector(x)
         if not np.isfinite(self._log_priors(x[None])[0]):
             return np.zeros_like(x)
-        value, slopes = self._likelihood.slopes_of(self._parameters(x))
+        value, slopes = self._slopes(x)
         if not np.isfinite(value):
             return np.zeros_like(x)
         return slopes + joint_slope(list(self.priors.values()), x, self.target.scales)
 
     def numpyro(self, prefix: str = "") -> Callable[..., dict[str, Any]]:
-        """A NumPyro model function of this posterior.
+        """Return a NumPyro model function of this posterior.
 
         Called without arguments inside an inference it samples every parameter under its prior (as whitened scores, a
         site `whitened`) and has each as a deterministic site of its name. A parameter that is passed by name, such as
-        model(zeta=zeta), takes that value instead, which may be sampled by the caller: a prior of one's own, or a
-        hierarchy over several records. It returns all parameters by name. prefix: of its sites' names, so that several
-        records can stand in one model.
-        """
-        from bayesdamp.interface.parts.numpyro_model import numpyro_model
+        model(zeta=zeta), has that value instead, which the caller may sample: under another prior, or in a hierarchy
+        over several records. It returns all parameters by name.
 
-        def value_and_slopes(x: Vector) -> tuple[float, Vector]:
-            return self._likelihood.slopes_of(self._parameters(x))
+        Parameters
+        ----------
+        prefix
+            Beginning of the names of its sites, so that one model can contain several records.
+        """
+        from bayesdamp.interface.numpyro_model import numpyro_model
 
         covariance = self.mode.factor @ self.mode.factor.T
-        return numpyro_model(self.priors, value_and_slopes, self.mode.z, covariance, prefix)
+        return numpyro_model(self.priors, self._slopes, self.mode.z, covariance, prefix)
 
     @cached_property
     def _likelihood(self) -> Likelihood:
-        """The record's log density, motions solved better than fits and samplers need."""
+        """The record's log density, with motions that are solved better than fits and samplers need."""
         return self.mode.likelihood.within(PRECISION * self.mode.tolerance)
+
+    def _slopes(self, x: Vector) -> tuple[float, Vector]:
+        return self._likelihood.slopes_of(self._parameters(x))
 
     def _parameters(self, x: Vector) -> dict[str, float]:
         """Return every parameter by name at x, (d,)."""
@@ -154,25 +175,23 @@ class Density(Shown):
 
     def _vector(self, x: ArrayLike) -> Vector:
         try:
-            found = np.array(x, float)
+            vector = np.array(x, float)
         except (TypeError, ValueError):
-            found = np.empty(0)
-        if found.shape != (len(self.names),):
+            vector = np.empty(0)
+        if vector.shape != (len(self.names),):
             right = f"{len(self.names)} numbers: {', '.join(self.names)}"
-            raise InputError(f"density: x has shape {found.shape}; it must be {right}")
-        return found
+            raise InputError(f"density: x has shape {vector.shape}; it must be {right}")
+        return vector
 
     def _log_priors(self, x: Vector) -> Vector:
         return joint_log_density(list(self.priors.values()), x, self.target.scales)
 
     def _log_likelihoods(self, x: Vector) -> Vector:
-        """Of many, (m,); −∞ outside the prior's support."""
-        inside = np.isfinite(self._log_priors(x))
-        of = self._likelihood
-        pairs = zip(x, inside, strict=True)
-        return np.array(
-            [of.log_likelihood_of(self._parameters(row)) if there else -np.inf for row, there in pairs]
-        )
+        """Return the log likelihoods at many x, (m, d), as (m,); −∞ outside the prior's support."""
+        values = np.full(len(x), -np.inf)
+        for i in np.flatnonzero(np.isfinite(self._log_priors(x))):
+            values[i] = self._likelihood.log_likelihood_of(self._parameters(x[i]))
+        return values
 
     def _table(self) -> Table:
         rows = [

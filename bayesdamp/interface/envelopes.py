@@ -1,4 +1,4 @@
-"""The answer on an envelope, and on several of one specimen."""
+"""Answer which damping an envelope has, and several envelopes of one specimen."""
 
 from __future__ import annotations
 
@@ -17,16 +17,14 @@ from bayesdamp.records.envelope.window import Window
 from bayesdamp.serial import join, split
 from bayesdamp.store.contents import AnswerContent, EnvelopeContent
 from bayesdamp.types import Refusal
-from bayesdamp.verdict.envelope.answer import Answer as EnvelopeAnswer
-from bayesdamp.verdict.envelope.answer import answer
-from bayesdamp.verdict.envelope.specimen import specimen
+from bayesdamp.verdict.envelope import EnvelopeAnswer, answer, specimen
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
 
 POINTS = 4000
-"""Readings of a record that are stored for its picture, about."""
+"""Approximate number of readings that are stored for the picture of a record."""
 LIKELIHOOD, PICTURE = "likelihood/", "picture"
-"""Arrays of an answer: the likelihoods of the rates, and the PNG of its picture as bytes."""
+"""Names of arrays: prefix of the likelihoods of the rates, and the PNG of the picture as bytes."""
 
 
 def analyse(
@@ -40,13 +38,13 @@ def analyse(
     Parameters
     ----------
     record
-        As it was read.
+        The envelope.
     window
-        Of the free decay; None where it is to be found.
+        Window of the free decay; None to find it.
     seed
-        Of the draws that intervals are read from.
+        Seed of the draws that intervals follow from.
     sums
-        Of registered damping terms, each by their names, three at most.
+        Sums of registered damping terms by their names, three terms at most.
 
     Raises
     ------
@@ -54,7 +52,7 @@ def analyse(
         Where the scale of a term is not known.
     """
     try:
-        # Matrices of a hundred rows: threads of a linear algebra library only wait for each other.
+        # For matrices of a hundred rows, threads of a linear algebra library only wait for each other.
         with threadpool_limits(1, "blas"):
             decay, weighed = free_decay(record, window, sums)
             return answer(decay, weighed, seed)
@@ -78,13 +76,13 @@ def answer_envelope(
     Parameters
     ----------
     record
-        As it was read.
+        The envelope.
     window
-        Of the free decay; None where it is to be found.
+        Window of the free decay; None to find it.
     sums
         Damping sums by their terms' names.
     seed
-        Of the draws that intervals are read from.
+        Seed of the draws that intervals follow from.
     repeated
         Whether it is one of several records of a specimen.
 
@@ -105,7 +103,7 @@ def answer_envelope(
     drawn = picture(arrays, result.verdict, record.unit if record.logarithmic else f"dB of 1 {record.unit}")
     arrays[PICTURE] = np.frombuffer(drawn, np.uint8)
     likelihoods = result.likelihoods if repeated else {}
-    numbers = {name: split(one, arrays, f"{LIKELIHOOD}{name}") for name, one in likelihoods.items()}
+    numbers = {name: split(value, arrays, f"{LIKELIHOOD}{name}") for name, value in likelihoods.items()}
     w = result.verdict.window
     used = record.t.size if w is None else int(np.count_nonzero((record.t >= w.start) & (record.t <= w.stop)))
     about = EnvelopeContent(record.unit, used, numbers, assumed(chosen, left_out))
@@ -120,9 +118,9 @@ def specimen_of_envelopes(name: str, answers: Sequence[Answer]) -> Verdict | Non
     InputError
         Where the records have different units.
     """
-    found = []
-    for one in answers:
-        stored = one.content.envelope.likelihoods if one.content.envelope else {}
-        own = {n: join(RateLikelihood, v, one.arrays, f"{LIKELIHOOD}{n}") for n, v in stored.items()}
-        found.append(EnvelopeAnswer(one.verdict, likelihoods=own))
-    return specimen(name, found)
+    records = []
+    for a in answers:
+        stored = a.content.envelope.likelihoods if a.content.envelope else {}
+        own = {n: join(RateLikelihood, v, a.arrays, f"{LIKELIHOOD}{n}") for n, v in stored.items()}
+        records.append(EnvelopeAnswer(a.verdict, likelihoods=own))
+    return specimen(name, records)

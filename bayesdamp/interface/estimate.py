@@ -1,4 +1,4 @@
-"""A point estimate by one of the estimators, at both of its stages."""
+"""Estimate parameters of a record by one of the estimators, at both of its stages."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ from bayesdamp.estimators import STAGES
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import start_parameters
 from bayesdamp.formatting import compact
-from bayesdamp.interface.fitting.case import Case
-from bayesdamp.interface.fitting.search import checked
-from bayesdamp.interface.model import Model
-from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.definitions import units_of
-from bayesdamp.interface.parts.result import Result
-from bayesdamp.interface.records.signal import Signal
+from bayesdamp.interface import axes as drawing
+from bayesdamp.interface.case import Case
+from bayesdamp.interface.model import Model, check_signal
+from bayesdamp.interface.result import Result
+from bayesdamp.interface.signal import Signal
+from bayesdamp.interface.specification import units_of
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.table import Table
@@ -32,10 +31,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(Result):
-    """What one estimator says of a record.
+    """The result of one estimator on a record.
 
-    initial: its own computation from the record; refined: the least-squares trajectory that starts there. Each has
-    values and stderr by parameter (SI units, only what was computed), trace, details, evaluations, seconds, outcome.
+    Attributes
+    ----------
+    signal, model, estimator
+        The record, the model, and the name of the estimator.
+    initial, refined
+        The estimator's own computation from the record, and the least-squares trajectory that starts there. Each has
+        values and stderr by parameter (SI units, only what was computed), trace, details, evaluations, seconds and
+        outcome.
+    units
+        Unit of each parameter.
     """
 
     signal: Signal
@@ -47,17 +54,20 @@ class Estimate(Result):
 
     @property
     def outcome(self) -> str:
-        """ "ok", or what the stages say, in a sentence each."""
-        said = [f"{s.stage}: {s.outcome}" for s in (self.initial, self.refined) if s.outcome != OK]
-        return "; ".join(said) or OK
+        """ "ok", or a sentence for each stage that failed."""
+        return "; ".join(self._failures) or OK
+
+    @property
+    def _failures(self) -> tuple[str, ...]:
+        return tuple(f"{s.stage}: {s.outcome}" for s in (self.initial, self.refined) if s.outcome != OK)
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Of the last stage that has some; a start for `fit`."""
+        """Values of the last stage that has some; a start for `fit`."""
         return self.refined.values or self.initial.values
 
     def summary(self) -> pd.DataFrame:
-        """A row for each parameter: value and standard error at both stages, unit."""
+        """Return a row for each parameter: value and standard error at both stages, and unit."""
         import pandas as pd
 
         columns = [f"{what}_{stage}" for stage in STAGES for what in ("value", "stderr")]
@@ -71,23 +81,25 @@ class Estimate(Result):
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*columns, "unit"])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the record with the motion of each stage that has values; the axes drawn on. What a stage does not
-        compute itself is as known, or read off the record. Raises Refusal where neither stage has values."""
+        """Draw the record with the motion of each stage that has values, and return the axes.
+
+        Parameters that a stage does not compute are the known ones, or those of the record's features. Raises Refusal
+        where neither stage has values.
+        """
         if not self.values:
             raise Refusal(self.outcome)
-        ax = drawing.one(ax)
+        ax = drawing.get_axes(ax)[0]
         t, unit = self.signal.t, self.signal.own_unit
         ax.plot(t, unit.scale * self.signal.y, ".", color=drawing.QUIET, ms=2, label="record")
         case = Case.of(self.signal, self.model)
-        rest = start_parameters(self.signal, case.problem, case.seen)
+        rest = start_parameters(self.signal, case.problem, case.features)
         oscillator = Oscillator(self.model.terms, self.model.restoring)
+        precision = 1e-4 * float(np.ptp(self.signal.y))
         looks = ((self.initial, ":", drawing.INK), (self.refined, "-", drawing.BLUE))
         for stage, dashes, colour in looks:
-            every = {**rest, **stage.values}
-            if stage.values and all(n in every for n in oscillator.parameters):
-                motion = simulate(
-                    oscillator, every, t, self.signal.quantity, 1e-4 * float(np.ptp(self.signal.y))
-                )
+            values = {**rest, **stage.values}
+            if stage.values and all(n in values for n in oscillator.parameters):
+                motion = simulate(oscillator, values, t, self.signal.quantity, precision)
                 ax.plot(t, unit.scale * motion, dashes, color=colour, lw=1.0, label=stage.stage)
         ax.set_xlabel("time / s")
         ax.set_ylabel(f"{unit.called(self.signal.quantity)} / {unit.of(self.signal.quantity)}")
@@ -98,16 +110,16 @@ class Estimate(Result):
     def _table(self) -> Table:
         rows: list[tuple[str, ...]] = []
         for name in {**self.initial.values, **self.refined.values}:
-            cells = [
-                (s.values.get(name, np.nan), s.stderr.get(name, np.nan)) for s in (self.initial, self.refined)
-            ]
-            rows.append(
-                (name, self.units[name], *(c for v, e in cells for c in (compact(v, 6), compact(e, 2))))
-            )
+            row = [name, self.units[name]]
+            for stage in (self.initial, self.refined):
+                row += [
+                    compact(stage.values.get(name, np.nan), 6),
+                    compact(stage.stderr.get(name, np.nan), 2),
+                ]
+            rows.append(tuple(row))
         columns = ("parameter", "unit", "initial", "stderr", "refined", "stderr")
-        notes = tuple(f"{s.stage}: {s.outcome}" for s in (self.initial, self.refined) if s.outcome != OK)
         title = f"Estimate of {self.model.name} on {self.signal.name} by {self.estimator}"
-        return Table(columns, rows, caption=title, notes=notes)
+        return Table(columns, rows, caption=title, notes=self._failures)
 
 
 def estimate(
@@ -118,19 +130,41 @@ def estimate(
     options: Mapping[str, object] | None = None,
     seed: int = 0,
 ) -> Estimate:
-    """One estimator on a record, both stages.
+    """Run one estimator on a record, both stages.
 
-    estimator: a name in `bayesdamp.estimators.ESTIMATORS`, the eleven among them. options: its own, by name. Where the
-    method cannot work on the record the outcome of its stage is the sentence. Raises InputError for misuse.
+    Parameters
+    ----------
+    signal
+        The record.
+    estimator
+        A name in `bayesdamp.estimators.ESTIMATORS`, such as one of the eleven that ship.
+    model
+        The model.
+    options
+        Options of the estimator, by name.
+    seed
+        Seed of all random numbers.
 
+    Returns
+    -------
+    Estimate
+        Where the method cannot work on the record, the outcome of its stage is a sentence.
+
+    Raises
+    ------
+    InputError
+        For a wrong argument.
+
+    Examples
+    --------
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
     >>> model = bd.Model("viscous", noise="gaussian", known={"rest_angle": 0.0})
-    >>> found = bd.estimate(signal, "envelope", model)
-    >>> [round(stage.values["zeta"], 2) for stage in (found.initial, found.refined)]
+    >>> estimate = bd.estimate(signal, "envelope", model)
+    >>> [round(stage.values["zeta"], 2) for stage in (estimate.initial, estimate.refined)]
     [0.05, 0.05]
     """
-    own = checked(signal, model)
+    own = check_signal(signal, model)
     units: dict[str, str] = {}
     try:
         case = Case.of(own, model)

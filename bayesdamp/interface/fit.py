@@ -1,4 +1,4 @@
-"""The best fit of a model to a record, and the normal distribution about it."""
+"""Fit a model to a record: the best fit, and the normal distribution about it."""
 
 from __future__ import annotations
 
@@ -18,16 +18,14 @@ from bayesdamp.inference.deviation.single import Found, Single, put_together
 from bayesdamp.inference.fit.laplace import value_intervals, value_sds
 from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode
 from bayesdamp.inference.model.target import Target
+from bayesdamp.interface import axes as drawing
 from bayesdamp.interface.answer import in_base
 from bayesdamp.interface.density import Density
-from bayesdamp.interface.fitting.case import Case
-from bayesdamp.interface.fitting.search import checked, deviating, searched
-from bayesdamp.interface.model import Model
-from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.definitions import units_of
-from bayesdamp.interface.parts.result import Result, outcome_notes
-from bayesdamp.interface.prediction import Prediction, anywhere, asked_motion, within_record
-from bayesdamp.interface.records.signal import Signal
+from bayesdamp.interface.model import Model, check_signal, fit_approximate, fit_exact
+from bayesdamp.interface.prediction import Prediction, check_times, predict_approximate, predict_exact
+from bayesdamp.interface.result import Result, outcome_notes
+from bayesdamp.interface.signal import Signal
+from bayesdamp.interface.specification import units_of
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.serial import Reduced
@@ -40,15 +38,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Vector = NDArray[np.float64]
-EXACT = (
-    'laws are taken to hold exactly: draws have the ratio, in sample(fit).derived; or give deviation="law"'
-)
+EXACT = 'laws hold exactly in this fit: use sample(fit).derived, or give deviation="law"'
 _EMPTY = np.empty(0)
 
 
 @dataclass(frozen=True)
 class StoredFit:
-    """What a file holds of a fit: its question, and where the searches ended."""
+    """The content of a file for a fit: its arguments, and where the searches ended."""
 
     signal: Signal
     model: Model
@@ -63,22 +59,46 @@ class StoredFit:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(Result, Reduced):
-    """The mode of a posterior: of the density of the parameters' scores, in which every prior is a standard normal.
+    """The best fit of a model to a record.
 
-    noise: the noise model, as given or as chosen for the record. values, sd, units: of each inferred parameter, in
-    natural units; sd is that of the normal distribution about the mode. intervals: of 95 %, (low, high), by name.
-    known: all that was held, by name.
-    fitted, residuals: trajectory, and record minus it, in the unit of the record, shape (n,).
-    log_posterior: log prior plus log likelihood of the values (nats, per natural units, not normalised).
-    outcome: "ok", or a sentence why there is no fit; then values are empty. notes: what was chosen, in sentences.
-    target, mode: what samplers start from; None without a fit.
+    It is the mode of the posterior density of the parameters' scores, in which every prior is a standard normal.
 
-    Where laws may hold approximately (model.deviation) values are medians under the model that is linear about the best
-    motion, deviations integrated out; sd is the whole, sd_noise what noise alone would leave, sd_law the rest, and
-    intervals are the ones to quote. deviation, frequency_deviation: by how much damping and frequency differ from their
-    laws, as shares, mean over the record. fitted has the deviations of the best motion in it, and is nan where the
-    record is not read (below 5 % of its first amplitude). log_posterior is nan, target and mode None: law is there
-    in their place.
+    Where laws may hold approximately (model.deviation), values are medians under the model that is linear about the
+    best motion, with deviations integrated out, and sd is the total standard deviation.
+
+    Attributes
+    ----------
+    signal, model
+        The record and the model.
+    noise
+        The noise model, as given or as chosen for the record.
+    values, units
+        Inferred parameters in natural units, and their units, by name; empty without a fit.
+    sd, intervals
+        Standard deviation of each parameter in the normal distribution about the mode, and its 95 % interval
+        (low, high), by name.
+    known
+        Parameters that were not inferred, by name.
+    fitted, residuals
+        Trajectory, and record minus trajectory, in the unit of the record, each of shape (n,). Where laws may hold
+        approximately, the trajectory includes the deviations of the best motion, and is NaN where the record is not
+        used (below 5 % of its first amplitude).
+    log_posterior
+        Log prior plus log likelihood of the values in nats, per natural units, not normalised; NaN where laws may hold
+        approximately.
+    outcome
+        "ok", or a sentence why there is no fit.
+    notes
+        Sentences on what was chosen.
+    target, mode
+        What samplers start from; None without a fit, and where laws may hold approximately.
+    sd_noise, sd_law
+        Where laws may hold approximately: the standard deviation from the noise alone, and the rest.
+    deviation, frequency_deviation
+        Where laws may hold approximately: relative deviations of damping and frequency from their laws, mean over the
+        record.
+    law
+        Where laws may hold approximately: the fit in place of target and mode.
     """
 
     _STORED = StoredFit
@@ -112,8 +132,10 @@ class Fit(Result, Reduced):
 
     @property
     def engine(self) -> tuple[Target, Mode]:
-        """The target and its mode; where laws may hold approximately, deviations are integrated out. Raises Refusal,
-        with the outcome, without a fit."""
+        """The target and its mode; where laws may hold approximately, with deviations integrated out.
+
+        Raises Refusal, with the outcome, without a fit.
+        """
         if self.law is not None:
             return self.law.mode.likelihood.target, self.law.mode
         if self.target is None or self.mode is None:
@@ -122,7 +144,7 @@ class Fit(Result, Reduced):
 
     @property
     def priors(self) -> Mapping[str, Prior]:
-        """Of each inferred parameter, defaults filled in; empty without a fit."""
+        """The prior of each inferred parameter, defaults filled in; empty without a fit."""
         if self.law is not None:
             return self.law.found.priors
         return {} if self.target is None else self.target.priors
@@ -133,13 +155,24 @@ class Fit(Result, Reduced):
         return Oscillator(self.model.terms, self.model.restoring)
 
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
-        """Equivalent damping ratio at amplitudes (in the unit that the record came in; three of the record by default),
-        with its parts and 95 % interval, in which are the law's deviation and the sensor's linearity. Raises Refusal
-        where laws are taken to hold exactly: there draws have it, as `sample(fit).derived`, and without a fit."""
-        return self._damping_ratio(amplitudes, None)
+        """Return the equivalent damping ratio at amplitudes, with the parts of its sd and its 95 % interval.
 
-    def _damping_ratio(self, amplitudes: Sequence[float] | None, u: Vector | None) -> pd.DataFrame:
-        """The same of draws with their deviations, (n, K); by default of the linear model's."""
+        It includes the law's deviation and the sensor's linearity.
+
+        Parameters
+        ----------
+        amplitudes
+            In the unit that the record came in; by default three of the record.
+
+        Raises
+        ------
+        Refusal
+            Without a fit, and where laws hold exactly: `sample(fit).derived` has the ratio there.
+        """
+        return self._ratios_of(amplitudes, None)
+
+    def _ratios_of(self, amplitudes: Sequence[float] | None, u: Vector | None) -> pd.DataFrame:
+        """Return `damping_ratio` of draws with their deviations, (n, K), by default of the linear model's."""
         import pandas as pd
 
         if self.law is None:
@@ -154,23 +187,40 @@ class Fit(Result, Reduced):
         return pd.DataFrame(rows, columns=columns)
 
     def predict(self, t: ArrayLike, quantity: str | None = None) -> Prediction:
-        """Return the motion at times t (s from the first sample): a number or an array of any shape and order, which
-        the prediction has in a row, (m,).
+        """Return the motion at given times.
 
-        Times may be within the record, beyond it, or before it (negative); where laws may hold approximately only
-        within it, as it is not known how they deviate elsewhere.
+        Parameters
+        ----------
+        t
+            Times in s from the first sample: a number, or an array of any shape and order. They may be within the
+            record, after it, or before it (negative); where laws may hold approximately only within it, because it is
+            not known how they deviate elsewhere.
+        quantity
+            "angle", "velocity" or "acceleration"; by default the recorded one.
 
-        quantity: "angle", "velocity" or "acceleration"; by default the recorded one. Raises InputError for times that
-        are not numbers or outside of what is known, Refusal without a fit.
+        Returns
+        -------
+        Prediction
+            The motion at the times, shape (m,).
+
+        Raises
+        ------
+        InputError
+            For times that are not numbers, or where the motion is not known.
+        Refusal
+            Without a fit.
         """
-        times, wanted = asked_motion(t, quantity or self.signal.quantity)
+        wanted = quantity or self.signal.quantity
+        times = check_times(t, wanted)
         if self.law is not None:
-            return within_record(self.law, self.signal, times, wanted)
-        return anywhere(*self.engine, self.signal, times, wanted)
+            return predict_approximate(self.law, self.signal, times, wanted)
+        return predict_exact(*self.engine, self.signal, times, wanted)
 
     def summary(self) -> pd.DataFrame:
-        """A row for each inferred parameter: value, sd (and its parts where laws may hold approximately), the 95 %
-        interval, unit, prior."""
+        """Return a row for each inferred parameter: value, sd, 95 % interval, unit and prior.
+
+        Where laws may hold approximately also the parts of the sd.
+        """
         import pandas as pd
 
         columns = ["value", "sd", *(["sd_noise", "sd_law"] if self.law is not None else []), "low", "high"]
@@ -190,15 +240,31 @@ class Fit(Result, Reduced):
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*columns, "unit", "prior"])
 
     def plot(self, ax: drawing.Given = None, until: float | None = None) -> tuple[Axes, ...]:
-        """Draw the record with the fit, and the residuals below; the two axes drawn on.
+        """Draw the record with the fit, and the residuals below.
 
-        ax: two, or one for the record with the fit alone. until: time in s up to which the fit goes on beyond the
-        record. Raises Refusal without a fit, InputError for other axes.
+        Parameters
+        ----------
+        ax
+            Two axes, or one for the record with the fit alone; new ones by default.
+        until
+            Time in s up to which the fit is continued after the record.
+
+        Returns
+        -------
+        tuple of Axes
+            The axes.
+
+        Raises
+        ------
+        InputError
+            For another number of axes.
+        Refusal
+            Without a fit.
         """
         if not self.values:
             raise Refusal(self.outcome)
-        alone = ax is not None and len(drawing.listed(ax)) == 1
-        above, *rest = drawing.several(ax, 1 if alone else 2, heights=(2, 1))
+        alone = ax is not None and len(drawing.list_axes(ax)) == 1
+        above, *rest = drawing.get_axes(ax, 1 if alone else 2, heights=(2, 1))
         t = self.signal.t
         end = float(t[-1]) if until is None else max(float(until), float(t[-1]))
         unit = self.signal.own_unit
@@ -242,7 +308,7 @@ class Fit(Result, Reduced):
         rows += [(n, "", compact(v, 6), "known", *empty) for n, v in self.known.items()]
         both = (("damping", self.deviation), ("frequency", self.frequency_deviation))
         deviates = tuple(
-            f"No deviation of the {what} from its law is seen (95 %: below {100 * q.high:.2g} %)."
+            f"No deviation of the {what} from its law is detected (95 %: below {100 * q.high:.2g} %)."
             if q.value < UNSEEN
             else f"The {what} follows its law within {100 * q.value:.2g} % (95 %: below {100 * q.high:.2g} %)."
             for what, q in both
@@ -300,26 +366,25 @@ class Fit(Result, Reduced):
 
     @classmethod
     def _approximated(cls, signal: Signal, model: Model, law: Single) -> Self:
-        found = law.quantities()
+        quantities = law.quantities()
         times = signal.t - signal.t[0]
-        read = times <= law.knots[-1]
+        used = times <= law.knots[-1]
         fitted = np.full(times.size, np.nan)
-        fitted[read] = law.motions(law.best, times[read])[0]
+        fitted[used] = law.motions(law.best, times[used])[0]
         of_damping, of_frequency = (quantity(x) for x in law.sizes(law.scores))
-        sd = {n: float(np.hypot(q.sd_noise, q.sd_law)) for n, q in found.items()}
         return cls(
             signal=signal,
             model=model,
             noise=law.weighing.noise.name,
-            values={n: q.value for n, q in found.items()},
-            sd=sd,
+            values={n: q.value for n, q in quantities.items()},
+            sd={n: float(np.hypot(q.sd_noise, q.sd_law)) for n, q in quantities.items()},
             units=units_of(law.names, model.restoring, signal),
             known=law.known,
             fitted=fitted,
             residuals=signal.y - fitted,
-            intervals={n: (q.low, q.high) for n, q in found.items()},
-            sd_noise={n: q.sd_noise for n, q in found.items()},
-            sd_law={n: q.sd_law for n, q in found.items()},
+            intervals={n: (q.low, q.high) for n, q in quantities.items()},
+            sd_noise={n: q.sd_noise for n, q in quantities.items()},
+            sd_law={n: q.sd_law for n, q in quantities.items()},
             deviation=of_damping,
             frequency_deviation=of_frequency,
             law=law,
@@ -329,34 +394,54 @@ class Fit(Result, Reduced):
 def fit(
     signal: types.Signal, model: Model, *, start: Mapping[str, float] | None = None, seed: int = 0
 ) -> Fit:
-    """The best fit of a model to a record.
+    """Fit a model to a record.
 
-    Searches start from what the record's turning points and a regression say, from two draws of the prior, and from
-    start: parameter values by name, such as those of an estimate. With several noise models in play, the one of highest
-    evidence is chosen under this model. seed: of the draws. Where the model cannot be fitted to this record the
-    result's outcome is a sentence. Raises InputError for misuse.
+    Searches start from the record's turning points, a regression, two draws of the prior, and `start`. Where several
+    noise models are possible, the one with the highest evidence under this model is chosen.
 
     Where laws may hold approximately (model.deviation) the search is that of `compare`, over windows that grow from the
-    first two cycles, and takes no start; noise, and friction's width where it is not known, are those under all of
-    viscous, Coulomb and quadratic damping.
+    first two cycles, without a start. The noise, and the width of friction where it is not known, are then those under
+    viscous, Coulomb and quadratic damping together.
 
+    Parameters
+    ----------
+    signal
+        The record.
+    model
+        The model.
+    start
+        Parameter values by name, such as those of an estimate.
+    seed
+        Seed of the draws.
+
+    Returns
+    -------
+    Fit
+        Where the model cannot be fitted to this record, its outcome is a sentence.
+
+    Raises
+    ------
+    InputError
+        For a wrong argument.
+
+    Examples
+    --------
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
     >>> model = bd.Model("viscous", noise="gaussian", known={"rest_angle": 0.0})
-    >>> found = bd.fit(signal, model)
-    >>> abs(found.values["zeta"] - 0.05) < 4 * found.sd["zeta"]
+    >>> fit = bd.fit(signal, model)
+    >>> abs(fit.values["zeta"] - 0.05) < 4 * fit.sd["zeta"]
     True
-    >>> found.units["zeta"]
+    >>> fit.units["zeta"]
     '1/s'
     """
-    own = checked(signal, model)
+    own = check_signal(signal, model)
     if model.approximate and start is not None:
-        raise InputError(f"fit: start is of no use under deviation {model.deviation!r}; leave it out")
+        raise InputError(f"fit: start has no effect under deviation {model.deviation!r}; remove it")
     try:
-        case = Case.with_noise(own, model)
         if model.approximate:
-            return Fit._approximated(own, model, deviating(case, model))
-        target, mode, notes = searched(case, model, start, seed)
+            return Fit._approximated(own, model, fit_approximate(own, model))
+        target, mode, notes = fit_exact(own, model, start, seed)
     except Refusal as refusal:
         return Fit(own, model, outcome=str(refusal))
     return Fit._solved(own, model, target, mode, OK, notes)

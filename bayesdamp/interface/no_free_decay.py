@@ -1,4 +1,4 @@
-"""The verdict on a record that is no free decay of one oscillator."""
+"""Detect a record that is not a free decay of one oscillator, and decide on it."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from bayesdamp.verdict.words import sentence
 
 ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}
 TWO_SIDED = 1.96
-VISCOUS = "Each oscillation is taken as a sinusoid with viscous damping."
+VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 
 @lru_cache(maxsize=8)
-def seen_in(signal: Signal, harmonics: bool = False) -> NotOne | None:
-    """What a signal is if not the free decay of one oscillator; None where it may be one."""
+def _other_motion(signal: Signal, harmonics: bool = False) -> NotOne | None:
+    """Return what a signal is if not the free decay of one oscillator; None where it may be one."""
     try:
         period = features(signal).period
     except Refusal:
@@ -31,15 +31,20 @@ def seen_in(signal: Signal, harmonics: bool = False) -> NotOne | None:
 
 
 def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
-    """Return the verdict on a signal in which something else is seen that is large enough; None elsewhere.
+    """Return the verdict on a signal with another motion that is large enough; None for a free decay.
 
-    harmonics: whether a second oscillation at a whole multiple of the frequency counts, which may be one oscillator's
-    harmonic where its law agrees with the record.
+    Parameters
+    ----------
+    signal
+        The signal.
+    harmonics
+        Whether a second oscillation at a whole multiple of the frequency counts; where the law of one oscillator
+        agrees with the record, it may be its harmonic.
     """
-    found = seen_in(signal, harmonics)
-    if found is None or found.size < thresholds.OTHER_MOTION:
+    other = _other_motion(signal, harmonics)
+    if other is None or other.size < thresholds.OTHER_MOTION:
         return None
-    own = found.modes
+    own = other.modes
     ratios, half = own.ratios, TWO_SIDED * own.errors / (2 * np.pi * own.frequencies)
     scale = (2 * np.pi * own.frequencies) ** ORDER[signal.quantity]
     columns = np.column_stack(
@@ -57,19 +62,19 @@ def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
         "",
         float("nan"),
         frequency=Interval(f, f - 0.5 * spread, f + 0.5 * spread, "Hz"),
-        motion=Motion(found.seen),
+        motion=Motion(other.seen),
         modes=modes,
         quantity=signal.quantity,
         window=Window(first, first + duration, duration * f, ""),
-        remarks=() if np.isnan(found.modes.rates).any() else (VISCOUS,),
+        remarks=() if np.isnan(own.rates).any() else (VISCOUS,),
     )
     return replace(verdict, sentence=sentence(verdict))
 
 
 def remark_on(signal: Signal) -> str:
-    """A remark on a second oscillation that is too small to matter much; empty where there is none."""
-    found = seen_in(signal)
-    if found is None or len(found.modes.frequencies) < 2:
+    """Return a remark on a second oscillation that is too small for another verdict; empty where there is none."""
+    other = _other_motion(signal)
+    if other is None or len(other.modes.frequencies) < 2:
         return ""
-    at = f"{found.modes.frequencies[1]:.4g} Hz"
-    return f"A second oscillation, at {at}, has {100 * found.size:.2g} % of the amplitude."
+    at = f"{other.modes.frequencies[1]:.4g} Hz"
+    return f"A second oscillation, at {at}, has {100 * other.size:.2g} % of the amplitude."

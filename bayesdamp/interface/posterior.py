@@ -1,10 +1,11 @@
-"""Draws of a posterior, and what follows from them."""
+"""Draw from the posterior of a fit, and derive results from the draws."""
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -16,18 +17,18 @@ from bayesdamp import __version__, types
 from bayesdamp.formatting import compact
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import Motions, derive, units
-from bayesdamp.inference.deviation.single import Single
+from bayesdamp.inference.deviation.single import Single, sample_motions
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.interface import axes as drawing
 from bayesdamp.interface.fit import Fit
-from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.definitions import definition
-from bayesdamp.interface.parts.result import Result, outcome_notes
+from bayesdamp.interface.result import Result, outcome_notes
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.reference import reference_of
 from bayesdamp.store.contents import NO_DRAWS
 from bayesdamp.table import Table
-from bayesdamp.types import InputError, Refusal
+from bayesdamp.types import OK, InputError, Refusal
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,34 +38,68 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 COLUMNS = ("mean", "sd", "median", "q2.5", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat")
 CELLS = 20_000_000
-"""Numbers that a pointwise group may hold (160 MB): beyond them draws are thinned, evenly, to every so manieth."""
+"""Numbers in a pointwise group (160 MB); with more, draws are thinned evenly."""
 TOGETHER = 500_000
 """Numbers that are computed at a time."""
 ORDER = (
     "posterior", "prior", "posterior_predictive", "log_likelihood", "sample_stats", "observed_data", "constant_data",
 )  # fmt: skip
 DAMPING, FREQUENCY = "damping_deviation", "frequency_deviation"
-"""The deviations along the record, and with `_size` their sizes over it."""
+"""Names of the deviations along the record; with `_size`, of their sizes over it."""
 RECORD = "record"
 """The one variable of observed, predicted and pointwise groups."""
 Group = tuple[dict[str, Any], dict[str, Any]]
 """Variables and coordinates of a group, as `xarray.Dataset` takes them."""
+TEMPERED = "smc"
+"""The sampler where laws may hold approximately."""
+EXACT_SAMPLER = "nuts"
+DRAWS = 1000
+"""Default number of draws of each chain (conventional)."""
+_OF_THE_MOTION = {
+    "theta0": "displacement at the first sample",
+    "omega0": "velocity at the first sample",
+    "epsilon": "velocity over which friction changes its sign: tanh(velocity/epsilon); 0 is the sign itself",
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Posterior(Result, types.Posterior):
     """Draws of the posterior of a fit.
 
-    names: of the parameters; draws: in natural units, shape (chain, draw, parameter); log_likelihood: of each, (chain,
-    draw), nats; stats: of the sampler, by name, (chain, draw); summaries: of each parameter; starts: of the chains;
-    divergences: how many transitions diverged, None where there is no such thing; evaluations: of the likelihood;
-    ensembles: into which chains fall that share their moves; effective: how many draws of the posterior those of an
-    approximation are worth; diagnostics: what else the sampler says.
-    seed: of all random numbers. outcome: "ok", or a sentence why the draws are not to be trusted, or why there are
-    none.
-    u: where laws may hold approximately, each draw with its deviations, as `fit.law` reads them, (chain, draw, K);
-    a chain of "smc" is a run of its own, in no order of time. The likelihood of "nuts" and "emcee" is there that of the
-    parameters, deviations integrated out.
+    Where laws may hold approximately, a chain of "smc" is a run of its own whose draws are in no order of time. The
+    likelihood of "nuts" and "emcee" is then that of the parameters, with deviations integrated out.
+
+    Attributes
+    ----------
+    fit
+        The fit.
+    names, summaries
+        Names of the parameters, and summaries of each.
+    draws
+        Draws in natural units, shape (chain, draw, parameter).
+    log_likelihood
+        Log likelihood of each draw in nats, shape (chain, draw).
+    stats
+        Statistics of the sampler by name, each of shape (chain, draw).
+    starts
+        Starts of the chains.
+    divergences
+        Number of transitions that diverged; None where the sampler has no such number.
+    evaluations
+        Number of evaluations of the likelihood.
+    ensembles
+        Number of groups of chains that share their moves.
+    effective
+        Number of independent draws that those of an approximation are worth.
+    diagnostics
+        Other results of the sampler.
+    seed
+        Seed of all random numbers.
+    outcome
+        "ok", or a sentence why the draws cannot be trusted, or why there are none.
+    u
+        Where laws may hold approximately: each draw with its deviations, in the coordinates of `fit.law`, shape
+        (chain, draw, K).
     """
 
     fit: Fit = field(kw_only=True)
@@ -73,106 +108,150 @@ class Posterior(Result, types.Posterior):
 
     @property
     def log_evidence(self) -> float:
-        """In nats, of "smc" alone; else nan."""
+        """The log evidence in nats, for "smc" alone; otherwise NaN."""
         return float(self.diagnostics.get("log_evidence", math.nan))  # type: ignore[arg-type]
 
     @property
     def stderr(self) -> float:
-        """Its standard error."""
+        """Standard error of the log evidence, for "smc" alone; otherwise NaN."""
         return float(self.diagnostics.get("stderr", math.nan))  # type: ignore[arg-type]
 
     @cached_property
     def data(self) -> xr.DataTree:
-        """All of it as ArviZ reads it, computed when it is first asked for.
+        """All results as ArviZ reads them, computed at the first use. Raises Refusal without draws.
 
-        Groups: posterior, prior, posterior_predictive, log_likelihood (of each sample given all others, as
-        leave-one-out cross-validation weighs it), sample_stats, observed_data, constant_data; units and definitions are
-        attributes of the variables. Of very many samples and draws the two groups along the record are thinned, to a
-        size of 160 MB each. Raises Refusal without draws.
+        Groups: posterior, prior, posterior_predictive, log_likelihood (of each sample given all others, as in
+        leave-one-out cross-validation), sample_stats, observed_data, constant_data; units and definitions are
+        attributes of the variables. With very many samples and draws, the two groups along the record are thinned to a
+        size of 160 MB each.
 
-        Where laws may hold approximately, posterior and prior have the deviations at their knots too, and their sizes
-        over the record; the groups along the record have the samples that were fitted.
+        Where laws may hold approximately, posterior and prior also contain the deviations at their knots, and their
+        sizes over the record; the groups along the record contain the samples that were fitted, neighbours averaged
+        where they are closer than the fit needs.
         """
-        self._there()
-        return _tree_of(self)
+        self._require_draws()
+        import xarray as xr
+
+        fit = self.fit
+        law, signal = fit.law, fit.signal
+        attributes = {"units": signal.y_unit} | ({"definition": "the record as it was fitted"} if law else {})
+        known = {
+            n: ((), float(v), {"definition": f"known: {_definition(n, fit)}"}) for n, v in fit.known.items()
+        }
+        y = law.weighing.data.y if law else signal.y
+        groups = {
+            "posterior": _parameters(self, self.draws)
+            if law is None
+            else _with_deviations(self, law, self.u),
+            "prior": _prior(self),
+            **_pointwise(self),
+            "observed_data": _along(self, {RECORD: (("time",), y, attributes)}),
+            "constant_data": _along(self, known),
+            "sample_stats": _stats(self),
+        }
+        tree = xr.DataTree.from_dict({name: xr.Dataset(*groups[name]) for name in ORDER if name in groups})
+        tree.attrs |= {
+            "inference_library": "bayesdamp",
+            "inference_library_version": __version__,
+            "sampler": self.sampler,
+            "model": fit.model.name,
+            "noise": fit.noise,
+            "signal": signal.name,
+            "outcome": self.outcome,
+        }
+        return tree
 
     @cached_property
     def derived(self) -> xr.Dataset:
-        """What follows from the draws (chain, draw): natural frequency, damping ratio, half-life and others, with their
-        units and definitions as attributes; the reference amplitude is that of the priors. They are of the laws alone;
-        where these hold approximately, `damping_ratio` has what the deviations make of them. Raises Refusal without
-        draws.
+        """Quantities that follow from the draws, (chain, draw), with their units as attributes.
+
+        They are natural frequency, damping ratio, half-life and others, at the reference amplitude of the priors, and
+        follow from the laws alone; `damping_ratio` includes the deviations from these. Raises Refusal without draws.
         """
         import xarray as xr
 
-        self._there()
+        self._require_draws()
         signal, model = self.fit.signal, self.fit.model
-        seen = features(signal)
-        amplitude = reference_of(model.system, seen).amplitude
+        own = features(signal)
+        amplitude = reference_of(model.system, own).amplitude
         values = {**self.fit.known, **{n: self.draws[..., i] for i, n in enumerate(self.names)}}
-        found = derive(Motions(self.fit.oscillator, values, seen.rest, amplitude))
+        derived = derive(Motions(self.fit.oscillator, values, own.rest, amplitude))
         unit = units(signal.unit)
-        own = signal.own_unit.displacement
-        at = f"{amplitude * own.scale:.4g} {own.name}"
-        attributes = {n: {"units": unit[n], "amplitude": at} for n in found}
-        return xr.Dataset({n: (("chain", "draw"), v, attributes[n]) for n, v in found.items()})
+        displacement = signal.own_unit.displacement
+        at = f"{amplitude * displacement.scale:.4g} {displacement.name}"
+        return xr.Dataset(
+            {n: (("chain", "draw"), v, {"units": unit[n], "amplitude": at}) for n, v in derived.items()}
+        )
 
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
-        """`Fit.damping_ratio` of these draws. Raises Refusal where laws are taken to hold exactly, or without draws."""
-        self._there()
-        return self.fit._damping_ratio(
-            amplitudes, self.u.reshape(-1, self.u.shape[-1]) if self.u.size else None
-        )
+        """Return `Fit.damping_ratio` of these draws. Raises Refusal where laws hold exactly, or without draws."""
+        self._require_draws()
+        return self.fit._ratios_of(amplitudes, self.u.reshape(-1, self.u.shape[-1]) if self.u.size else None)
 
     @property
     def log_prior(self) -> Array:
-        """Log density of the parameters' prior in natural units at each draw, (chain, draw); deviations have none, as
-        they are 0 with a probability of their own."""
-        self._there()
+        """Log density of the parameters' prior in natural units at each draw, (chain, draw).
+
+        Deviations have no such density, because they are 0 with a probability of their own.
+        """
+        self._require_draws()
         priors = self.fit.priors
         return np.sum([priors[n].log_density(self.draws[..., i]) for i, n in enumerate(self.names)], axis=0)
 
     def summary(self, derived: bool = True) -> pd.DataFrame:
-        """A row for each parameter, and each derived quantity that all draws have: mean, sd, quantiles, the shortest
-        interval of 95 %, effective sample sizes, R-hat, unit. Empty without draws."""
+        """Return a row for each parameter, and for each derived quantity that all draws have; empty without draws.
+
+        The columns are mean, sd, quantiles, the shortest interval of 95 %, effective sample sizes, R-hat and unit.
+        """
         import pandas as pd
 
         rows = {n: {**s, "unit": self.fit.units[n]} for n, s in self.summaries.items()}
         if derived and self.names:
             for name, values in self.derived.data_vars.items():
                 if np.all(np.isfinite(values.values)):
-                    found = diagnostics.summarise(values.values, self.ensembles, self.effective)
-                    rows[str(name)] = {**found, "unit": values.attrs["units"]}
+                    row = diagnostics.summarise(values.values, self.ensembles, self.effective)
+                    rows[str(name)] = {**row, "unit": values.attrs["units"]}
         parts = ["sd_noise", "sd_law"] if self.fit.law is not None else []
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*COLUMNS, *parts, "unit"])
 
     def plot(self, ax: drawing.Given = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
-        """Draw the trace of each parameter, and its density to the right of it; the axes drawn on, two a parameter.
+        """Draw the trace of each parameter, and its density to the right of it.
 
-        ax: two for each parameter. names: of the parameters to draw, all by default. Raises InputError for a name that
-        is none, Refusal without draws.
+        Parameters
+        ----------
+        ax
+            Two axes for each parameter; new ones by default.
+        names
+            Parameters to draw; all by default.
+
+        Returns
+        -------
+        tuple of Axes
+            The axes, two for each parameter.
+
+        Raises
+        ------
+        InputError
+            For a name that is not a parameter.
+        Refusal
+            Without draws.
         """
-        self._there()
+        self._require_draws()
         chosen = list(self.names if names is None else names)
         for name in chosen:
             if name not in self.names:
                 raise InputError(f"plot: unknown parameter {name!r}{nearest(name, list(self.names))}")
         size = (9.0, 1.6 * len(chosen))
-        found = drawing.several(ax, 2 * len(chosen), columns=2, size=size)
+        axes = drawing.get_axes(ax, 2 * len(chosen), columns=2, size=size)
         for i, name in enumerate(chosen):
             draws = self.draws[..., self.names.index(name)]
-            trace, density = found[2 * i], found[2 * i + 1]
+            trace, density = axes[2 * i], axes[2 * i + 1]
             for chain in draws:
                 trace.plot(chain, lw=0.4)
                 density.hist(chain, bins=40, density=True, histtype="step")
             grid = np.linspace(*density.get_xlim(), 200)
-            density.plot(
-                grid,
-                np.exp(self.fit.priors[name].log_density(grid)),
-                color=drawing.QUIET,
-                ls="--",
-                label="prior",
-            )
+            prior = np.exp(self.fit.priors[name].log_density(grid))
+            density.plot(grid, prior, color=drawing.QUIET, ls="--", label="prior")
             unit = self.fit.units[name]
             trace.set_ylabel(name)
             density.set_xlabel(f"{name} / {unit}")
@@ -180,11 +259,11 @@ class Posterior(Result, types.Posterior):
             density.set_yticks([])
             density.locator_params(axis="x", nbins=5)
         if chosen:
-            found[1].legend(loc="upper right")
-        return found
+            axes[1].legend(loc="upper right")
+        return axes
 
-    def _there(self) -> None:
-        """Raises Refusal without draws."""
+    def _require_draws(self) -> None:
+        """Raise Refusal without draws."""
         if not self.names:
             raise Refusal(self.outcome)
 
@@ -197,81 +276,58 @@ class Posterior(Result, types.Posterior):
         return Table(("parameter", "unit", *columns), rows, caption=title, notes=outcome_notes(self.outcome))
 
 
-def _tree_of(post: Posterior) -> xr.DataTree:
-    """Return the groups of `ORDER`.
-
-    Where laws may hold approximately, along the record are the samples that the fit read, neighbours averaged where
-    they are closer than it needs.
-    """
-    import xarray as xr
-
-    law, signal = post.fit.law, post.fit.signal
-    seen = {"units": signal.y_unit} | ({"definition": "the record as it was fitted"} if law else {})
-    fit = post.fit
-    known = {
-        n: ((), float(v), {"definition": f"known: {definition(n, fit.oscillator, fit.noise)}"})
-        for n, v in fit.known.items()
-    }
-    groups = {
-        "posterior": _parameters(post, post.draws) if law is None else _with_deviations(post, law, post.u),
-        "prior": _prior(post),
-        **_pointwise(post),
-        "observed_data": _along(post, {RECORD: (("time",), law.weighing.data.y if law else signal.y, seen)}),
-        "constant_data": _along(post, known),
-        "sample_stats": _stats(post),
-    }
-    tree = xr.DataTree.from_dict({name: xr.Dataset(*groups[name]) for name in ORDER if name in groups})
-    tree.attrs |= {
-        "inference_library": "bayesdamp",
-        "inference_library_version": __version__,
-        "sampler": post.sampler,
-        "model": post.fit.model.name,
-        "noise": post.fit.noise,
-        "signal": signal.name,
-        "outcome": post.outcome,
-    }
-    return tree
-
-
 def _parameters(post: Posterior, draws: np.ndarray) -> Group:
-    """Draws (chain, draw, parameter) by name."""
+    """Return draws (chain, draw, parameter) by name."""
     fit = post.fit
     coords = {"chain": np.arange(draws.shape[0]), "draw": np.arange(draws.shape[1])}
     variables: dict[str, Any] = {}
     for i, name in enumerate(post.names):
         attributes = {
             "units": fit.units[name],
-            "definition": definition(name, fit.oscillator, fit.noise),
+            "definition": _definition(name, fit),
             "prior": fit.priors[name].describe(),
         }
         variables[name] = (("chain", "draw"), draws[..., i], attributes)
     return variables, coords
 
 
+def _definition(name: str, fit: Fit) -> str:
+    """Return what a parameter is, in a line."""
+
+    def first_line(thing: object) -> str:
+        return (inspect.getdoc(type(thing)) or "").partition("\n")[0]
+
+    if name in _OF_THE_MOTION:
+        return _OF_THE_MOTION[name]
+    for term in fit.oscillator.terms:
+        if term.parameter == name:
+            return f"coefficient of {term.name} damping: {first_line(term)}"
+    law = fit.oscillator.law
+    if name in law.parameters:
+        return f"{name} of the restoring law {law.name}: {first_line(law)}"
+    return f"{name} of {fit.noise} noise: {first_line(NOISES.get(fit.noise))}"
+
+
 def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
-    """Parameters, deviations at the knots and their sizes, of u (chain, draw, K)."""
+    """Return parameters, deviations at the knots, and their sizes, for u (chain, draw, K)."""
     chains, count, total = u.shape
     flat = u.reshape(-1, total)
-    found, coords = _parameters(post, law.values(u))
+    variables, coords = _parameters(post, law.values(u))
     coords["knot"] = ("knot", law.knots, {"units": "s", "definition": "time from the first sample"})
     share = {"units": "1", "prior": "Gaussian process, 0 with probability 0.8"}
     g, h = law.deviations(flat)
     both = ((DAMPING, np.expm1(g), "damping"), (FREQUENCY, h, "frequency"))
     for (name, values, what), size in zip(both, law.sizes(flat), strict=True):
-        said = f"relative deviation of the {what} from its law"
+        text = f"relative deviation of the {what} from its law"
         shaped = values.reshape(chains, count, -1)
-        found[name] = (("chain", "draw", "knot"), shaped, {**share, "definition": said})
-        whole = f"{said}: mean of its size over the record, weighted by energy"
-        found[f"{name}_size"] = (
-            ("chain", "draw"),
-            size.reshape(chains, count),
-            {**share, "definition": whole},
-        )
-    return found, coords
+        variables[name] = (("chain", "draw", "knot"), shaped, {**share, "definition": text})
+        whole = {**share, "definition": f"{text}: mean of its size over the record, weighted by energy"}
+        variables[f"{name}_size"] = (("chain", "draw"), size.reshape(chains, count), whole)
+    return variables, coords
 
 
 def _prior(post: Posterior) -> Group:
-    """As many draws of the prior as a chain has."""
+    """Return as many draws of the prior as a chain has."""
     law, count = post.fit.law, post.draws.shape[1]
     if law is not None:
         return _with_deviations(post, law, law.prior_draws(count, post.seed)[None])
@@ -281,36 +337,39 @@ def _prior(post: Posterior) -> Group:
 
 
 def _pointwise(post: Posterior) -> dict[str, Group]:
-    """Log likelihoods and replications of each sample, (chain, draw, time)."""
+    """Return log likelihoods and replications of each sample, (chain, draw, time)."""
     law, (chains, count, _) = post.fit.law, post.draws.shape
     n = post.fit.signal.t.size if law is None else law.weighing.data.t.size
     numbers = np.arange(0, count, max(1, -(-chains * count * n // CELLS)))
-    given = "log density of each sample given all others"
     if law is None:
         likelihoods, replications = _pointwise_exactly(post, numbers)
+        definition = "log density of each sample given all others"
     else:
         rng = np.random.default_rng([post.seed, 2])
         motions = law.motions(post.u[:, numbers].reshape(-1, post.u.shape[-1]))
         likelihoods = law.log_likelihoods(motions)
         noise = np.sqrt(law.weighing.variance) * rng.standard_normal((chains, numbers.size, n))
         replications = motions + noise.reshape(motions.shape)
-        given = "log density of each sample; they sum to the log likelihood"
+        definition = "log density of each sample; they sum to the log likelihood"
     coords = {"chain": np.arange(chains), "draw": numbers}
 
-    def shaped(values: np.ndarray, unit: str, said: str) -> Group:
-        own = {"units": unit, "definition": said}
+    def group(values: np.ndarray, unit: str, text: str) -> Group:
         values = values.reshape(chains, numbers.size, -1)
-        return _along(post, {RECORD: (("chain", "draw", "time"), values, own)}, coords)
+        variable = (("chain", "draw", "time"), values, {"units": unit, "definition": text})
+        return _along(post, {RECORD: variable}, coords)
 
-    found = {"log_likelihood": shaped(likelihoods, "nat", given)}
+    groups = {"log_likelihood": group(likelihoods, "nat", definition)}
     if replications is not None:
-        said = "motion of a draw with noise of its own"
-        found["posterior_predictive"] = shaped(replications, post.fit.signal.y_unit, said)
-    return found
+        text = "motion of a draw with noise of its own"
+        groups["posterior_predictive"] = group(replications, post.fit.signal.y_unit, text)
+    return groups
 
 
 def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Where laws hold exactly: (m, n) each, no replications where the noise cannot be drawn from."""
+    """Return log likelihoods and replications, (m, n) each, where laws hold exactly.
+
+    There are no replications where the noise cannot be drawn.
+    """
     target, mode = post.fit.engine
     n, noise = post.fit.signal.t.size, NOISES.get(target.noise)
     draws = post.draws[:, numbers].reshape(-1, len(post.names))
@@ -336,7 +395,7 @@ def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray
 def _along(
     post: Posterior, variables: dict[str, Any], coords: Mapping[str, np.ndarray] = MappingProxyType({})
 ) -> Group:
-    """Variables along the record's times, or those of the samples that were fitted."""
+    """Return variables along the record's times, or those of the samples that were fitted."""
     law = post.fit.law
     t = post.fit.signal.t if law is None else law.weighing.data.times
     times = ("time", t, {"units": "s", "definition": "time from the first sample"})
@@ -344,7 +403,10 @@ def _along(
 
 
 def _stats(post: Posterior) -> Group:
-    """What the sampler says of each draw, with its density: where laws may hold approximately, its log likelihood."""
+    """Return the sampler's statistics of each draw, with its log density.
+
+    Where laws may hold approximately the log likelihood is in place of the density.
+    """
     shape, dims = post.draws.shape[:2], ("chain", "draw")
     variables: dict[str, Any] = {
         n: (dims, np.asarray(v)) for n, v in post.stats.items() if np.shape(v) == shape
@@ -356,3 +418,76 @@ def _stats(post: Posterior) -> Group:
         nats = {"definition": "log likelihood of the record", "units": "nat"}
         variables["log_likelihood"] = (dims, post.log_likelihood, nats)
     return variables, {"chain": np.arange(shape[0]), "draw": np.arange(shape[1])}
+
+
+def sample(
+    fit: Fit,
+    sampler: str | None = None,
+    *,
+    chains: int = 4,
+    warmup: int = 500,
+    draws: int | None = None,
+    seed: int = 0,
+) -> Posterior:
+    """Draw from the posterior of a fit.
+
+    Where laws may hold approximately the default sampler is "smc": each chain is a run of its own that leads its draws
+    from the linear model to the motions themselves, without a warmup. The other samplers draw the parameters by motions
+    that are linear in the deviations, which are integrated out, and then give each draw its own deviations; they agree
+    with "smc" where deviations are small enough for that. kalman assumes that laws hold exactly.
+
+    Parameters
+    ----------
+    fit
+        The fit.
+    sampler
+        A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts, by default, emcee, kalman, laplace or variational.
+    chains, warmup
+        Number of chains, and of draws that each discards at its beginning. emcee's chains are walkers; it uses more
+        than given.
+    draws
+        Draws of each chain; by default 1,000, and nuts and emcee add some where these are too few.
+    seed
+        Seed of all random numbers.
+
+    Returns
+    -------
+    Posterior
+        Where there is no fit, the sampler cannot work on it, or draws are too few, its outcome is a sentence.
+
+    Raises
+    ------
+    InputError
+        For a wrong argument.
+    """
+    if not isinstance(fit, Fit):
+        raise InputError(
+            f"sample: the first argument is {type(fit).__name__}; it must be a Fit, as fit(signal, model) gives it"
+        )
+    grows, draws = draws is None, DRAWS if draws is None else draws
+    for name, value, least in (
+        ("chains", chains, 2),
+        ("warmup", warmup, 10),
+        ("draws", draws, 10),
+        ("seed", seed, 0),
+    ):
+        if not isinstance(value, int) or isinstance(value, bool) or value < least:
+            raise InputError(f"sample: {name} is {value!r}; it must be a whole number, {least} or more")
+    sampler = sampler or (TEMPERED if fit.model.approximate else EXACT_SAMPLER)
+    blank = Posterior(sampler, (), *NO_DRAWS, fit=fit, seed=seed, outcome=fit.outcome)
+    if fit.outcome != OK:
+        return blank
+    law = fit.law
+    try:
+        if law is not None and sampler == TEMPERED:
+            result = sample_motions(law, chains, draws, seed)
+        else:
+            plugin, (target, mode) = SAMPLERS.get(sampler), fit.engine
+            settings = Settings(chains, warmup, draws, seed % 2**31, grows)
+            result = plugin.summarised(target, mode, settings)
+    except Refusal as refusal:
+        return replace(blank, outcome=str(refusal))
+    if law is None:
+        return Posterior(**vars(result), fit=fit, seed=seed)
+    completed, u = law.completed(result, seed)
+    return Posterior(**vars(completed), fit=fit, seed=seed, u=u)

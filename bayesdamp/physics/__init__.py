@@ -1,1 +1,1 @@
-"""Damping terms, restoring laws and the motion, without any knowledge of data."""
+"""Define damping terms, restoring laws and the motion, without any knowledge of data."""

@@ -1,10 +1,10 @@
-"""Forces as plain Python functions of numbers, evaluated on NumPy arrays: a force is written once."""
+"""Evaluate forces, plain Python functions of numbers, on NumPy arrays: a force is written once."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache, lru_cache, reduce
+from functools import lru_cache, reduce
 from types import FunctionType
 from typing import Any
 
@@ -14,7 +14,7 @@ _NAMES = {
     "acos": "arccos", "acosh": "arccosh", "asin": "arcsin", "asinh": "arcsinh", "atan": "arctan", "atan2": "arctan2",
     "atanh": "arctanh", "fabs": "abs", "pow": "power",
 }  # fmt: skip
-"""Functions of `math` that NumPy calls by another name."""
+"""Functions of `math` with another name in NumPy."""
 CHANGE = 1e-4
 """Step of differences of fourth order, relative to the place: their error is about 1e-12."""
 
@@ -27,55 +27,50 @@ class _Math:
             from scipy.special import erf
 
             return erf
-        found = getattr(math, name)
-        return getattr(np, _NAMES.get(name, name)) if callable(found) else found
+        value = getattr(math, name)
+        return getattr(np, _NAMES.get(name, name)) if callable(value) else value
 
 
-@cache
-def _words() -> dict[str, Any]:
-    """Return what the names in a force's function stand for."""
-    return {
-        "math": _Math(),
-        "np": np,
-        "abs": np.abs,
-        "max": lambda *values: reduce(np.maximum, values),
-        "min": lambda *values: reduce(np.minimum, values),
-        "float": np.asarray,
-        "pow": np.power,
-    }
+_GLOBALS: dict[str, Any] = {
+    "math": _Math(),
+    "np": np,
+    "abs": np.abs,
+    "max": lambda *values: reduce(np.maximum, values),
+    "min": lambda *values: reduce(np.minimum, values),
+    "float": np.asarray,
+    "pow": np.power,
+}
+"""The meaning of names in a force's function on arrays."""
 
 
 @lru_cache(maxsize=256)
 def on_arrays(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
-    """Return a function of numbers as one of arrays that broadcast; a tuple among its arguments stays one.
+    """Return a function of numbers as a function of arrays that broadcast; a tuple among its arguments stays a tuple.
 
-    One that decides by `if` or loops over numbers, which arrays cannot do, is called number by number.
+    A function that decides by `if` or loops over numbers, which arrays cannot do, is called number by number.
     """
     assert isinstance(function, FunctionType)
-    made = FunctionType(
-        function.__code__, dict(_words()), function.__name__, function.__defaults__, function.__closure__
+    array_function = FunctionType(
+        function.__code__, dict(_GLOBALS), function.__name__, function.__defaults__, function.__closure__
     )
 
-    def evaluated(*args: Any) -> np.ndarray:
+    def evaluate(*args: Any) -> np.ndarray:
         try:
-            return np.asarray(made(*args), float)
+            return np.asarray(array_function(*args), float)
         except (ValueError, TypeError, AttributeError):
-            return _one_by_one(function, args)
+            pass
+        flat = [part for a in args for part in (a if isinstance(a, tuple) else (a,))]
+        sizes = [len(a) if isinstance(a, tuple) else 0 for a in args]
+        shape = np.broadcast_shapes(*(np.shape(part) for part in flat))
+        values = []
+        for row in zip(*(np.broadcast_to(part, shape).ravel().tolist() for part in flat), strict=True):
+            numbers = iter(row)
+            values.append(
+                function(*(tuple(next(numbers) for _ in range(n)) if n else next(numbers) for n in sizes))
+            )
+        return np.array(values, float).reshape(shape)
 
-    return evaluated
-
-
-def _one_by_one(function: Callable[..., Any], args: tuple[Any, ...]) -> np.ndarray:
-    flat = [part for a in args for part in (a if isinstance(a, tuple) else (a,))]
-    sizes = [len(a) if isinstance(a, tuple) else 0 for a in args]
-    shape = np.broadcast_shapes(*(np.shape(part) for part in flat))
-    rows = zip(*(np.broadcast_to(part, shape).ravel().tolist() for part in flat), strict=True)
-
-    def called(row: tuple[float, ...]) -> float:
-        numbers = iter(row)
-        return function(*(tuple(next(numbers) for _ in range(n)) if n else next(numbers) for n in sizes))
-
-    return np.array([called(row) for row in rows], float).reshape(shape)
+    return evaluate
 
 
 def slope_of(

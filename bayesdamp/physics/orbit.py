@@ -1,6 +1,6 @@
-"""One cycle of the undamped motion at a given amplitude, and what damping takes out of it.
+"""Compute one cycle of the undamped motion at a given amplitude, and the energy that damping takes out of it.
 
-By quadrature, so for any restoring law and any sum of damping terms: with x = c + A sin φ the turning points are at
+Quadrature allows any restoring law and any sum of damping terms: with x = c + A sin φ the turning points are at
 φ = ±π/2, where velocity and force are smooth functions of φ and Gauss and Legendre's rule converges fast.
 """
 
@@ -21,7 +21,7 @@ CENTRING = 8
 
 
 def _rule() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes φ and weights between ±π/2, and the matrix that integrates from each node to π/2."""
+    """Return nodes φ and weights between ±π/2, and the matrix that integrates from each node to π/2."""
     t, w = np.polynomial.legendre.leggauss(NODES)
     # ∫ P_k from a to 1 is (P_k−1(a) − P_k+1(a)) / (2k + 1), with 1 for P_−1.
     p = np.polynomial.legendre.legvander(t, NODES)
@@ -36,8 +36,11 @@ SINE, COSINE = np.sin(PHI), np.cos(PHI)
 
 @dataclass(frozen=True)
 class Cycle:
-    """period in s; energy above the equilibrium, its derivative by the amplitude and the energy lost in a cycle,
-    all per inertia (rad²/s² and rad/s², or m). nan where there is no such motion."""
+    """A cycle of the undamped motion; NaN where there is no such motion.
+
+    period: in s; energy, slope, lost: energy above the equilibrium, its derivative by the amplitude, and the energy
+    lost in a cycle, all per inertia (rad²/s² and rad/s², or m for rad).
+    """
 
     period: np.ndarray
     energy: np.ndarray
@@ -46,19 +49,26 @@ class Cycle:
 
 
 def rest_position(osc: Oscillator, p: Parameters, near: ArrayLike) -> np.ndarray:
-    """Return the equilibria that Newton's method finds from `near` (rad), of the parameters' shape."""
+    """Return the equilibria that Newton's method finds from `near` (rad), with the parameters' shape."""
     shape = np.broadcast_shapes(*(np.shape(p[n]) for n in osc.law.parameters), np.shape(near))
     return newton_many(lambda x: osc.law.force(x, p), np.broadcast_to(near, shape), NEWTON)
 
 
 def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, near: ArrayLike) -> Cycle:
-    """Return the cycle of the undamped motion about the equilibrium nearest `near` (rad) with this amplitude, and the
-    work of the damping force along it. Arrays broadcast.
+    """Return the cycle of the undamped motion, with the work of the damping force along it. Arrays broadcast.
 
-    amplitude: half the distance between the turning points, rad or m, as a record shows it.
+    Parameters
+    ----------
+    osc
+        The oscillator.
+    p
+        Its parameters.
+    amplitude
+        Half the distance between the turning points, rad or m, as in a record.
+    near
+        A place near the equilibrium, rad or m.
     """
-    names = osc.inputs
-    given = {n: np.asarray(p[n], float) for n in names if n in p}
+    given = {n: np.asarray(p[n], float) for n in osc.inputs if n in p}
     shape = np.broadcast_shapes(*(v.shape for v in given.values()), np.shape(amplitude), np.shape(near))
     column = {n: np.broadcast_to(v, shape)[..., None] for n, v in given.items()}
     a = np.broadcast_to(np.asarray(amplitude, float), shape)[..., None]
@@ -83,10 +93,10 @@ def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, near: ArrayLike)
         drag = osc.damping_force(x, velocity, column) - osc.damping_force(x, -velocity, column)
         motion = np.all(square > 0, axis=-1, keepdims=True) & (slope_of(force, rest) > 0)
         motion = motion & (upper > 0) & (lower < 0)
-        found = (
+        values = (
             2.0 * np.sum(WEIGHT * a * COSINE / velocity, axis=-1, keepdims=True),
             energy,
             -2.0 * upper * lower / (upper - lower),
             np.sum(WEIGHT * a * COSINE * drag, axis=-1, keepdims=True),
         )
-    return Cycle(*(np.where(motion, one, np.nan)[..., 0] for one in found))
+    return Cycle(*(np.where(motion, value, np.nan)[..., 0] for value in values))

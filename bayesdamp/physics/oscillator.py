@@ -1,4 +1,4 @@
-"""An oscillator: a sum of damping terms and a restoring law."""
+"""Define an oscillator: a sum of damping terms and a restoring law."""
 
 from __future__ import annotations
 
@@ -15,17 +15,26 @@ from bayesdamp.physics.restoring import LAWS, RestoringLaw
 
 Parameters = Mapping[str, float | np.ndarray]
 REACH, POINTS = 10.0, 4001
-"""How far an equilibrium is looked for, rad, and at how many angles."""
+"""Distance, rad, and number of angles of the search for an equilibrium."""
 NEWTON = 4
-"""Steps from about where a motion comes to rest to where it does so: from a tenth of a radian within 1e-15."""
+"""Steps to the equilibrium from a place near it: from a tenth of a radian within 1e-15."""
 
 
 @dataclass(frozen=True, init=False)
 class Oscillator:
-    """θ̈ + F_damp(θ̇) + F_rest(θ) = 0; parameters are a mapping of names to numbers.
+    """The oscillator θ̈ + F_damp(θ̇) + F_rest(θ) = 0; its parameters are a mapping of names to numbers.
 
-    damping: names of the damping terms, or their sum in words, `viscous+coulomb`; restoring: name of the restoring law.
-    Raises InputError for such a sum of unknown terms.
+    Parameters
+    ----------
+    damping
+        Names of the damping terms, or their sum, `viscous+coulomb`.
+    restoring
+        Name of the restoring law.
+
+    Raises
+    ------
+    InputError
+        For a sum with unknown terms.
     """
 
     damping: tuple[str, ...]
@@ -53,7 +62,7 @@ class Oscillator:
 
     @property
     def further(self) -> tuple[str, ...]:
-        """Names of the terms' parameters beside their coefficients."""
+        """Names of the terms' parameters besides their coefficients."""
         return tuple(p.name for term in self.terms for p in term.inferred)
 
     @property
@@ -69,7 +78,7 @@ class Oscillator:
 
     @property
     def scales(self) -> tuple[str, ...]:
-        """What terms take that is no parameter, of `GIVEN`."""
+        """Names in `GIVEN` that terms need besides parameters."""
         return tuple(dict.fromkeys(n for term in self.terms for n in term.given))
 
     @property
@@ -78,18 +87,20 @@ class Oscillator:
         return (*self.parameters, *self.scales)
 
     def damping_force(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> np.ndarray:
-        """F_damp(θ, θ̇) in rad/s²; θ and θ̇ of one shape, parameters broadcast against it."""
-        forces = zip(self.terms, self.shapes(theta, omega, p), strict=True)
-        return sum((p[t.parameter] * one for t, one in forces), np.zeros(np.shape(omega)))
+        """Return F_damp(θ, θ̇) in rad/s²; θ and θ̇ of one shape, parameters broadcast against it."""
+        total = np.zeros(np.shape(omega))
+        for term, shape in zip(self.terms, self.shapes(theta, omega, p), strict=True):
+            total = total + p[term.parameter] * shape
+        return total
 
     def shapes(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> list[np.ndarray]:
-        """Each term's force per unit of its coefficient; θ and θ̇ of one shape."""
+        """Return each term's force per unit of its coefficient; θ and θ̇ of one shape."""
         p = self.settled(p)
         epsilon = p.get("epsilon", 1.0)
         return [t.force(theta, omega, epsilon, *(p[n] for n in t.further)) for t in self.terms]
 
     def settled(self, p: Parameters) -> Parameters:
-        """With `rest`, where a term asks for it, moved to the equilibrium near it: Newton's method."""
+        """Return parameters with `rest`, where a term needs it, at the equilibrium near it (Newton's method)."""
         if "rest" not in self.scales:
             return p
         shape = np.broadcast_shapes(*(np.shape(p[n]) for n in (*self.law.parameters, "rest")))
@@ -97,31 +108,26 @@ class Oscillator:
         return {**p, "rest": newton_many(lambda at: self.law.force(at, p), near, NEWTON)}
 
     def equilibrium(self, p: Parameters, near: float = 0.0) -> float:
-        """The stable rest position nearest to `near`, in rad.
-
-        Raises ValueError where the law has none within 10 rad.
-        """
+        """Return the stable equilibrium nearest to `near`, in rad. Raises ValueError for none within 10 rad."""
         return _equilibrium(
             self.restoring, tuple(float(p[name]) for name in self.law.parameters), float(near)
         )
 
     def natural_frequency(self, p: Parameters, near: float = 0.0) -> float:
-        """ω_n = √F′_rest at the equilibrium, rad/s."""
+        """Return ω_n = √F′_rest at the equilibrium, rad/s."""
         at = self.equilibrium(p, near)
         return float(np.sqrt(self.law.slope(at, p)))
 
     def rough_frequency(self, p: Parameters, near: float = 0.0, reach: float = REACH) -> float:
-        """The same to some per mille, rad/s: for limits alone. Raises ValueError as `equilibrium` does, where there is
-        none within reach."""
+        """Return ω_n to some per mille, rad/s, for limits alone. Raises ValueError for no equilibrium within reach."""
         force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))
         ends = bracket(force, near, reach, POINTS)
         if ends is None:
-            raise no_rest(self.restoring, near)
+            raise _no_rest(self.restoring, near)
         return frequency_over(force, *ends)
 
 
-def no_rest(restoring: str, near: float) -> ValueError:
-    """What is raised where a law has no equilibrium."""
+def _no_rest(restoring: str, near: float) -> ValueError:
     return ValueError(f"{restoring} has no stable equilibrium within {REACH:g} rad of {near:.3g}")
 
 
@@ -129,7 +135,7 @@ def no_rest(restoring: str, near: float) -> ValueError:
 def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> float:
     p = dict(zip(LAWS.get(restoring).parameters, values))
     law = LAWS.get(restoring)
-    found = rest_near(lambda x: law.force(x, p), near, REACH, POINTS)
-    if found is None:
-        raise no_rest(restoring, near)
-    return found
+    rest = rest_near(lambda x: law.force(x, p), near, REACH, POINTS)
+    if rest is None:
+        raise _no_rest(restoring, near)
+    return rest

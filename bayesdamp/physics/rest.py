@@ -1,7 +1,7 @@
-"""Where an undamped motion stands still: the stable equilibria of a restoring force.
+"""Find the stable equilibria of a restoring force.
 
-Found from the force's values (`rest_near`: a bracket, then Brent's method), or from a place that is about right by
-Newton's method (`newton`, and `newton_many` for arrays).
+`rest_near` uses the force's values (a bracket, then Brent's method); `newton`, and `newton_many` for arrays, start from
+a place nearby.
 """
 
 from __future__ import annotations
@@ -14,22 +14,24 @@ from numpy.typing import ArrayLike
 from bayesdamp.physics.arrays import slope_of
 
 Force = Callable[[np.ndarray], np.ndarray]
-"""Positions (n,) to the restoring force, (n,), in rad/s² or m/s²."""
+"""The restoring force, (n,), in rad/s² or m/s², at positions (n,)."""
 
 STEPS = 60
-"""In which Newton's method must have come to an equilibrium."""
+"""Largest number of steps of Newton's method."""
 CLOSE = 1e-13
-"""Length of a step, rad or m, from which on it has; as a share of places beyond 1."""
+"""Length of a step, rad or m, at which Newton's method has converged; relative for places beyond 1."""
 
 
 def by_kernel(kernel: Callable[[float, np.ndarray], float], law: np.ndarray) -> Force:
-    """The force of a law's kernel at values of its parameters, (r,)."""
+    """Return the force of a law's kernel at values of its parameters, (r,)."""
     return lambda x: np.array([kernel(at, law) for at in x.tolist()])
 
 
 def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float, float] | None:
-    """Neighbours of a grid within `reach` of `near` that have the nearest stable equilibrium between them; None where
-    there is none."""
+    """Return two neighbours of a grid with the nearest stable equilibrium between them; None where there is none.
+
+    near, reach, points: centre, half width and number of points of the grid.
+    """
     grid = near + np.linspace(-reach, reach, points)
     values = force(grid)
     rising = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
@@ -40,7 +42,7 @@ def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float
 
 
 def rest_near(force: Force, near: float, reach: float, points: int = 401) -> float | None:
-    """The stable equilibrium nearest to `near` within `reach`, rad or m; None where there is none."""
+    """Return the stable equilibrium nearest to `near` within `reach`, rad or m; None where there is none."""
     from scipy.optimize import brentq
 
     ends = bracket(force, near, reach, points)
@@ -50,13 +52,13 @@ def rest_near(force: Force, near: float, reach: float, points: int = 401) -> flo
 
 
 def frequency_over(force: Force, low: float, high: float) -> float:
-    """√F′ between two places about an equilibrium, rad/s; 0 where the force pushes away."""
+    """Return √F′ between two places about an equilibrium, rad/s; 0 where the force pushes away."""
     below, above = force(np.array([low, high]))
     return float(np.sqrt(max((above - below) / (high - low), 0.0)))
 
 
 def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float) -> float | None:
-    """The stable equilibrium that Newton's method finds from `near`; None where a slope on the way pushes away."""
+    """Return the stable equilibrium that Newton's method finds from `near`; None where the force pushes away."""
     x = near
     for _ in range(STEPS):
         force, slope = force_and_slope(x)
@@ -70,7 +72,7 @@ def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float)
 
 
 def newton_many(force: Force, near: ArrayLike, steps: int) -> np.ndarray:
-    """Return the equilibria that so many of Newton's steps find from `near`; force and positions of one shape."""
+    """Return the equilibria after some steps of Newton's method from `near`; force and positions have one shape."""
     x = np.asarray(near, float)
     with np.errstate(all="ignore"):
         for _ in range(steps):

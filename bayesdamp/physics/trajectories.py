@@ -1,4 +1,4 @@
-"""Records of an oscillator at given times, from parameters by name: the compiled kernel behind one interface."""
+"""Compute records of an oscillator at given times from parameters by name, with the compiled kernel."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ STEPS_PER_CYCLE = 25.0
 LOST = 15.0
 """Factor by which the dense output loses accuracy with each derivative (measured on the laws that ship: 4 to 13)."""
 COARSEST, FINEST = 1e-6, 1e-13
-"""Largest and smallest error of a step, as a share of the amplitude: beyond the largest, the error no longer follows
-the tolerance; the smallest is that of rounding."""
+"""Largest and smallest error of a step, as a share of the amplitude: above the largest, the error no longer follows the
+tolerance; the smallest is that of rounding."""
 ROUNDING = 1e-12
-"""Share of the angles below which an amplitude is their rounding."""
+"""Share of the angles below which an amplitude is just rounding."""
 CHANGE, OF_A_RECORD = 1e-6, 1e-3
-"""Relative change of a parameter in a central difference, whose error is its square: of a force, and of a record, which
-follows its parameters smoothly within the tolerance alone."""
+"""Relative change of a parameter in a central difference of a force, and of a record, which depends smoothly on its
+parameters only within the tolerance. The error of the difference is the square of the change."""
 
 
 class Trajectories:
     """Solve the motion of an oscillator at fixed times for any values of its parameters.
 
-    The motion starts with theta0 and omega0 at the first time. Where a damping term asks for `rest`, it is the
-    equilibrium of the restoring law near `rest` of the parameters, or near that of the reference where they have none.
+    The motion starts with theta0 and omega0 at the first time. Where a damping term needs `rest`, it is the equilibrium
+    of the restoring law near the parameter `rest`, or near that of the reference where there is none.
     `reference_amplitude` and `reference_velocity` are those of the reference unless the parameters give them.
 
     Parameters
@@ -42,9 +42,10 @@ class Trajectories:
     quantity : str
         "angle", "velocity" or "acceleration".
     reference : mapping of str to float
-        Every parameter but the damping coefficients, roughly; they set the scales of amplitude and frequency.
+        Rough values of all parameters except the damping coefficients; they set the scales of amplitude and frequency.
     tolerance : float, optional
-        Largest error of a record in its own unit, at the reference; 0 for the least. By default the solver's own.
+        Largest error of a record in its own unit, at the reference; 0 for the smallest possible. By default the
+        solver's own.
 
     Raises
     ------
@@ -77,7 +78,14 @@ class Trajectories:
         self._solver = Solver(osc.damping, osc.restoring, t, quantity, amplitude, frequency, 0.0, t[[0, -1]])
         self._active = np.ones(len(osc.damping), bool)
         self._short: dict[float, Solver] = {}
-        self._tolerance = None if tolerance is None else self._of_a_step(tolerance)
+        self._tolerance = None
+        if tolerance is not None:  # the error of a step, as a share of the amplitude
+            order = QUANTITIES.index(quantity)
+            cycles = max(1.0, t[-1] * frequency / (2 * np.pi))
+            share = tolerance / (amplitude * frequency**order)
+            self._tolerance = float(
+                np.clip(share / (STEPS_PER_CYCLE * cycles * LOST**order), FINEST, COARSEST)
+            )
 
     def record(self, p: Mapping[str, float]) -> np.ndarray:
         """Return the samples, shape (n,); all nan where the motion escapes or has no equilibrium."""
@@ -87,7 +95,7 @@ class Trajectories:
     def with_slopes(self, p: Mapping[str, float], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """Return the samples, (n,), and their derivatives by the parameters of these names, (k, n).
 
-        They include what a parameter of the restoring law does to `rest`. Those by epsilon are central differences.
+        They include the effect of a parameter of the restoring law on `rest`. Those by epsilon are central differences.
         """
         motion = self._solved(p, _epsilon(p), PARAMETERS)
         if motion is None:
@@ -109,8 +117,7 @@ class Trajectories:
         return self._solved(p, _epsilon(p), PARAMETERS)
 
     def after(self, p: Mapping[str, float], gap: float) -> np.ndarray:
-        """Return angle, velocity and acceleration, (3,), of the motion a time (s) after its start; nan where it
-        escapes."""
+        """Return angle, velocity and acceleration, (3,), a time `gap` (s) after the start; NaN where it escapes."""
         if gap not in self._short:
             ends = np.array([0.0, max(gap, 1e-12 / self._solver.frequency)])
             self._short[gap] = replace(self._solver, t=ends, knots=ends, quantity="angle")
@@ -125,7 +132,7 @@ class Trajectories:
     def many(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the samples for each set of parameters, shape (m, n); values by name are of shape (m,)."""
         sets = zip(*(np.asarray(v, float).tolist() for v in values.values()), strict=True)
-        return np.stack([self.record(dict(zip(values, one))) for one in sets])
+        return np.stack([self.record(dict(zip(values, numbers))) for numbers in sets])
 
     def _solved(
         self, p: Mapping[str, float], epsilon: float, tangents: int, solver: Solver | None = None
@@ -148,7 +155,7 @@ class Trajectories:
     def _by_epsilon(self, p: Mapping[str, float]) -> np.ndarray:
         """Return the derivative of the samples by the width of friction's switch, (n,)."""
         epsilon = _epsilon(p)
-        if epsilon == 0.0:  # the energy that friction takes changes with its square
+        if epsilon == 0.0:  # the energy that friction takes depends on its square
             return np.zeros(self._count)
         ends = [self._solved(p, epsilon * (1.0 + sign * OF_A_RECORD), NONE) for sign in (1.0, -1.0)]
         up, down = (np.full(self._count, np.nan) if m is None else m.y[: self._count] for m in ends)
@@ -165,19 +172,11 @@ class Trajectories:
         if rest is None:
             return {}
         stiffness = _slope(_force(self.osc, p), rest)
-        found = {}
+        slopes = {}
         for name in self.osc.law.parameters:
-            at = float(p[name])
-            found[name] = -_slope(lambda v, name=name: _force(self.osc, {**p, name: v})(rest), at) / stiffness
-        return found
-
-    def _of_a_step(self, tolerance: float) -> float:
-        """Return the error of a step, as a share of the amplitude, at which a record is within a tolerance."""
-        solver = self._solver
-        order = QUANTITIES.index(solver.quantity)
-        cycles = max(1.0, solver.t[-1] * solver.frequency / (2 * np.pi))
-        share = tolerance / (solver.amplitude * solver.frequency**order)
-        return float(np.clip(share / (STEPS_PER_CYCLE * cycles * LOST**order), FINEST, COARSEST))
+            slope = _slope(lambda v, name=name: _force(self.osc, {**p, name: v})(rest), float(p[name]))
+            slopes[name] = -slope / stiffness
+        return slopes
 
 
 def _epsilon(p: Mapping[str, float]) -> float:
@@ -186,7 +185,7 @@ def _epsilon(p: Mapping[str, float]) -> float:
 
 
 def _with_epsilon(solver: Solver, epsilon: float) -> Solver:
-    """Return the solver with another width of friction's switch, and with all that does not depend on it."""
+    """Return a copy of the solver with another width of friction's switch, which shares what does not depend on it."""
     changed = copy(solver)
     object.__setattr__(changed, "epsilon", epsilon)
     return changed
@@ -195,7 +194,7 @@ def _with_epsilon(solver: Solver, epsilon: float) -> Solver:
 def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, float]:
     """Return the equilibrium nearest to theta0, the amplitude about it, and the frequency there, rad/s.
 
-    Without a stable equilibrium the motion escapes, whatever its scales: they are then those of its start.
+    Without a stable equilibrium the motion escapes, and the scales are those of its start.
     """
     theta0, omega0 = float(p["theta0"]), float(p["omega0"])
     law = np.array([float(p[name]) for name in osc.law.parameters])
@@ -204,7 +203,7 @@ def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, floa
         rest = rest_near(by_kernel(osc.law.kernel, law), theta0, REACH * max(1.0, abs(theta0)), POINTS)
     except NotImplementedError:
         raise Refusal(
-            f"the restoring law {osc.restoring!r} has no `kernel`, of which trajectories are made"
+            f"the restoring law {osc.restoring!r} has no `kernel`, which trajectories need"
         ) from None
     square = 0.0 if rest is None else _slope(force, rest)
     if rest is None or not square > 0.0:
@@ -232,14 +231,34 @@ def simulate(
     quantity: str = "angle",
     tolerance: float = 1e-9,
 ) -> np.ndarray:
-    """Return the oscillator's record at times (s, shape (n,)), started with theta0, omega0 at times[0]; nan where it
-    escapes.
+    """Return the record of an oscillator that starts with theta0 and omega0 at the first time.
 
-    Raises ValueError where a parameter is missing or the quantity unknown.
+    Parameters
+    ----------
+    osc
+        The oscillator.
+    p
+        All its parameters, by name.
+    times
+        Times in s, shape (n,), not decreasing.
+    quantity
+        "angle", "velocity" or "acceleration".
+    tolerance
+        Largest error in the unit of the quantity.
+
+    Returns
+    -------
+    ndarray
+        The quantity at the times, shape (n,); NaN where the motion escapes.
+
+    Raises
+    ------
+    ValueError
+        Where a parameter is missing or the quantity is unknown.
     """
     missing = [name for name in osc.parameters if name not in p]
     if missing:
         raise ValueError(f"parameter {missing[0]!r} is missing; needed are {', '.join(osc.parameters)}")
     if quantity not in QUANTITIES:
-        raise ValueError(f"quantity {quantity!r} is none of {', '.join(QUANTITIES)}")
+        raise ValueError(f"quantity {quantity!r} is not one of {', '.join(QUANTITIES)}")
     return Trajectories(osc, times, quantity, p, tolerance).record(p)

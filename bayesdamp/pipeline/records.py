@@ -12,7 +12,7 @@ from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import has_noise
 from bayesdamp.interface.no_free_decay import no_free_decay
-from bayesdamp.interface.records.simulate import simulated
+from bayesdamp.interface.simulate import simulated
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS

@@ -17,7 +17,7 @@ from bayesdamp.config import Study, in_keys, load_study
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
 from bayesdamp.formatting import compact
-from bayesdamp.interface.parts.result import Shown, outcome_notes
+from bayesdamp.interface.result import Shown, outcome_notes
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import split

@@ -22,7 +22,7 @@ from bayesdamp.inference.deviation.several.specimen import (
 from bayesdamp.inference.many.population import Sample, population
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model
-from bayesdamp.physics.units import parameter_unit
+from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.answering import (
     ANSWERED,
     SAMPLED,

@@ -13,7 +13,7 @@ from bayesdamp.inference.curves.weighted import summarise
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.physics.units import parameter_unit
+from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.answering import (
     SAMPLED,
     answer_of,

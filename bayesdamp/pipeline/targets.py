@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.interface.fitting.case import Case
+from bayesdamp.interface.case import Case
 from bayesdamp.pipeline.records import signal_of
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.store import CellResult

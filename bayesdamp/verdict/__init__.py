@@ -1,4 +1,4 @@
-"""From the numbers of a weighing to a verdict: a typed value, its thresholds in one file, its words in another."""
+"""Turn the numbers of a weighing into a verdict: typed values, all thresholds in one file, sentences in another."""
 
 from bayesdamp.verdict.types import Verdict
 

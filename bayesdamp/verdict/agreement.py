@@ -1,4 +1,4 @@
-"""Whether a second answer on a record, from sampled motions or other computations, agrees with the first."""
+"""Compare two verdicts on a record: by sampled motions or another computation against the first."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Z95 = 1.96
 class Agreement:
     """How a second verdict compares with the first.
 
-    same: whether both name the same damping, or both none. moved: the largest change of a damping ratio, in the total
-    standard deviations that the first verdict gave it.
+    same: whether both name the same damping, or neither names one. moved: the largest change of a damping ratio, in
+    the total standard deviations of the first verdict.
     """
 
     same: bool
@@ -25,15 +25,16 @@ class Agreement:
 
     @property
     def confirms(self) -> bool:
-        """Whether the sum is the same and no ratio moved by more than a little."""
+        """Whether the damping is the same and no ratio moved by `MOVED` or more."""
         return self.same and self.moved < MOVED
 
 
 @dataclass(frozen=True)
 class Intervals:
-    """How another computation of a damping ratio compares with a verdict's at an amplitude.
+    """How another computation of a damping ratio compares with the verdict at one amplitude.
 
-    moved: in the total standard deviations that are quoted there; wider: its interval over the verdict's.
+    moved: change of the value in the verdict's total standard deviations; wider: width of its interval over that of
+    the verdict.
     """
 
     amplitude: float
@@ -42,31 +43,37 @@ class Intervals:
 
     @property
     def confirms(self) -> bool:
-        """Whether nothing moved by more than a little, and widths are alike."""
+        """Whether the value moved by less than `MOVED` and the widths agree."""
         return self.moved < MOVED and 1 / WIDTHS_AGREE < self.wider < WIDTHS_AGREE
 
 
-def _compared(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> list[Intervals]:
-    each = []
+def _compare(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> list[Intervals]:
+    comparisons = []
     for r, (value, low, high) in zip(first.damping_ratio, ratios, strict=False):
         width = max(r.high - r.low, 1e-300)
-        each.append(Intervals(r.amplitude, abs(value - r.value) * 2 * Z95 / width, (high - low) / width))
-    return each
+        moved = abs(value - r.value) * 2 * Z95 / width
+        comparisons.append(Intervals(r.amplitude, moved, (high - low) / width))
+    return comparisons
 
 
 def intervals(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> Intervals:
     """Return the comparison at the amplitude where shift and width together are worst.
 
-    ratios: (value, low, high) at the verdict's amplitudes, in their order; one or more.
+    Parameters
+    ----------
+    first
+        The verdict that is checked.
+    ratios
+        (value, low, high) of the damping ratio at the verdict's amplitudes, in their order; at least one.
     """
-    badness = {
-        i: max(i.moved / MOVED, abs(log(i.wider)) / log(WIDTHS_AGREE)) for i in _compared(first, ratios)
-    }
-    return max(badness, key=badness.__getitem__)
+    return max(
+        _compare(first, ratios),
+        key=lambda i: max(i.moved / MOVED, abs(log(i.wider)) / log(WIDTHS_AGREE)),
+    )
 
 
 def agreement(first: Verdict, second: Verdict) -> Agreement:
     """Return how a second verdict on a record compares with the first."""
-    named = {frozenset(v.damping.split("+")) if v.decided else frozenset() for v in (first, second)}
-    found = _compared(first, [(r.value, r.low, r.high) for r in second.damping_ratio])
-    return Agreement(len(named) == 1, max((i.moved for i in found), default=0.0))
+    dampings = {frozenset(v.damping.split("+")) if v.decided else frozenset() for v in (first, second)}
+    comparisons = _compare(first, [(r.value, r.low, r.high) for r in second.damping_ratio])
+    return Agreement(len(dampings) == 1, max((i.moved for i in comparisons), default=0.0))

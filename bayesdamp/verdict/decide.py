@@ -1,4 +1,4 @@
-"""The decisions: a pure function of a weighing's numbers."""
+"""Decide on a verdict: a pure function of the numbers of a weighing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bayesdamp.inference.deviation.findings import Findings
 from bayesdamp.inference.deviation.numbers.draws import Quantity
 from bayesdamp.physics.damping import TERMS, twins_of
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.physics.units import parameter_unit
+from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import (
     Averages,
@@ -31,7 +31,7 @@ from bayesdamp.verdict.words import frequency_off, remarks, sentence
 
 
 def decide(
-    found: Findings,
+    findings: Findings,
     *,
     record: str,
     unit: str = "rad",
@@ -43,166 +43,194 @@ def decide(
     averages: Averages | None = None,
     law_free: LawFreeAt | None = None,
 ) -> Verdict:
-    """The verdict on one record.
+    """Return the verdict on one record.
 
-    unit: of the displacement; quantity: see `Verdict`; measured: whether probabilities are capped; approximate: whether
-    laws may hold approximately. A damping is decided where its probability is large and the exact laws' evidence puts
-    it first too. law_free: what is measured without a law, at the amplitudes of the findings' ratios. Where the damping
-    ratio contradicts it, it is the answer and no law is; where the frequency alone does, it is the frequency.
+    A damping is decided where its probability is large, the evidence of the exact laws puts it first too, and no twin
+    of its terms is possible. Where the law-free damping ratio contradicts the best law, it is the answer and no law
+    is. Where only the law-free frequency contradicts the best restoring law, it is the frequency.
+
+    Parameters
+    ----------
+    findings
+        The numbers of the weighing.
+    record
+        Name of the record.
+    unit
+        Unit of the displacement.
+    quantity
+        What was recorded, as in `Verdict`.
+    measured
+        Whether the record is a measurement, so that probabilities are capped.
+    approximate
+        Whether laws may hold approximately.
+    window
+        The part of the record that was used.
+    notes
+        Sentences on the record, for the remarks.
+    averages
+        How many cycles amplitude and phase were averaged over, where they were.
+    law_free
+        What is measured without a law, at the amplitudes of the findings' ratios.
     """
     cap = thresholds.CAP if measured and approximate else 1.0
-    damping = {name: min(p, cap) for name, p in found.damping.items()}
+    damping = {name: min(p, cap) for name, p in findings.damping.items()}
     first = next(iter(damping))
-    same = first == next(iter(found.exact))
+    same = first == next(iter(findings.exact))
     ratios = tuple(
-        DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high) for r in found.ratios
+        DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high) for r in findings.ratios
     )
-    q = found.frequency_at
-    at = None if q is None else FrequencyAt(ratios[-1].amplitude, unit, q.value, q.low, q.high)
+    q = findings.frequency_at
+    by_law = None if q is None else FrequencyAt(ratios[-1].amplitude, unit, q.value, q.low, q.high)
     contradicted = law_free is not None and _contradict(ratios, law_free.ratios, thresholds.CONTRADICTS)
     off = (
         law_free is not None
-        and at is not None
-        and _contradict((at,), (law_free.frequency,), thresholds.CONTRADICTS_FREQUENCY)
+        and by_law is not None
+        and _contradict((by_law,), (law_free.frequency,), thresholds.CONTRADICTS_FREQUENCY)
     )
-    grade = grade_of(found) if approximate else Grade.EXACT
+    grade = grade_of(findings) if approximate else Grade.EXACT
     grade = Grade.DEVIATES if contradicted else grade
     instead = law_free if grade is Grade.DEVIATES else None  # of a law
-    natural = None if instead is not None or off else interval_of(found.frequency, "Hz")
+    natural = None if instead is not None or off else interval_of(findings.frequency, "Hz")
     if natural is not None and natural.high - natural.low > thresholds.UNDETERMINED * natural.value:
         natural = None
-    untold = untold_twins(found, first)
+    frequency_at = by_law
+    if law_free is not None:
+        own = law_free.frequency
+        replaced = by_law is None or off or instead is not None
+        if by_law is not None and _have_same_amplitude(by_law, own):
+            replaced = replaced or own.high - own.low < by_law.high - by_law.low
+        frequency_at = own if replaced else by_law
+    twins = possible_twins(findings, first)
     decided = (
-        grade is not Grade.DEVIATES and found.damping[first] >= thresholds.DECIDED and same and not untold
+        grade is not Grade.DEVIATES and findings.damping[first] >= thresholds.DECIDED and same and not twins
     )
-    shares = [Share(t, q.value, q.low, q.high, found.term[t]) for t, q in found.energy.items()]
+    shares = [Share(t, q.value, q.low, q.high, findings.term[t]) for t, q in findings.energy.items()]
     verdict = Verdict(
         record=record,
         grade=grade,
         decided=decided,
         damping=first,
         probability=damping[first],
-        rivals=rivals_of(damping, found.exotic),
-        restoring=next(iter(found.restoring)),
-        restoring_probability=min(next(iter(found.restoring.values())), cap),
+        rivals=rivals_of(damping, findings.exotic),
+        restoring=next(iter(findings.restoring)),
+        restoring_probability=min(next(iter(findings.restoring.values())), cap),
         frequency=natural,
-        exponent=None if found.exponent is None else interval_of(found.exponent),
+        exponent=None if findings.exponent is None else interval_of(findings.exponent),
         damping_ratio=ratios if instead is None else instead.ratios,
         energy=tuple(sorted(shares, key=lambda s: -s.share)),
         other_forms=(
-            *(Bound(t, found.bound[t]) for t in found.bound if t not in first.split("+")),
-            *([Bound("any other form", found.other)] if approximate else []),
+            *(Bound(t, findings.bound[t]) for t in findings.bound if t not in first.split("+")),
+            *([Bound("any other form", findings.other)] if approximate else []),
         ),
-        deviation=interval_of(found.deviation) if approximate else None,
-        unnamed=None if found.unnamed is None else interval_of(found.unnamed),
-        unexplained_pct=100 * found.unexplained,
-        noise_pct=100 * found.noise,
-        midline_drift_pct=100 * found.midline,
-        frequency_at=_narrowest(at, law_free, off or instead is not None),
-        restoring_deviation=interval_of(found.restoring_deviation) if approximate else None,
+        deviation=interval_of(findings.deviation) if approximate else None,
+        unnamed=None if findings.unnamed is None else interval_of(findings.unnamed),
+        unexplained_pct=100 * findings.unexplained,
+        noise_pct=100 * findings.noise,
+        midline_drift_pct=100 * findings.midline,
+        frequency_at=frequency_at,
+        restoring_deviation=interval_of(findings.restoring_deviation) if approximate else None,
         law_free=instead is not None,
         contradicted=contradicted,
-        coefficients=_coefficients(found, unit),
+        coefficients=_coefficients(findings, unit),
         window=window,
         averages=averages,
         quantity=quantity,
-        over_law=_over_law(found, unit),
+        over_law=_over_law(findings, unit),
     )
-    if contradicted:  # what its law says of energy, power and coefficients would contradict the answer
+    if contradicted:  # the energy, power and coefficients by its law would contradict the answer
         verdict = replace(verdict, energy=(), other_forms=(), exponent=None, unnamed=None, coefficients=())
-    if off and at is not None and instead is None:
-        notes = [*notes, frequency_off(verdict, at)]
-    said = remarks(verdict, found, same, notes, untold)
-    return replace(verdict, remarks=said, sentence=sentence(verdict))
+    if off and by_law is not None and instead is None:
+        notes = [*notes, frequency_off(verdict, by_law)]
+    reservations = remarks(verdict, findings, same, notes, twins)
+    return replace(verdict, remarks=reservations, sentence=sentence(verdict))
 
 
-def untold_twins(found: Findings, damping: str) -> tuple[tuple[str, str, float], ...]:
-    """A sum's terms, each with a twin that was weighed and that the record does not exclude beside it, and the upper
-    limit of that twin's share of the energy."""
+def possible_twins(findings: Findings, damping: str) -> tuple[tuple[str, str, float], ...]:
+    """Return the terms of a sum that have a twin which the record does not exclude.
+
+    Each with the twin, and with the upper limit of the twin's share of the energy.
+    """
     own = damping.split("+")
     pairs = [
-        (term, twin) for term in own for twin in twins_of(term) if twin in found.term and twin not in own
+        (term, twin) for term in own for twin in twins_of(term) if twin in findings.term and twin not in own
     ]
     return tuple(
-        (term, twin, found.bound[twin])
+        (term, twin, findings.bound[twin])
         for term, twin in pairs
-        if found.bound.get(twin, 0.0) >= thresholds.TWIN
+        if findings.bound.get(twin, 0.0) >= thresholds.TWIN
     )
 
 
 def rivals_of(sums: Mapping[str, float], others: Mapping[str, float]) -> tuple[Rival, ...]:
-    """Every sum but the first, and every other form of damping, the likeliest first."""
-    found = [Rival(n, p) for n, p in [*list(sums.items())[1:], *others.items()]]
-    return tuple(sorted(found, key=lambda r: -r.probability))
+    """Return every sum but the first, and every other form of damping, the likeliest first."""
+    rivals = [Rival(n, p) for n, p in [*list(sums.items())[1:], *others.items()]]
+    return tuple(sorted(rivals, key=lambda r: -r.probability))
 
 
-def grade_of(found: Findings) -> Grade:
-    """How well the laws hold."""
+def grade_of(findings: Findings) -> Grade:
+    """Return how well the laws hold."""
     if (
-        found.deviation.value > thresholds.DEVIATES
-        or found.restoring_deviation.low > thresholds.RESTORING_DEVIATES
-        or found.unexplained > thresholds.UNEXPLAINED
+        findings.deviation.value > thresholds.DEVIATES
+        or findings.restoring_deviation.low > thresholds.RESTORING_DEVIATES
+        or findings.unexplained > thresholds.UNEXPLAINED
     ):
         return Grade.DEVIATES
-    return Grade.EXACT if found.deviation.high <= thresholds.EXACT else Grade.APPROXIMATE
+    return Grade.EXACT if findings.deviation.high <= thresholds.EXACT else Grade.APPROXIMATE
+
+
+def _have_same_amplitude(first: DampingRatio | FrequencyAt, second: DampingRatio | FrequencyAt) -> bool:
+    return abs(log(first.amplitude / second.amplitude)) < thresholds.SAME_AMPLITUDE
 
 
 def _contradict(
     by_law: Sequence[DampingRatio | FrequencyAt], measured: Sequence[DampingRatio | FrequencyAt], least: float
 ) -> bool:
-    """Whether one of the values differs by more than `least` of itself and its interval does not meet the measured one
-    at `WIDER` times its width; only at amplitudes that both have."""
+    """Return whether a law's value contradicts the measured one at an amplitude that both have.
+
+    It does where the two differ by more than `least` of the measured one and the law's interval does not meet the
+    measured one at `WIDER` times its width.
+    """
     wider = thresholds.WIDER
     return any(
-        isfinite(one.value)
-        and abs(log(one.amplitude / two.amplitude)) < thresholds.SAME_AMPLITUDE
-        and abs(one.value - two.value) > least * abs(two.value)
+        isfinite(law.value)
+        and _have_same_amplitude(law, own)
+        and abs(law.value - own.value) > least * abs(own.value)
         and (
-            one.low > two.value + wider * (two.high - two.value)
-            or one.high < two.value - wider * (two.value - two.low)
+            law.low > own.value + wider * (own.high - own.value)
+            or law.high < own.value - wider * (own.value - own.low)
         )
-        for one, two in zip(by_law, measured, strict=True)
+        for law, own in zip(by_law, measured, strict=True)
     )
 
 
-def _narrowest(at: FrequencyAt | None, law_free: LawFreeAt | None, measured: bool) -> FrequencyAt | None:
-    """The frequency at the last amplitude: the measured one where that is the answer, or is known better."""
-    if law_free is None:
-        return at
-    other = law_free.frequency
-    if at is None or measured:
-        return other
-    same = abs(log(at.amplitude / other.amplitude)) < thresholds.SAME_AMPLITUDE
-    return other if same and other.high - other.low < at.high - at.low else at
-
-
 def interval_of(q: Quantity, unit: str = "") -> Interval:
-    """Return a number's value and interval as a verdict has them."""
+    """Return a quantity's value and interval as verdicts have them."""
     return Interval(q.value, q.low, q.high, unit)
 
 
-def _over_law(found: Findings, unit: str) -> OverLaw | None:
-    """Of the amplitudes at which the damping is surely further from the law than it may be, the one furthest off."""
+def _over_law(findings: Findings, unit: str) -> OverLaw | None:
+    """Return the damping over its law where it is surely further from it than it may be, at the worst amplitude."""
     off = [
         (max(q.low, 1 / q.high), r.amplitude, q)
-        for r, q in zip(found.ratios, found.over_laws, strict=False)
+        for r, q in zip(findings.ratios, findings.over_laws, strict=False)
         if max(q.low, 1 / q.high) > 1 + thresholds.DEVIATES
     ]
     if not off:
         return None
-    _, amplitude, q = max(off, key=lambda one: one[0])
+    _, amplitude, q = max(off, key=lambda item: item[0])
     return OverLaw(amplitude, unit, q.value, q.low, q.high)
 
 
-def _coefficients(found: Findings, unit: str) -> tuple[Coefficient, ...]:
-    terms = [TERMS.get(t) for t in found.best.damping]
-    law = found.best.restoring
+def _coefficients(findings: Findings, unit: str) -> tuple[Coefficient, ...]:
+    """Return the parameters of the best damping and restoring law, without those of start and noise."""
+    terms = [TERMS.get(t) for t in findings.best.damping]
+    law = findings.best.restoring
     own = {
         *LAWS.get(law).parameters,
         *(n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))),
     }
     return tuple(
         Coefficient(n, q.value, q.sd_noise, q.sd_law, q.low, q.high, parameter_unit(n, law, unit))
-        for n, q in found.coefficients.items()
+        for n, q in findings.coefficients.items()
         if n in own
     )

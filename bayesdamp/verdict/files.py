@@ -1,4 +1,4 @@
-"""verdict.json and verdicts.csv: what a run says of its records."""
+"""Write and read verdict.json and verdicts.csv, a run's verdicts on its records."""
 
 from __future__ import annotations
 
@@ -14,22 +14,29 @@ JSON, TABLE = "verdict.json", "verdicts.csv"
 
 
 def read(path: Path) -> list[Verdict]:
-    """What `write` wrote as JSON. Raises OSError, and AttributeError, KeyError, TypeError or ValueError for a file of
-    something else."""
-    return [Verdict.from_dict(one) for one in json.loads(path.read_text(encoding="utf-8"))]
+    """Read the JSON that `write` wrote.
+
+    Raises
+    ------
+    OSError
+        Where the file cannot be read.
+    AttributeError, KeyError, TypeError, ValueError
+        Where the file is something else.
+    """
+    return [Verdict.from_dict(entry) for entry in json.loads(path.read_text(encoding="utf-8"))]
 
 
 def write(folder: Path, verdicts: Sequence[Verdict], shown: Sequence[Verdict] | None = None) -> None:
-    """Write both files into a run's folder, an object and a line for each verdict.
+    """Write both files into a run's folder: an object and a line for each verdict.
 
     Parameters
     ----------
     folder
-        The run's.
+        The run's folder.
     verdicts
-        In the order of the records, those of specimens behind them.
+        In the order of the records, then those of the specimens.
     shown
-        The same in the units that their records came in, for the table; the same ones where it is not given.
+        The same verdicts in the units that their records came in, for the table; `verdicts` by default.
     """
     write_json(folder / JSON, [v.to_dict() for v in verdicts])
     rows = [v.row() for v in shown or verdicts]

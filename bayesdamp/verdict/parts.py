@@ -1,4 +1,4 @@
-"""What a verdict is made of."""
+"""The values that a verdict is made of."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 NAN = math.nan
-"""One object for all that is not known, so that verdicts with such fields can be equal."""
+"""The one object for every value that is not known, so that verdicts with such fields can be equal."""
 
 
 class Grade(StrEnum):
@@ -22,7 +22,7 @@ class Grade(StrEnum):
 
 @dataclass(frozen=True)
 class Interval:
-    """A value with its 95 % interval, in a unit."""
+    """A value with its 95 % interval and unit."""
 
     value: float
     low: float
@@ -32,7 +32,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class IntervalAt:
-    """A value at an amplitude of the record, with its 95 % interval."""
+    """A value at an amplitude of the record, with its 95 % interval; unit: of the amplitude."""
 
     amplitude: float
     unit: str
@@ -46,14 +46,14 @@ class FrequencyAt(IntervalAt):
 
 
 class OverLaw(IntervalAt):
-    """How many times its law's own the damping is at an amplitude."""
+    """Ratio of the damping to that of its law at an amplitude."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its total 95 % interval, in a unit.
+    """A number with its total 95 % interval and unit.
 
-    sd_noise and sd_law are the parts of its standard deviation from noise and from what the law does not hold.
+    sd_noise, sd_law: the parts of its standard deviation from the noise and from deviations of the law.
     """
 
     value: float
@@ -66,8 +66,10 @@ class Estimate:
 
 @dataclass(frozen=True)
 class AtAmplitude:
-    """A number at an amplitude of the record, with its total 95 % interval; the parts of its standard deviation as of
-    `Estimate`."""
+    """A number at an amplitude of the record, with its total 95 % interval.
+
+    unit: of the amplitude; sd_noise, sd_law: as in `Estimate`.
+    """
 
     amplitude: float
     unit: str
@@ -84,8 +86,11 @@ class DampingRatio(AtAmplitude):
 
 @dataclass(frozen=True)
 class LawFreeAt:
-    """What is measured without any law: damping ratios at the verdict's amplitudes, or at the nearest that the curve
-    reaches, and the frequency at the last of them."""
+    """What is measured without any law.
+
+    ratios: damping ratios at the verdict's amplitudes, or at the nearest that the curve reaches; frequency: at the last
+    of them.
+    """
 
     ratios: tuple[DampingRatio, ...]
     frequency: FrequencyAt
@@ -114,7 +119,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class Share:
-    """A term's share of the dissipated energy, with its 95 % interval; probability: that the term is there."""
+    """A term's share of the dissipated energy, with its 95 % interval; probability: that the term is present."""
 
     term: str
     share: float
@@ -125,7 +130,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Bound:
-    """The 95 % upper limit of the share of the energy that an absent form of damping may take."""
+    """The 95 % upper limit of the share of the energy that an absent form of damping may have."""
 
     form: str
     share_below: float
@@ -133,10 +138,10 @@ class Bound:
 
 @dataclass(frozen=True)
 class Window:
-    """The piece of the record that was used, in s of the file's own times, and why.
+    """The part of the record that was used, in s of the file's own times, and why.
 
-    cycles: NaN where the frequency is not known. floor_db: of an envelope, the mean level of the noise floor behind it
-    in dB of the recorded power, NaN where none is seen.
+    cycles: NaN where the frequency is not known. floor_db: for an envelope, the mean level of the noise floor behind it
+    in dB of the recorded power; NaN where there is none.
     """
 
     start: float
@@ -148,8 +153,11 @@ class Window:
 
 @dataclass(frozen=True)
 class Averages:
-    """That averaged amplitude and phase stand for the motion of a record of very many cycles: the number of cycles, and
-    the most by which that moves a parameter from where the equation of motion itself has it, in its posterior sds."""
+    """The averaged amplitude and phase that replaced the full motion, in a record of very many cycles.
+
+    cycles: their number; error_sd: the largest shift of a parameter by the averaging, in its posterior standard
+    deviations.
+    """
 
     cycles: float
     error_sd: float
@@ -157,10 +165,10 @@ class Averages:
 
 @dataclass(frozen=True)
 class Mode:
-    """One of the oscillations of a record that is no free decay of one oscillator: a damped sinusoid.
+    """A damped sinusoid: one of the oscillations of a record that is not a free decay of one oscillator.
 
-    frequency in Hz; damping_ratio: with its 95 % interval, below 0 where it grows; first, last: amplitude at the ends
-    of the record.
+    frequency: in Hz; damping_ratio: with its 95 % interval low to high, below 0 where it grows; first, last: amplitude
+    at the ends of the record, in `unit`.
     """
 
     frequency: float
@@ -173,7 +181,7 @@ class Mode:
 
 
 class Motion(StrEnum):
-    """What a record is that is no free decay of one oscillator."""
+    """What a record is that is not a free decay of one oscillator."""
 
     GROWING = "growing"
     STEADY = "steady"

@@ -1,4 +1,4 @@
-"""One verdict on a specimen from the answers on its records."""
+"""Decide on a specimen from the answers on its records."""
 
 from __future__ import annotations
 
@@ -20,15 +20,22 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named, sentence
 
 GRID = 400
-"""Values of the spread between records over which is summed."""
+"""Number of values of the spread between records over which the posterior is summed."""
 WIDE = 2.0
-"""Scale of the spread's half-Cauchy prior, in sds of the values' scatter (weakly informative; Gelman 2006)."""
+"""Scale of the spread's half-Cauchy prior, in standard deviations of the values' scatter (weakly informative; Gelman
+2006)."""
+DRAWS = 20_000
+"""Draws of a damping ratio: an end of a 95 % interval is then good to 2 % of its width."""
+Curve = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
 class Pooled:
-    """Mean over records and its sd; spread between records (an sd) with its 95 % interval; 95 % interval of what one
-    more record would give."""
+    """Mean over records and its spread.
+
+    mean, sd: of the mean; spread: standard deviation between records, with its 95 % interval; low, high: 95 % interval
+    of the value of one more record.
+    """
 
     mean: float
     sd: float
@@ -40,9 +47,15 @@ class Pooled:
 
 
 def pooled(values: np.ndarray, sds: np.ndarray) -> Pooled:
-    """Random effects: values (n,) with sds (n,) of records that differ by a normal with an unknown spread.
+    """Pool values of records that differ by a normal random effect with an unknown spread.
 
-    The spread is summed over a grid under a half-Cauchy prior, the mean under a flat one. Of one value the spread is 0.
+    The spread is summed over a grid under a half-Cauchy prior, the mean under a flat one. For one value the spread is
+    0.
+
+    Parameters
+    ----------
+    values, sds
+        Values of the records and their standard deviations, each of shape (n,).
     """
     values, sds = np.asarray(values, float), np.maximum(np.asarray(sds, float), 1e-12 * np.abs(values).max())
     if values.size == 1:
@@ -63,30 +76,24 @@ def pooled(values: np.ndarray, sds: np.ndarray) -> Pooled:
     cumulative = np.cumsum(weight)
     spread, below, above = (float(np.interp(q, cumulative, spreads)) for q in (0.5, 0.025, 0.975))
     width = np.sqrt(1 / total + spreads**2 + np.median(sds) ** 2)
-    low, high = (_quantile(q, means, width, weight) for q in (0.025, 0.975))
-    return Pooled(mean, sd, spread, below, above, low, high)
-
-
-def _quantile(q: float, means: np.ndarray, sds: np.ndarray, weight: np.ndarray) -> float:
-    """Of a mixture of normals, by bisection."""
-    low, high = float(np.min(means - 9 * sds)), float(np.max(means + 9 * sds))
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        below = float(weight @ ndtr((middle - means) / sds))
-        low, high = (middle, high) if below < q else (low, middle)
-    return 0.5 * (low + high)
-
-
-DRAWS = 20_000
-"""Of a damping ratio: an end of a 95 % interval is good to 2 % of its width."""
-Curve = Mapping[str, np.ndarray]
+    ends = []
+    for q in (0.025, 0.975):  # quantiles of a mixture of normals, by bisection
+        low, high = float(np.min(means - 9 * width)), float(np.max(means + 9 * width))
+        for _ in range(80):
+            middle = 0.5 * (low + high)
+            share = float(weight @ ndtr((middle - means) / width))
+            low, high = (middle, high) if share < q else (low, middle)
+        ends.append(0.5 * (low + high))
+    return Pooled(mean, sd, spread, below, above, *ends)
 
 
 @dataclass(frozen=True)
 class Answered:
-    """What was said of one record: its verdict; what it weighed; its damping ratio against amplitude, with arrays
-    `amplitude`, `ratio`, `low`, `high`, and, where laws may hold approximately, `over` and `over_sd`: the logarithm of
-    the damping over its law's own, mean and sd."""
+    """The answer on one record: its verdict, its weighing, and its damping ratio against amplitude.
+
+    curve: arrays `amplitude`, `ratio`, `low`, `high`; where laws may hold approximately also `over` and `over_sd`, mean
+    and standard deviation of the logarithm of the damping over that of its law.
+    """
 
     verdict: Verdict
     weighed: WeighedRun
@@ -100,18 +107,20 @@ def specimen(
     sensor: float = SENSOR,
     seed: int = 0,
 ) -> Verdict:
-    """The verdict on a specimen: one damping for all records, times a factor for each whose spread is inferred.
+    """Return the verdict on a specimen: one damping for all records, times a factor for each with an inferred spread.
 
     Parameters
     ----------
     name
-        Of the specimen.
+        Name of the specimen.
     records
         Answers on its records.
     priors
-        That are stated, by parameter.
+        Stated priors, by parameter.
     sensor
         Relative linearity of the sensor, the same in all records: no ratio is known better.
+    seed
+        Seed of the draws.
 
     Raises
     ------
@@ -121,16 +130,9 @@ def specimen(
     if not records:
         raise ValueError("a specimen needs a record with a verdict")
     weighed = weigh_specimen([r.weighed for r in records], priors, seed=seed)
-    return verdict_on(name, records, weighed, sensor, seed)
-
-
-def verdict_on(
-    name: str, records: Sequence[Answered], weighed: WeighedSpecimen, sensor: float = SENSOR, seed: int = 0
-) -> Verdict:
-    """Return the verdict on a specimen that was weighed. Arguments as of `specimen`."""
     damping, restoring, others = probabilities(weighed)
     own = [r.verdict for r in records]
-    ratios, following = _ratios(records, weighed, sensor if _approximate(records) else 0.0, seed)
+    ratios, following = _ratios(records, weighed, sensor, seed)
     verdict = replace(
         together(name, own, damping, others),
         restoring=next(iter(restoring)),
@@ -143,18 +145,19 @@ def verdict_on(
     r = following[len(following) // 2]
     ratio = with_interval(r.value, r.low, r.high, " %", 100)
     more = f"At the middle amplitude one more record would have a damping ratio of {ratio}."
-    return replace(verdict, remarks=(*of_spread(verdict), more, *verdict.remarks), sentence=sentence(verdict))
+    texts = (*spread_remark(verdict), more, *verdict.remarks)
+    return replace(verdict, remarks=texts, sentence=sentence(verdict))
 
 
 def together(
     name: str, own: Sequence[Verdict], damping: Mapping[str, float], others: Mapping[str, float]
 ) -> Verdict:
-    """Return what is said of several records alike, whether they are motions or envelopes.
+    """Return what verdicts on several motions and on several envelopes have in common.
 
     Parameters
     ----------
     name
-        Of the specimen.
+        Name of the specimen.
     own
         The verdicts on its records.
     damping
@@ -163,56 +166,75 @@ def together(
         Probability of each form of damping that is not compared.
     """
     first, probability = next(iter(damping.items()))
-    every = {**damping, **others}
     grade = max((v.grade for v in own), key=list(Grade).index)
-    rivals = rivals_of(damping, others)
+    shares = []
+    for term in dict.fromkeys(s.term for v in own for s in v.energy):
+        each = [s for v in own for s in v.energy if s.term == term]
+        present = sum(p for sum_name, p in damping.items() if term in sum_name.split("+"))
+        middle = float(np.median([s.share for s in each]))
+        shares.append(Share(term, middle, min(s.low for s in each), max(s.high for s in each), present))
+    every = {**damping, **others}
+    likeliest = max(every, key=every.__getitem__)
+    alone = Counter(max(v.probabilities, key=v.probabilities.__getitem__) for v in own)
+    remarks: tuple[str, ...] = ()
+    if set(alone) != {likeliest}:
+        counts = ", ".join(f"{named(n)} {count}" for n, count in alone.most_common())
+        remarks = (f"The most probable damping of each record by itself: {counts}.",)
     return Verdict(
         record=name,
         grade=grade,
         decided=probability >= thresholds.DECIDED and grade is not Grade.DEVIATES,
         damping=first,
         probability=min(probability, thresholds.CAP),
-        rivals=tuple(replace(r, probability=min(r.probability, thresholds.CAP)) for r in rivals),
-        energy=_energy(own, damping),
+        rivals=tuple(
+            replace(r, probability=min(r.probability, thresholds.CAP)) for r in rivals_of(damping, others)
+        ),
+        energy=tuple(sorted(shares, key=lambda s: -s.share)),
         deviation=_largest([v.deviation for v in own]),
         unnamed=_largest([v.unnamed for v in own]),
         unexplained_pct=max(v.unexplained_pct for v in own),
         noise_pct=float(np.median([v.noise_pct for v in own])),
-        remarks=_alone(own, max(every, key=every.__getitem__)),
+        remarks=remarks,
         records=len(own),
         quantity=own[0].quantity,
     )
-
-
-def _approximate(records: Sequence[Answered]) -> bool:
-    return all("over" in r.curve for r in records)
 
 
 def probabilities(
     weighed: WeighedSpecimen,
 ) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
     """Return the probability of each sum, of each law and of each other form of damping, the same for all records."""
-    places = {one.damping for r in weighed.records for one in r.others}
+    other_forms = {form.damping for r in weighed.records for form in r.others}
     by_damping: dict[str, float] = {}
     by_law: dict[str, float] = {}
     for (damping, law), p in weighed.probability.items():
         by_damping[damping] = by_damping.get(damping, 0.0) + p
         by_law[law] = by_law.get(law, 0.0) + p
-    ordered = [dict(sorted(one.items(), key=lambda item: -item[1])) for one in (by_damping, by_law)]
-    sums, others = (
-        {n: p for n, p in ordered[0].items() if (n in places) is other} for other in (False, True)
+    damping, laws = (
+        dict(sorted(shares.items(), key=lambda item: -item[1])) for shares in (by_damping, by_law)
     )
-    return sums, ordered[1], others
+    sums = {n: p for n, p in damping.items() if n not in other_forms}
+    return sums, laws, {n: p for n, p in damping.items() if n in other_forms}
 
 
 def spread_of(weighed: WeighedSpecimen) -> Interval:
     """Return the relative spread between records (standard deviation)."""
-    found = weighed.spread()
-    return Interval(found["median"], found["q2.5"], found["q97.5"])
+    spread = weighed.spread()
+    return Interval(spread["median"], spread["q2.5"], spread["q97.5"])
 
 
-def _common(records: Sequence[Answered]) -> np.ndarray:
-    """Three amplitudes that all records have; those of the first record where they have none in common."""
+def spread_remark(v: Verdict) -> tuple[str, ...]:
+    """Return a sentence on how much records differ, where that is known."""
+    if v.spread is None:
+        return ()
+    value, low, high = (rounded(100 * x) for x in (v.spread.value, v.spread.low, v.spread.high))
+    return (
+        f"The damping differs between records by {value} % (standard deviation; 95 %: {low} to {high} %).",
+    )
+
+
+def _common_amplitudes(records: Sequence[Answered]) -> np.ndarray:
+    """Return three amplitudes that all records have, or those of the first record where they have none in common."""
     high = min(float(r.curve["amplitude"].max()) for r in records)
     low = max(float(r.curve["amplitude"].min()) for r in records)
     if not low < high:
@@ -225,81 +247,47 @@ def _common(records: Sequence[Answered]) -> np.ndarray:
 def _ratios(
     records: Sequence[Answered], weighed: WeighedSpecimen, sensor: float, seed: int
 ) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
-    """The specimen's damping ratio at three amplitudes, and what one more record would have there.
+    """Return the specimen's damping ratio at three amplitudes, and the ratio of one more record there.
 
-    The law's own ratio is drawn from the joint posterior; by how much the damping at an amplitude is off its law is
-    pooled over the records.
+    The law's own ratio is drawn from the joint posterior; the deviation of the damping from its law at an amplitude is
+    pooled over the records. The sensor's error is left out where laws hold exactly.
     """
-    unit = next((v.damping_ratio[0].unit for v in (r.verdict for r in records) if v.damping_ratio), "rad")
-    found, following = [], []
-    for row, amplitude in enumerate(_common(records)):
+    approximate = all("over" in r.curve for r in records)
+    unit = next((r.verdict.damping_ratio[0].unit for r in records if r.verdict.damping_ratio), "rad")
+    specimen_rows, following_rows = [], []
+    for row, amplitude in enumerate(_common_amplitudes(records)):
         rng = np.random.default_rng([seed, row])
         law, spreads = weighed.ratios(float(amplitude), DRAWS, seed)
         own = law.copy()
         scatter = np.zeros(DRAWS)
-        if _approximate(records):
-            p = pooled(*np.array([_over_at(r.curve, float(amplitude)) for r in records]).T)
+        if approximate:
+            over = []
+            for curve in (r.curve for r in records):
+                order = np.argsort(curve["amplitude"])
+                x = np.log(curve["amplitude"][order])
+                over.append([np.interp(np.log(amplitude), x, curve[n][order]) for n in ("over", "over_sd")])
+            p = pooled(*np.array(over).T)
             own = own * np.exp(p.mean + p.sd * rng.standard_normal(DRAWS))
             scatter = np.full(DRAWS, p.spread)
-        own = own * (1 + sensor * rng.standard_normal(DRAWS))
+        own = own * (1 + (sensor if approximate else 0.0) * rng.standard_normal(DRAWS))
         more = own * np.exp(np.hypot(spreads, scatter) * rng.standard_normal(DRAWS))
         noise = float(np.std(law))
-        for draws, rows in ((own, found), (more, following)):
+        for draws, rows in ((own, specimen_rows), (more, following_rows)):
             value, low, high = (float(q) for q in np.quantile(draws, (0.5, 0.025, 0.975)))
             rest = float(np.sqrt(max(float(np.std(draws)) ** 2 - noise**2, 0.0)))
             rows.append(DampingRatio(float(amplitude), unit, value, noise, rest, low, high))
-    return tuple(found), tuple(following)
+    return tuple(specimen_rows), tuple(following_rows)
 
 
-def _over_at(curve: Curve, amplitude: float) -> tuple[float, float]:
-    """Mean and sd of the logarithm of the damping over its law's own at an amplitude, by interpolation."""
-    order = np.argsort(curve["amplitude"])
-    x, at = np.log(curve["amplitude"][order]), np.log(amplitude)
-    return float(np.interp(at, x, curve["over"][order])), float(np.interp(at, x, curve["over_sd"][order]))
-
-
-def of_spread(v: Verdict) -> tuple[str, ...]:
-    """Say how much records differ."""
-    if v.spread is None:
-        return ()
-    value, low, high = (rounded(100 * x) for x in (v.spread.value, v.spread.low, v.spread.high))
-    return (
-        f"The damping differs between records by {value} % (standard deviation; 95 %: {low} to {high} %).",
-    )
-
-
-def _pooled_interval(given: Sequence[Interval | None]) -> Interval | None:
-    known = [i for i in given if i is not None]
+def _pooled_interval(intervals: Sequence[Interval | None]) -> Interval | None:
+    known = [i for i in intervals if i is not None]
     if not known:
         return None
     if all(i.low == i.high == known[0].value for i in known):
-        return known[0]  # given, the same for all
+        return known[0]  # specified, the same for all
     p = pooled(np.array([i.value for i in known]), np.array([(i.high - i.low) / 3.92 for i in known]))
     return Interval(p.mean, p.low, p.high, known[0].unit)
 
 
-def _largest(given: Sequence[Interval | None]) -> Interval | None:
-    """The interval with the largest value."""
-    known = [i for i in given if i is not None]
-    return max(known, key=lambda i: i.value) if known else None
-
-
-def _energy(own: Sequence[Verdict], damping: Mapping[str, float]) -> tuple[Share, ...]:
-    """Shares of the energy over several records, whose dampings have these probabilities."""
-    terms = dict.fromkeys(s.term for v in own for s in v.energy)
-    found = []
-    for term in terms:
-        shares = [s for v in own for s in v.energy if s.term == term]
-        sure = sum(p for name, p in damping.items() if term in name.split("+"))
-        middle = float(np.median([s.share for s in shares]))
-        found.append(Share(term, middle, min(s.low for s in shares), max(s.high for s in shares), sure))
-    return tuple(sorted(found, key=lambda s: -s.share))
-
-
-def _alone(own: Sequence[Verdict], likeliest: str) -> tuple[str, ...]:
-    """Say what records are by themselves where that is not what is likeliest for all."""
-    alone = Counter(max(v.probabilities, key=v.probabilities.__getitem__) for v in own)
-    if set(alone) == {likeliest}:
-        return ()
-    parts = [f"{named(damping)} {count}" for damping, count in alone.most_common()]
-    return (f"Records by themselves are likeliest: {', '.join(parts)}.",)
+def _largest(intervals: Sequence[Interval | None]) -> Interval | None:
+    return max((i for i in intervals if i is not None), key=lambda i: i.value, default=None)

@@ -1,4 +1,4 @@
-"""The tables of a verdict: damping ratios against amplitude, and the oscillations of what is not a free decay."""
+"""Build the tables of a verdict: damping ratios against amplitude, and oscillations of what is not a free decay."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bayesdamp.verdict.parts import AtAmplitude, DampingRatio, Estimate, Interva
 
 
 def quality_of(r: DampingRatio) -> str:
-    """Q at an amplitude with its interval, which has no end where the record does not exclude that nothing is lost."""
+    """Return Q at an amplitude with its interval, which has no upper end where zero damping is possible."""
     if not r.value > 0:
         return fmt.NONE
     if not r.low > 0:
@@ -19,7 +19,7 @@ def quality_of(r: DampingRatio) -> str:
 
 
 def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool = False) -> Table:
-    """Return the damping ratios against amplitude. parts: whether with the parts of their standard deviations."""
+    """Return the damping ratios against amplitude; `parts` adds the parts of their standard deviations."""
     columns: dict[str, Callable[[DampingRatio], str]] = {
         "amplitude": lambda r: f"{r.amplitude:.3g} {r.unit}",
         "equivalent damping ratio (95 %)": lambda r: fmt.with_interval(r.value, r.low, r.high, " %", 100),
@@ -42,9 +42,9 @@ def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) 
     return Table.of(range(len(rates)), columns)
 
 
-def number(one: Estimate | Interval | AtAmplitude | None) -> str:
+def number(value: Estimate | Interval | AtAmplitude | None) -> str:
     """Return a number with its 95 % interval, in powers of ten where it is large."""
-    return fmt.NONE if one is None else fmt.by_ten(fmt.with_interval(one.value, one.low, one.high))
+    return fmt.NONE if value is None else fmt.by_ten(fmt.with_interval(value.value, value.low, value.high))
 
 
 def modes_table(modes: Iterable[Mode], motion: Motion | None) -> Table:

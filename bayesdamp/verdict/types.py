@@ -1,4 +1,4 @@
-"""A verdict: what is said of one record, or of one specimen, as values."""
+"""Define the verdict: the answer on one record, or on one specimen, as values."""
 
 from __future__ import annotations
 
@@ -42,33 +42,83 @@ _PLAIN_COLUMNS = (
     "noise_pct", "midline_drift_pct", "probability_exact", "power_law", "sentence",
 )  # fmt: skip
 """Fields that are columns of verdicts.csv as they are."""
+_INTERVALS = (
+    "frequency", "frequency_at", "exponent", "deviation", "unnamed", "spread", "rate", "quality_factor",
+)  # fmt: skip
+"""Fields whose value, low and high are columns of verdicts.csv."""
 
 
 @dataclass(frozen=True, repr=False)
 class Verdict(Told):
-    """What is said of one record, or of several of one specimen; it prints as its sentence. The file `verdict.json`
-    holds a list of these.
+    """The answer on one record, or on several of one specimen; it prints as its sentence.
 
-    records: how many it is said of. decided: whether one damping is named without reservation. motion, modes: of a
-    record that is no free decay of one oscillator, what it is and its oscillations, the largest first. deviation:
-    energy-weighted mean of the relative deviation from the law; over_law: where one of the ratios' amplitudes is surely
-    further from it than a law may be, the damping there over the law's. unnamed: share of the energy that no named law
-    explains. unexplained_pct, noise_pct: root mean square beyond the noise, and of the noise, in % of the amplitude.
-    frequency: of small oscillations, by the restoring law, None where the record does not determine it; frequency_at:
-    at the last of the ratios' amplitudes. restoring_deviation: like deviation, of the restoring law. law_free:
-    whether damping_ratio and frequency_at are measured without a law, because none is the answer; contradicted: whether
-    that is because the best law contradicts them.
-    midline_drift_pct: by how much the midline moves over the record, in % of the first amplitude, 0 where that is not
-    seen. Of several records next_record is the damping ratio that one more would have, and spread the relative standard
-    deviation of the damping between them.
+    The file `verdict.json` holds a list of these. A number that is not known is NaN, or None.
 
-    quantity: what the record holds of the motion: angle (or displacement), velocity, acceleration, or envelope. Of an
-    envelope alone: rate, of decay, the law's, mean over the first half of the fall in dB, and quality_factor of it
-    where the frequency is known; decay_rate and quality_factor_at, as they were at the amplitudes of damping_ratio,
-    largest first; deviation is the root mean square over the decay; probability_exact: that the law holds exactly;
-    power_law: log Bayes factor of one power of the amplitude against the sums. Of several envelopes next_value is the
-    quality_factor, else the rate, that one more would have, and standardised the mean square of the standardised
-    differences of their own values, 1 where their intervals are honest.
+    Attributes
+    ----------
+    record, records
+        Name of the record or specimen, and the number of records.
+    grade
+        How well the laws hold.
+    decided
+        Whether one damping is named without reservation.
+    damping, probability, rivals
+        The damping sum that is named first, its probability, and the others that were weighed.
+    restoring, restoring_probability
+        The most probable restoring law.
+    frequency
+        Natural frequency of small oscillations in Hz, by the restoring law; None where the record does not determine
+        it.
+    frequency_at
+        Frequency at the last of the amplitudes of `damping_ratio`.
+    exponent
+        Power of the velocity with which the damping force grows.
+    damping_ratio
+        Equivalent viscous damping ratios at amplitudes of the record.
+    energy, other_forms
+        Each term's share of the dissipated energy, and upper limits for absent forms.
+    deviation, restoring_deviation
+        Energy-weighted mean of the relative deviation from the damping law, and from the restoring law. Of an envelope
+        the root mean square over the decay.
+    over_law
+        The damping over that of its law, at one of the amplitudes where it is surely further off than a law may be.
+    unnamed
+        Share of the energy that no named law explains.
+    unexplained_pct, noise_pct
+        Root mean square beyond the noise, and of the noise, in % of the amplitude.
+    midline_drift_pct
+        Drift of the midline over the record in % of the first amplitude; 0 where there is none.
+    law_free, contradicted
+        Whether damping_ratio and frequency_at are measured without a law, because no law is the answer; and whether
+        that is because the best law contradicts them.
+    coefficients
+        Parameters of the damping that is named and of the restoring law.
+    motion, modes
+        For a record that is not a free decay of one oscillator: what it is, and its oscillations, the largest first.
+    window, averages
+        The part of the record that was used; and the averaging, where very many cycles were averaged.
+    quantity
+        What the record holds of the motion: angle (or displacement), velocity, acceleration, or envelope.
+    rate, quality_factor
+        For an envelope: the law's mean rate of decay over the first half of the fall in dB, and Q of it where the
+        frequency is known.
+    decay_rate, quality_factor_at
+        For an envelope: the same at the amplitudes of damping_ratio, the largest first.
+    probability_exact, power_law
+        For an envelope: the probability that the law holds exactly, and the log Bayes factor of one power of the
+        amplitude against the sums.
+    spread
+        For several records: the relative standard deviation of the damping between them.
+    next_record, next_value
+        For several records: the damping ratio that one more record would have; for envelopes its quality factor, or
+        else its rate.
+    standardised
+        For several envelopes: the mean square of the standardised differences of their own values, 1 where their
+        intervals are honest.
+    remarks, sentence
+        Reservations, the largest first; and the answer in one sentence.
+    provenance
+        How the verdict was computed; not stored.
     """
 
     record: str
@@ -120,87 +170,104 @@ class Verdict(Told):
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """Of every damping that was weighed, the one that is named first."""
+        """Probability of every damping that was weighed, that of the named one first."""
         return {self.damping: self.probability, **{r.damping: r.probability for r in self.rivals}}
 
     def summary(self) -> pd.DataFrame:
-        """One row, with the columns of verdicts.csv."""
+        """Return one row with the columns of verdicts.csv."""
         import pandas as pd
 
         return pd.DataFrame([self.row()])
 
     def row(self) -> dict[str, object]:
-        """A line of verdicts.csv: a column each for three amplitudes, and for the probability of each term."""
-        found: dict[str, object] = {name: getattr(self, name) for name in _PLAIN_COLUMNS}
-        found |= {s.term: s.probability for s in self.energy}
-        found |= {
-            "grade": str(self.grade),
-            "rivals": " ".join(f"{r.damping}:{r.probability:.4g}" for r in self.rivals),
-            "energy": " ".join(f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in self.energy),
-            "other_forms": " ".join(
-                f"{b.form.replace(' ', '_')}:{b.share_below:.4g}" for b in self.other_forms
-            ),
-            "remarks": " ".join(self.remarks),
-        }
-        values = ("frequency", "frequency_at", "exponent", "deviation", "unnamed", "spread")
-        for name in (*values, "rate", "quality_factor"):
-            one = getattr(self, name)
-            if one is not None:
-                found |= {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
-            if isinstance(one, Estimate):
-                found |= {f"{name}_sd_noise": one.sd_noise, f"{name}_sd_law": one.sd_law}
+        """Return a line of verdicts.csv: columns for each of three amplitudes, and one for each term's probability."""
+        row: dict[str, object] = {name: getattr(self, name) for name in _PLAIN_COLUMNS}
+        row |= {s.term: s.probability for s in self.energy}
+        row["grade"] = str(self.grade)
+        row["rivals"] = " ".join(f"{r.damping}:{r.probability:.4g}" for r in self.rivals)
+        row["energy"] = " ".join(f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in self.energy)
+        row["other_forms"] = " ".join(
+            f"{b.form.replace(' ', '_')}:{b.share_below:.4g}" for b in self.other_forms
+        )
+        row["remarks"] = " ".join(self.remarks)
+
+        def add(name: str, value: Interval | FrequencyAt | Estimate | DampingRatio | None) -> None:
+            if value is not None:
+                row.update({name: value.value, f"{name}_low": value.low, f"{name}_high": value.high})
+            if isinstance(value, Estimate | DampingRatio):
+                row.update({f"{name}_sd_noise": value.sd_noise, f"{name}_sd_law": value.sd_law})
+
+        for name in _INTERVALS:
+            add(name, getattr(self, name))
         for i, ratio in enumerate(self.damping_ratio[:3], start=1):
-            found |= {f"amplitude_{i}": ratio.amplitude, f"unit_{i}": ratio.unit}
-            found |= {f"ratio_{i}": ratio.value, f"ratio_{i}_low": ratio.low, f"ratio_{i}_high": ratio.high}
-            found |= {f"ratio_{i}_sd_noise": ratio.sd_noise, f"ratio_{i}_sd_law": ratio.sd_law}
+            row |= {f"amplitude_{i}": ratio.amplitude, f"unit_{i}": ratio.unit}
+            add(f"ratio_{i}", ratio)
         for i, ratio in enumerate(self.next_record[:3], start=1):
-            found |= {f"ratio_{i}_next_low": ratio.low, f"ratio_{i}_next_high": ratio.high}
+            row |= {f"ratio_{i}_next_low": ratio.low, f"ratio_{i}_next_high": ratio.high}
         if self.window is not None:
-            found |= {"start": self.window.start, "stop": self.window.stop, "cycles": self.window.cycles}
-        return found
+            row |= {"start": self.window.start, "stop": self.window.stop, "cycles": self.window.cycles}
+        return row
 
     def _repr_html_(self) -> str:
         return ratios_table(self.damping_ratio, self.sentence).__html__()
 
     def to_dict(self) -> dict[str, object]:
-        """As plain values, without provenance, with the version of the fields; what is not known is None."""
-        found = {"schema": VERDICT_SCHEMA, **split(self)}
-        found.pop("provenance")
-        return _plain(found)  # type: ignore[return-value]
+        """Return plain values with the version of the fields, without provenance; what is not known is None."""
+        fields = {"schema": VERDICT_SCHEMA, **split(self)}
+        fields.pop("provenance")
+        return _plain(fields)  # type: ignore[return-value]
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any]) -> Self:
-        """The inverse of `to_dict`."""
+        """Make a verdict from what `to_dict` returned."""
         return join(cls, {name: value for name, value in given.items() if name != "schema"})
 
     def to_json(self) -> str:
-        """As `verdict.json` has it, but with amplitudes in this verdict's own unit."""
+        """Return the JSON of `verdict.json`, but with amplitudes in this verdict's own unit."""
         return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
 
     def save(self, path: str | Path) -> Path:
-        """Write it as JSON, all of it or nothing; the path. Raises InputError where it cannot be written."""
+        """Write the verdict as JSON, completely or not at all, and return the path.
+
+        Raises
+        ------
+        InputError
+            Where the file cannot be written.
+        """
         return save_bytes(path, f"{self.to_json()}\n".encode())
 
     @classmethod
     def load(cls, path: str | Path, record: str | None = None) -> Self:
-        """What `save` wrote, or one of the verdicts in a run's verdict.json: the only one, or that of `record`.
+        """Read what `save` wrote, or one of the verdicts in a run's verdict.json.
 
-        Raises InputError where the file holds none, or several and no `record` says which.
+        Parameters
+        ----------
+        path
+            The file.
+        record
+            Name of the record whose verdict is wanted; not needed where the file holds only one.
+
+        Raises
+        ------
+        InputError
+            Where the file holds no verdict, or several and `record` does not name one.
         """
         try:
-            found = json.loads(Path(path).read_text(encoding="utf-8"))
-            every = [cls.from_dict(v) for v in (found if isinstance(found, list) else [found])]
+            content = json.loads(Path(path).read_text(encoding="utf-8"))
+            verdicts = [cls.from_dict(v) for v in (content if isinstance(content, list) else [content])]
         except FileNotFoundError:
             raise InputError(
                 f"{path}: no such file; give one that a verdict's save() or a run wrote"
             ) from None
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            raise InputError(f"{path}: is no verdict; give what a verdict's save() or a run wrote") from None
-        names = ", ".join(v.record for v in every)
-        chosen = every if record is None else [v for v in every if v.record == record]
-        if len(chosen) != 1:
             raise InputError(
-                f"{path}: holds verdicts of {names or 'no record'}; record= must name one of them"
+                f"{path}: is not a verdict; give a file that a verdict's save() or a run wrote"
+            ) from None
+        chosen = verdicts if record is None else [v for v in verdicts if v.record == record]
+        if len(chosen) != 1:
+            names = ", ".join(v.record for v in verdicts)
+            raise InputError(
+                f"{path}: holds verdicts on {names or 'no record'}; record= must name one of them"
             )
         return chosen[0]
 

@@ -1,4 +1,4 @@
-"""A verdict, and what its picture is drawn from, in the unit that a record came in."""
+"""Convert a verdict, and the arrays of its picture, to the unit that a record came in."""
 
 from __future__ import annotations
 
@@ -13,21 +13,23 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence
 
 LENGTHS = ("record", "fit", "residual", "amplitude", "free/amplitude")
-"""Arrays of a picture that are in the unit of the displacement, or of the recorded quantity."""
+"""Arrays of a picture in the unit of the displacement, or of the recorded quantity."""
 ENERGIES = ("work/", "free/lost")
-"""Begin the names of those that are in its square per s²."""
+"""Prefixes of arrays in that unit's square per s²."""
 
 
 def in_unit(v: Verdict, unit: Unit) -> Verdict:
-    """The verdict with its amplitudes, and its sentence, in a record's own unit of displacement; coefficients stay in
-    those of the equation of motion."""
+    """Return the verdict with its amplitudes and sentence in a record's own unit of displacement.
+
+    Coefficients stay in the units of the equation of motion.
+    """
     own, amplitudes = unit.displacement, (*v.damping_ratio, *v.modes)
     if not amplitudes or own.base == own.name or any(r.unit != own.base for r in amplitudes):
         return v
 
-    def shown(value: object) -> object:
+    def convert(value: object) -> object:
         if isinstance(value, tuple):
-            return tuple(map(shown, value))
+            return tuple(map(convert, value))
         if isinstance(value, Mode):
             return replace(value, first=value.first * own.scale, last=value.last * own.scale, unit=own.name)
         if isinstance(value, AtAmplitude | IntervalAt):
@@ -35,18 +37,18 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
         return value
 
     names = ("damping_ratio", "next_record", "modes", "frequency_at", "over_law")
-    changed = replace(v, **{name: shown(getattr(v, name)) for name in names})
+    changed = replace(v, **{name: convert(getattr(v, name)) for name in names})
     return replace(changed, sentence=sentence(changed))
 
 
 def picture_in_unit(arrays: Mapping[str, np.ndarray], unit: Unit) -> dict[str, np.ndarray]:
-    """What a picture is drawn from, as `inference.deviation.picture` leaves it, with lengths and energies in a record's
-    own unit of displacement."""
+    """Return the arrays of `inference.deviation.picture` with lengths and energies in a record's own unit."""
     scale = unit.displacement.scale
 
-    def factor(name: str) -> float:
+    changed = dict(arrays)
+    for name, values in arrays.items():
         if name in LENGTHS:
-            return scale
-        return scale**2 if name.startswith(ENERGIES) else 1.0
-
-    return {name: values if factor(name) == 1.0 else values * factor(name) for name, values in arrays.items()}
+            changed[name] = values * scale
+        elif name.startswith(ENERGIES):
+            changed[name] = values * scale**2
+    return changed

@@ -10,8 +10,6 @@ from bayesdamp.formatting import by_ten, digits, probability, with_interval
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, words_of
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import (
-    Averages,
-    DampingRatio,
     FrequencyAt,
     Grade,
     Interval,
@@ -25,203 +23,191 @@ if TYPE_CHECKING:
     from bayesdamp.inference.deviation.findings import Findings
 
 UNSEEN = 1e-3
-"""Deviation from a law below which it is not given a size."""
+"""Deviation from a law below which its size is not given."""
 ALL = 0.995
-"""Share that is written as 100 %."""
+"""Share from which 100 % is written."""
 LEAST_BOUND = 0.1
-"""Percent below which an upper limit is not given: none is 0."""
+"""Smallest upper limit in percent: a smaller one is written as this, not as 0."""
 UNEVEN = 1.25
 """Ratio of an interval's sides up to which it is written with ±."""
 
 
 def named(damping: str) -> str:
-    """A sum's name in words."""
+    """Return a sum's name in words."""
     return " + ".join(words_of(term) for term in damping.split("+"))
 
 
-def _ratio(r: DampingRatio) -> str:
-    return f"{with_interval(r.value, r.low, r.high, ' %', 100)} at {r.amplitude:.2g} {r.unit}"
-
-
 def sentence(v: Verdict) -> str:
-    """The answer in a sentence: the damping, how large it is, how well the law holds; of several records, how many."""
+    """Return the answer in a sentence: the damping, how large it is, how well the law holds, and how many records."""
     return f"{v.records} records: {_answer(v)}" if v.records > 1 else _answer(v)
 
 
 def _answer(v: Verdict) -> str:
     if v.motion is not None:
-        said = seen_instead(v, v.motion)
+        text = seen_instead(v, v.motion)
         steady = v.motion is Motion.STEADY
-        return f"{_first(said)}." if steady else f"Not the free decay of one oscillator: {said}."
+        return f"{_capitalise(text)}." if steady else f"Not the free decay of one oscillator: {text}."
     if v.unexplained_pct > 100 * thresholds.UNDESCRIBED:
         return (
-            "No damped oscillation that was weighed describes the record: the nearest, with "
-            f"{named(v.damping)} damping, leaves {_left(0.01 * v.unexplained_pct)}."
+            f"No damping model describes the record: the nearest, {named(v.damping)} damping, leaves "
+            f"{_amplitude_share(0.01 * v.unexplained_pct)} unexplained."
         )
-    size, frequency = _size(v), _frequency(v)
+    answer = _capitalise(_size(v)) + _frequency(v)
+    power = ""
+    if v.quantity == "envelope" and v.exponent is not None:
+        power = f"; the damping force {loses_like(v.exponent, v.damping)}"
     if not v.damping:
-        return f"{_first(size)}{frequency}."
+        return f"{answer}."
     if v.contradicted:
         return (
-            f"{_first(size)}{frequency}, measured without a law of damping: the law that fits best, "
-            f"{named(v.damping)}, contradicts this, so none is named."
+            f"{answer}, measured without a law of damping: the law that fits best, {named(v.damping)}, contradicts "
+            "this, so none is named."
         )
     if v.grade is Grade.DEVIATES:
         measured = ", measured without a law of damping" if v.law_free else ""
-        nearest = f"the nearest law of damping is {named(v.damping)}, {_misses(v)}"
-        return f"{_first(size)}{frequency}{measured}; {nearest}{_as_one_power(v)}."
+        return f"{answer}{measured}; the nearest law of damping is {named(v.damping)}, {_misfit(v)}{power}."
     if v.decided:
-        budget = _budget(v)
-        return (
-            f"{_first(named(v.damping))} damping (probability {probability(v.probability)}): "
-            f"{size}{frequency}{budget}{_as_one_power(v)}{_hold(v)}."
+        terms = [s for s in v.energy if s.term in v.damping.split("+")]
+        shares = ", ".join(
+            f"{words_of(s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
+            for s in terms
         )
-    each = [(v.damping, v.probability), *((r.damping, r.probability) for r in v.rivals)]
-    likely = sorted((one for one in each[1:] if one[1] >= thresholds.NAMED), key=lambda one: -one[1])
-    first = each[:1] if v.probability >= thresholds.NAMED or not likely else []
-    shown = sorted([*first, *likely[:2]], key=lambda one: -one[1])
-    between = [f"{named(name)} ({probability(p)})" for name, p in shown]
-    sure = [s.term for s in v.energy if s.probability >= thresholds.TERM_SURE]
-    part = (
-        f"; {' and '.join(words_of(t) for t in sure)} {'is' if len(sure) == 1 else 'are'} sure"
-        if sure
-        else ""
-    )
-    return f"{_first(size)}{frequency}; damping {' or '.join(between)}{part}{_as_one_power(v)}{_hold(v)}."
+        budget = f"; of the energy lost, {shares}" if len(terms) > 1 else ""
+        damping = f"{_capitalise(named(v.damping))} damping (probability {probability(v.probability)})"
+        return f"{damping}: {_size(v)}{_frequency(v)}{budget}{power}{_law_quality(v)}."
+    likely = sorted((r for r in v.rivals if r.probability >= thresholds.NAMED), key=lambda r: -r.probability)
+    shown = [(r.damping, r.probability) for r in likely[:2]]
+    if v.probability >= thresholds.NAMED or not likely:
+        shown = [(v.damping, v.probability), *shown]
+    shown.sort(key=lambda item: -item[1])
+    dampings = " or ".join(f"{named(name)} ({probability(p)})" for name, p in shown)
+    sure = [words_of(s.term) for s in v.energy if s.probability >= thresholds.TERM_SURE]
+    certain = f"; {' and '.join(sure)} {'is' if len(sure) == 1 else 'are'} sure" if sure else ""
+    return f"{answer}; damping {dampings}{certain}{power}{_law_quality(v)}."
 
 
 def _size(v: Verdict) -> str:
-    """How large the damping is: Q or the rate of an envelope, else ratios at amplitudes."""
+    """Return how large the damping is: Q or the rate of an envelope, otherwise ratios at amplitudes."""
     if v.quality_factor is not None:
         return f"Q = {by_ten(with_interval(v.quality_factor.value, v.quality_factor.low, v.quality_factor.high))}"
     if v.rate is not None:
         return f"decay rate {by_ten(with_interval(v.rate.value, v.rate.low, v.rate.high, ' ' + v.rate.unit))}"
-    ratios = [r for r in v.damping_ratio if isfinite(r.value)]
+    ratios = [
+        f"{with_interval(r.value, r.low, r.high, ' %', 100)} at {r.amplitude:.2g} {r.unit}"
+        for r in v.damping_ratio
+        if isfinite(r.value)
+    ]
     if not ratios:
         return "the size of the damping is not determined"
-    last = f", {_ratio(ratios[-1])}" if len(ratios) > 1 else ""
-    return f"equivalent damping ratio {_ratio(ratios[0])}{last}"
+    last = f", {ratios[-1]}" if len(ratios) > 1 else ""
+    return f"equivalent damping ratio {ratios[0]}{last}"
 
 
-def _as_one_power(v: Verdict) -> str:
-    """Of an envelope, as which power of the velocity it loses."""
-    envelope = v.quantity == "envelope" and v.exponent is not None
-    return f"; it {loses_like(v.exponent, v.damping)}" if envelope else ""  # type: ignore[arg-type]
+def _misfit(v: Verdict) -> str:
+    """Return by what a law misses the record: the largest, relative to its threshold, of what `grade_of` checks."""
 
+    def percent(i: Interval) -> str:
+        return f"{100 * i.value:.2g} % ({100 * i.low:.2g} to {100 * i.high:.2g})"
 
-def _misses(v: Verdict) -> str:
-    """Say by what a law misses a record: the largest, relative to its threshold, of what `grade_of` looks at."""
-    damping, restoring = v.deviation, v.restoring_deviation
-    found = [
-        (
-            v.unexplained_pct / (100 * thresholds.UNEXPLAINED),
-            f"which leaves {_left(0.01 * v.unexplained_pct)}",
-        )
-    ]
-    if damping is not None:
-        text = f"from which the damping deviates by {_share_of(damping)}"
-        found.append((damping.value / thresholds.DEVIATES, text))
-    if restoring is not None:
-        text = f"while the restoring force deviates from its law by {_share_of(restoring)}"
-        found.append((restoring.low / thresholds.RESTORING_DEVIATES, text))
-    return max(found)[1]
-
-
-def _share_of(i: Interval) -> str:
-    return f"{100 * i.value:.2g} % ({100 * i.low:.2g} to {100 * i.high:.2g})"
+    left = f"which leaves {_amplitude_share(0.01 * v.unexplained_pct)} unexplained"
+    reasons = [(v.unexplained_pct / (100 * thresholds.UNEXPLAINED), left)]
+    if v.deviation is not None:
+        text = f"from which the damping deviates by {percent(v.deviation)}"
+        reasons.append((v.deviation.value / thresholds.DEVIATES, text))
+    if v.restoring_deviation is not None:
+        text = f"while the restoring force deviates from its law by {percent(v.restoring_deviation)}"
+        reasons.append((v.restoring_deviation.low / thresholds.RESTORING_DEVIATES, text))
+    return max(reasons)[1]
 
 
 def frequency_off(v: Verdict, by_law: FrequencyAt) -> str:
-    """Remark that the restoring law's frequency is not the measured one."""
+    """Return the remark that the restoring law's frequency contradicts the measured one."""
     value = plus_minus(Interval(by_law.value, by_law.low, by_law.high, "Hz"))
     return (
-        f"The best restoring law, {_plain(v.restoring)}, has {value} at {by_law.amplitude:.2g} {by_law.unit}, which "
+        f"The best restoring law, {_in_words(v.restoring)}, has {value} at {by_law.amplitude:.2g} {by_law.unit}, which "
         "contradicts the measured frequency. The frequency given is the measured one, and it is not extrapolated "
         "to small oscillations."
     )
 
 
 def _frequency(v: Verdict) -> str:
-    """The natural frequency; where it lies beyond the record, that at an amplitude of the record before it."""
+    """Return the natural frequency, after that at an amplitude of the record where it is an extrapolation."""
     at = v.frequency_at
     if v.quantity == "envelope":
-        return ""  # it is given, and Q has it
-    if at is None:
-        return "" if v.frequency is None else f", natural frequency {plus_minus(v.frequency)}"
-    seen = plus_minus(Interval(at.value, at.low, at.high, "Hz"))
-    if v.frequency is None:
-        return f", frequency {seen} at {at.amplitude:.2g} {at.unit}"
-    if not extrapolated(v.frequency, at):
-        return f", natural frequency {plus_minus(v.frequency)}"
-    beyond = f"extrapolated to small oscillations: {plus_minus(v.frequency)}"
-    return f", frequency {seen} at {at.amplitude:.2g} {at.unit} ({beyond})"
+        return ""  # it was specified, and Q contains it
+    natural = None if v.frequency is None else plus_minus(v.frequency)
+    if at is None or (v.frequency is not None and not extrapolated(v.frequency, at)):
+        return "" if natural is None else f", natural frequency {natural}"
+    measured = plus_minus(Interval(at.value, at.low, at.high, "Hz"))
+    beyond = "" if natural is None else f" (extrapolated to small oscillations: {natural})"
+    return f", frequency {measured} at {at.amplitude:.2g} {at.unit}{beyond}"
 
 
 def extrapolated(natural: Interval, at: FrequencyAt) -> bool:
-    """Whether the frequency of small oscillations is one that the record does not come to."""
+    """Return whether the frequency of small oscillations is beyond the amplitudes of the record."""
     off = max(abs(natural.value - at.value), 0.5 * (natural.high - natural.low))
     return off > thresholds.EXTRAPOLATED * natural.value
 
 
 def seen_instead(v: Verdict, motion: Motion) -> str:
-    """What is seen in place of the free decay of one oscillator, and how large it is."""
-    one = v.modes[0]
+    """Return what the record is instead of the free decay of one oscillator, and how large that is."""
+    first = v.modes[0]
     if motion is Motion.STEADY:
-        # What it may lose at most, should nothing keep it in motion.
-        limit = max(one.damping_ratio, 0.0) + 0.5 * (one.high - one.low)
+        # The largest loss that it may have, should nothing drive it.
+        limit = max(first.damping_ratio, 0.0) + 0.5 * (first.high - first.low)
         cycles = f" over {v.window.cycles:.0f} cycles" if v.window else ""
         return (
-            f"no decay is seen: it oscillates at {digits(one.frequency, _slack(one))} Hz with an amplitude of "
-            f"{one.first:.3g} {one.unit} that stays{cycles}. Something keeps it in motion, or its damping ratio is "
+            f"no decay is detected: it oscillates at {_frequency_of(first)} Hz with a constant amplitude of "
+            f"{first.first:.3g} {first.unit}{cycles}. Either something drives it, or its damping ratio is "
             f"below {100 * limit:.2g} % (95 %), Q above {float(f'{0.5 / limit:.2g}'):,.0f}"
         )
     if motion is Motion.EXCITED:
-        f, span = f"{one.frequency:.3g} Hz", f"{one.first:.2g} and {one.last:.2g} {one.unit}"
         return (
-            f"at {f} its amplitude rises and falls again and again, between {span}, as random forces would have "
-            "it. Measuring its damping takes a record in which nothing excites it, or a method for ambient vibration"
+            f"at {first.frequency:.3g} Hz its amplitude rises and falls repeatedly between {first.first:.2g} and "
+            f"{first.last:.2g} {first.unit}, as under random forces. To measure the damping, record a decay in which "
+            "nothing excites it, or use a method for ambient vibration"
         )
     if motion is Motion.GROWING:
-        return f"its oscillation at {_mode(one)} grows, from {one.first:.2g} to {one.last:.2g} {one.unit}"
-    other = v.modes[1]
-    share = f"{100 * max(other.first, other.last) / max(one.first, one.last):.2g} %"
-    if motion is Motion.DRIVEN:
-        kept, falls = sorted((one, other), key=lambda m: abs(m.damping_ratio))
         return (
-            f"something keeps it in motion at {digits(kept.frequency, _slack(kept))} Hz with an amplitude of "
-            f"{kept.last:.2g} {kept.unit}, besides a decay at {_mode(falls)}"
+            f"its oscillation at {_mode(first)} grows from {first.first:.2g} to {first.last:.2g} {first.unit}"
         )
-    what = "two oscillations beat" if motion is Motion.BEATS else "two modes are in it"
-    second = f"the second with {share} of the amplitude of the first"
-    return f"{what}, at {_mode(one)} and at {_mode(other)}, {second}"
+    second = v.modes[1]
+    if motion is Motion.DRIVEN:
+        driven, decaying = sorted((first, second), key=lambda m: abs(m.damping_ratio))
+        return (
+            f"something drives it at {_frequency_of(driven)} Hz with an amplitude of {driven.last:.2g} {driven.unit}, "
+            f"in addition to a decay at {_mode(decaying)}"
+        )
+    what = "two oscillations beat" if motion is Motion.BEATS else "it contains two modes"
+    share = f"{100 * max(second.first, second.last) / max(first.first, first.last):.2g} %"
+    return f"{what}, at {_mode(first)} and at {_mode(second)}, the second with {share} of the amplitude of the first"
 
 
 def _mode(m: Mode) -> str:
     ratio = with_interval(m.damping_ratio, m.low, m.high, " %", 100).replace(" (", ", ").rstrip(")")
-    return f"{digits(m.frequency, _slack(m))} Hz (damping ratio {ratio})"
+    return f"{_frequency_of(m)} Hz (damping ratio {ratio})"
 
 
-def _slack(m: Mode) -> float:
-    """A frequency in Hz is known about as well as the damping ratio's width in it."""
-    return max((m.high - m.low) * m.frequency, 1e-4 * m.frequency)
+def _frequency_of(m: Mode) -> str:
+    """Return a mode's frequency; its uncertainty in Hz is about that of the damping ratio times the frequency."""
+    return digits(m.frequency, max((m.high - m.low) * m.frequency, 1e-4 * m.frequency))
 
 
-def _left(share: float) -> str:
-    """What is not explained, as a share of the amplitude."""
+def _amplitude_share(share: float) -> str:
     return f"{100 * share:.2g} % of the amplitude" if share < 1 else "more than the amplitude itself"
 
 
-def _first(text: str) -> str:
+def _capitalise(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
 def given(i: Interval) -> bool:
-    """Whether a number has no width, for it was given and not found."""
+    """Return whether a number has no width, because it was specified and not inferred."""
     return i.high - i.low <= 2e-12 * abs(i.value)
 
 
 def plus_minus(i: Interval) -> str:
-    """`3.4643 ± 0.0006 Hz`; an interval with one side much longer stands in brackets; without a width it was given."""
+    """Return `3.4643 ± 0.0006 Hz`, an uneven interval in brackets, or the value alone where it was specified."""
     up, down = i.high - i.value, i.value - i.low
     half, unit = 0.5 * (up + down), f" {i.unit}" if i.unit else ""
     if given(i):
@@ -231,59 +217,54 @@ def plus_minus(i: Interval) -> str:
     return f"{digits(i.value, half)} ± {digits(half, half)}{unit}"
 
 
-def _budget(v: Verdict) -> str:
-    shares = [s for s in v.energy if s.term in v.damping.split("+")]
-    if len(shares) < 2:
-        return ""
-    parts = [
-        f"{words_of(s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})" for s in shares
-    ]
-    return f"; of the energy lost, {', '.join(parts)}"
-
-
 def energy_of(v: Verdict) -> tuple[str, ...]:
-    """Sentences: the energy budget, and what is bounded of other forms; as many as there is something to say in."""
-    parts = [_share(v, s) for s in v.energy if s.high >= 0.005]
-    listed = {t for r in v.rivals if r.probability >= thresholds.NAMED for t in r.damping.split("+")}
-    absent = [
+    """Return sentences on the energy budget and on the upper limits of other forms, where there are any."""
+    shares = ", ".join(_share(v, s) for s in v.energy if s.high >= 0.005)
+    likely = [r for r in v.rivals if r.probability >= thresholds.NAMED]
+    listed = {t for r in likely for t in r.damping.split("+")}
+    absent = ", ".join(
         f"{words_of(b.form)} {max(100 * b.share_below, LEAST_BOUND):.2g} %"
         for b in v.other_forms
         if b.form not in listed
-    ]
+    )
     own = {s.term for s in v.energy}
-    forms = [
-        r for r in v.rivals if r.probability >= thresholds.NAMED and not own.issuperset(r.damping.split("+"))
-    ]
+    forms = [r for r in likely if not own.issuperset(r.damping.split("+"))]
     other = max(forms, key=lambda r: r.probability, default=None)
-    shares = ", ".join(parts)
-    if other is not None and parts:
-        # Shares are those of sums of the terms, and hold only where the damping is not of that other form.
+    if other is not None and shares:
+        # Shares are those of sums of the terms, and hold only if the damping does not have that other form.
         form = f"by {named(other.damping)} damping"
         chance = f"with probability {probability(other.probability)}"
-        likelier = other.probability > v.probability
-        shares = f"{form} {chance}; without it {shares}" if likelier else f"{shares}; or {form}, {chance}"
-    said = (
-        f"Energy lost: {shares}." if parts else "",
-        f"Other damping terms can account for at most (95 %): {', '.join(absent)}." if absent else "",
-    )
-    return tuple(filter(None, said))
+        if other.probability > v.probability:
+            shares = f"{form} {chance}; without it {shares}"
+        else:
+            shares = f"{shares}; or {form}, {chance}"
+    sentences = []
+    if shares:
+        sentences.append(f"Energy lost: {shares}.")
+    if absent:
+        sentences.append(f"Other damping terms can account for at most (95 %): {absent}.")
+    return tuple(sentences)
 
 
 def _share(v: Verdict, s: Share) -> str:
-    """A term's share with its interval over all that is possible; of the sole term of the answer, how probable it is
-    that nothing else takes energy, in place of an interval that begins at 0 where a rival without it is possible."""
+    """Return a term's share with its interval over all that is possible.
+
+    The only term of the answer has the probability that no other term takes energy instead: an interval would begin at
+    0 where a rival without the term is possible.
+    """
     name = words_of(s.term)
     if s.low >= ALL:
         return f"all of it {name}"
     if s.term == v.damping and s.share >= ALL:
-        said = f"all of it {name}" if v.probability >= 0.5 else f"{name} alone"
-        return f"{said} with probability {probability(v.probability)}"
+        whole = f"all of it {name}" if v.probability >= 0.5 else f"{name} alone"
+        return f"{whole} with probability {probability(v.probability)}"
     if round(100 * s.share) == 0:
         return f"{name} at most {100 * s.high:.0f} %"
     return f"{name} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
 
 
-def _hold(v: Verdict) -> str:
+def _law_quality(v: Verdict) -> str:
+    """Return how well the law holds."""
     if v.deviation is None:
         return ""
     d = v.deviation
@@ -307,104 +288,103 @@ def loses_like(e: Interval, damping: str = "") -> str:
     """
     shown = plus_minus(e)
     grows = f"grows as v^({shown})" if "±" in shown else f"grows as v^{shown}"
-    held = _held(e)
-    if held is None:
+    if e.high - e.low > 2 * thresholds.EXPONENT_NAMED:
         return grows
-    power, name = held
+    laws = [
+        (p, name)
+        for p, name in ((0, "Coulomb"), (1, "viscous"), (2, "quadratic"))
+        if e.low - 0.02 <= p <= e.high + 0.02
+    ]
+    if len(laws) != 1:
+        return grows
+    power, name = laws[0]
     if all(term in PAPER_TERMS for term in damping.split("+") if term):
         return f"{grows}, which is {name}"
     return f"{grows}, near the v^{power} of {name} damping"
 
 
-def _held(e: Interval) -> tuple[int, str] | None:
-    """Which of the three laws an exponent's interval holds alone: its power and its name."""
-    if e.high - e.low > 2 * thresholds.EXPONENT_NAMED:
-        return None
-    held = [
-        (p, name)
-        for p, name in ((0, "Coulomb"), (1, "viscous"), (2, "quadratic"))
-        if e.low - 0.02 <= p <= e.high + 0.02
-    ]
-    return held[0] if len(held) == 1 else None
-
-
 def called(name: str) -> str:
-    """A parameter of a damping, as a sentence has it: a coefficient by its term."""
+    """Return how a sentence calls a parameter: a coefficient by its damping term."""
     term = next((t for t in TERMS.names() if TERMS.get(t).parameter == name), None)
-    return f"the {_plain(name)}" if term is None else f"the coefficient of {words_of(term)} damping"
+    return f"the {_in_words(name)}" if term is None else f"the coefficient of {words_of(term)} damping"
 
 
-def _plain(name: str) -> str:
-    """A parameter's name in a sentence."""
+def _in_words(name: str) -> str:
     return name.replace("_", " ")
 
 
 def remarks(
     v: Verdict,
-    found: Findings,
+    findings: Findings,
     same: bool,
     notes: Sequence[str],
     twins: Sequence[tuple[str, str, float]] = (),
 ) -> tuple[str, ...]:
-    """Reservations, the largest first, each with its size.
+    """Return reservations with their sizes, the largest first.
 
-    twins: a term of the answer, one that takes as much from every amplitude, and how much of the energy that may have.
+    Parameters
+    ----------
+    v
+        The verdict.
+    findings
+        The numbers that it was decided on.
+    same
+        Whether exact laws have the same most probable damping.
+    notes
+        Sentences on the record.
+    twins
+        A term of the answer, a term that loses the same at every amplitude, and the largest share of the energy that
+        the latter may have.
     """
-    said = [(0.0, note) for note in notes]
+    weighted = [(0.0, note) for note in notes]
     if not v.contradicted:
-        said += [
-            (
-                0.9,
+        for term, twin, share in twins:
+            text = (
                 f"The record cannot distinguish {words_of(term)} damping from {words_of(twin)}: both lose the same at "
                 f"every amplitude and differ only within a cycle. Up to {100 * share:.0f} % of the loss may be the "
-                "other.",
+                "other."
             )
-            for term, twin, share in twins
-        ]
-        said += [
-            (0.6, f"The record does not determine the {_plain(name)}; its interval is just the prior.")
-            for name in found.untold
-        ]
-        said += [
-            (
-                0.6,
-                f"Only a combination of {called(one)} and {called(other)} is determined, not each separately.",
-            )
-            for one, other in found.tied
-        ]
+            weighted.append((0.9, text))
+        for name in findings.untold:
+            text = f"The record does not determine the {_in_words(name)}; its interval is just the prior."
+            weighted.append((0.6, text))
+        for first, second in findings.tied:
+            pair = f"{called(first)} and {called(second)}"
+            weighted.append((0.6, f"Only a combination of {pair} is determined, not each separately."))
     if not same and v.grade is not Grade.DEVIATES:
-        other = named(next(iter(found.exact)))
+        other = named(next(iter(findings.exact)))
         text = (
             f"If damping and spring followed their laws exactly, {other} would be the most probable damping."
         )
-        said.append((1.0, text))
-    if found.unexplained >= thresholds.REMARK:
-        text = f"{_first(_left(found.unexplained))} is not explained by the law."
-        said.append((found.unexplained, text))
-    if (drift := abs(found.midline)) >= thresholds.MIDLINE:
+        weighted.append((1.0, text))
+    if findings.unexplained >= thresholds.REMARK:
+        text = f"{_capitalise(_amplitude_share(findings.unexplained))} is not explained by the law."
+        weighted.append((findings.unexplained, text))
+    if (drift := abs(findings.midline)) >= thresholds.MIDLINE:
         text = f"The midline drifts by {100 * drift:.2g} % of the first amplitude over the record."
-        said.append((drift, text))
-    fallen = found.amplitudes[1] / found.amplitudes[0]
+        weighted.append((drift, text))
+    fallen = findings.amplitudes[1] / findings.amplitudes[0]
     if fallen > thresholds.HARDLY_FALLS:
         by = f"falls by only {100 * (1 - fallen):.0f} %" if fallen < 1 else "does not fall"
-        said.append((0.5, f"The amplitude {by}, so damping models are hard to distinguish."))
+        weighted.append((0.5, f"The amplitude {by}, so damping models are hard to distinguish."))
     if v.exponent is not None:
         text = f"Fitted as a power law, the damping force {loses_like(v.exponent, v.damping)}."
-        said.append((0.0, text))
+        weighted.append((0.0, text))
     if v.averages is not None:
-        said.append(_averaged(v.averages))
-    return tuple(text for _, text in sorted(said, key=lambda item: -item[0]))
-
-
-def _averaged(a: Averages) -> tuple[float, str]:
-    """Say what averaging over cycles moves, with the weight of the remark."""
-    fine = a.error_sd <= thresholds.AVERAGED
-    how = (
-        f"; that moves no parameter by more than {a.error_sd:.1g} of its standard deviation from the full motion"
-        if fine
-        else f", too many for the equation of motion; that moves parameters by up to {a.error_sd:.2g} of their "
-        "standard deviations"
-        if isfinite(a.error_sd)
-        else "; the equation of motion could not be solved to check this approximation"
-    )
-    return 0.0 if fine else 0.5, f"Amplitude and phase were averaged over {a.cycles:,.0f} cycles{how}."
+        error = v.averages.error_sd
+        small = error <= thresholds.AVERAGED
+        if small:
+            effect = (
+                f"; that moves no parameter by more than {error:.1g} of its standard deviation from the full "
+                "motion"
+            )
+        elif isfinite(error):
+            effect = (
+                f", too many for the equation of motion; that moves parameters by up to {error:.2g} of their standard "
+                "deviations"
+            )
+        else:
+            effect = "; the equation of motion could not be solved to check this approximation"
+        text = f"Amplitude and phase were averaged over {v.averages.cycles:,.0f} cycles{effect}."
+        weighted.append((0.0 if small else 0.5, text))
+    return tuple(text for _, text in sorted(weighted, key=lambda item: -item[0]))

@@ -90,5 +90,5 @@ def test_a_folder_without_a_run_is_refused(tmp_path):
         capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     assert process.returncode == 2
-    assert "holds no run" in process.stderr
+    assert "does not contain a run" in process.stderr
     assert not out.exists()

@@ -17,7 +17,7 @@ import pytest
 
 import bayesdamp
 from bayesdamp.cli import main
-from bayesdamp.cli.asked import compiles_first
+from bayesdamp.cli.runs import compilation_notice
 from bayesdamp.pipeline import Depth
 from bayesdamp.types import InputError, Refusal
 
@@ -184,7 +184,7 @@ def test_a_study_returns_the_pipeline_s_status(
         (
             RuntimeError("a\nb"),
             1,
-            "a fault of the program: RuntimeError: a b (BAYESDAMP_DEBUG=1 shows where)",
+            "internal error: RuntimeError: a b (BAYESDAMP_DEBUG=1 shows where)",
         ),
         (
             OSError(28, "No space left on device"),
@@ -230,7 +230,7 @@ def test_a_command_that_is_told_to_end_is_interrupted(
         assert main(["study", "study.toml"]) == 130
     finally:
         signal.signal(number, before)
-    assert one_line(capsys) == "interrupted; the same command resumes what was done"
+    assert one_line(capsys) == "interrupted; the same command resumes the run"
 
 
 def test_debugging_shows_where(
@@ -323,7 +323,7 @@ def test_what_is_not_said_of_a_simulation_is_taken_and_said(
     """Its frequency is that of the stiffness: sqrt(40)/2π; with a cubic of 40 the first swings are some per cent
     faster. The control says all, and nothing is said of it. What is said can be typed and is the same record."""
     assert main(["simulate", "--out", "a.csv", "--noise-sd", "0", *words]) == 0
-    assert capsys.readouterr().err == (f"taken where nothing was said: {said}\n" if said else "")
+    assert capsys.readouterr().err == (f"defaults used: {said}\n" if said else "")
     t, y = np.loadtxt(folder / "a.csv", delimiter=",", skiprows=2).T
     crossings = t[:-1][np.diff(np.sign(y)) < 0]
     assert 1 / np.mean(np.diff(crossings[:6])) == pytest.approx(frequency, rel=0.015)
@@ -378,11 +378,11 @@ def test_the_installed_command_returns_the_status(folder: Path) -> None:
 def test_the_first_command_says_that_it_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The control has a compiled program."""
     monkeypatch.setenv("BAYESDAMP_CACHE", str(tmp_path))
-    assert compiles_first().startswith("compiling")
+    assert compilation_notice().startswith("compiling")
     (tmp_path / "kernels").mkdir()
-    assert compiles_first()
+    assert compilation_notice()
     (tmp_path / "kernels" / "bayesdamp_kernel_1").mkdir()
-    assert not compiles_first()
+    assert not compilation_notice()
 
 
 def test_simulate_names_what_a_term_needs_beside_its_coefficient(tmp_path, capsys):

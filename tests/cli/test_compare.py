@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.cli.asked import own_folder
+from bayesdamp.cli.runs import choose_folder
 from bayesdamp.config.compare import comparison, laws_for
 from bayesdamp.config.load import record_question
 from bayesdamp.pipeline.records import compute_signal, signal_key
@@ -58,7 +58,7 @@ def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -
     [
         ([], "has 3 columns"),
         (["--angle", "2", "--rate", "-3"], "--rate: is -3; it must be a number of samples per second"),
-        (["--angle", "2", "--rate", "3", "--time", "1"], "--rate: stands in for a column of times"),
+        (["--angle", "2", "--rate", "3", "--time", "1"], "--rate: replaces a column of times"),
         (["--angle", "2", "--rate", "abc"], "--rate: must be a valid number"),
         (["--angle", "2", "--start", "5", "--stop", "2"], "--stop: is 2; it must be later than --start (5)"),
         (["--angle", "2", "--workers", "0"], "--workers: must be greater than or equal to 1"),
@@ -119,17 +119,17 @@ def test_two_questions_share_no_folder_that_nobody_chose(tmp_path, monkeypatch) 
     monkeypatch.chdir(tmp_path)
     asked_for = [{"file": str(write(tmp_path / "a.csv")), "time": "t", "angle": "angle"}]
     first, other = comparison(asked_for), comparison(asked_for, damping=["viscous", "coulomb"])
-    assert own_folder(first) == own_folder(other) == Path("reports/a")
+    assert choose_folder(first) == choose_folder(other) == Path("reports/a")
     write_json(Path("reports/a/run.json"), {"asked": record_question(first, Path("reports/a"))})
-    assert own_folder(first) == Path("reports/a")
-    assert own_folder(other) == Path("reports/a-2")
+    assert choose_folder(first) == Path("reports/a")
+    assert choose_folder(other) == Path("reports/a-2")
     write_json(Path("reports/a-2/run.json"), {"name": "of an older version"})
-    assert own_folder(other) == Path("reports/a-3")
+    assert choose_folder(other) == Path("reports/a-3")
     elsewhere = tmp_path / "elsewhere" / "a.csv"
     elsewhere.parent.mkdir()
-    assert own_folder(comparison([{"file": str(write(elsewhere)), "time": "t", "angle": "angle"}])) == Path(
-        "reports/a-3"
-    )
+    assert choose_folder(
+        comparison([{"file": str(write(elsewhere)), "time": "t", "angle": "angle"}])
+    ) == Path("reports/a-3")
 
 
 CLOSED = """

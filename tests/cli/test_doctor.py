@@ -18,10 +18,10 @@ from bayesdamp.cli.commands.completion import SHELLS, VARIABLE
 def test_a_fault_in_one_check_is_its_finding(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def broken() -> doctor.Finding:
+    def broken() -> doctor.CheckResult:
         raise OSError("no such library")
 
-    monkeypatch.setattr(doctor.findings, "__defaults__", ((doctor.machine, broken),))
+    monkeypatch.setattr(doctor.results, "__defaults__", ((doctor.machine, broken),))
     assert main(["doctor"]) == 1
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith("ok  machine")
@@ -29,23 +29,23 @@ def test_a_fault_in_one_check_is_its_finding(
 
 
 def test_versions_out_of_range_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert doctor.packages().well
+    assert doctor.packages().good
     monkeypatch.setattr(doctor, "requires", lambda _: ["numpy>=2.0", "scipy>=99", "no-such-library>=1"])
     found = doctor.packages()
-    assert not found.well
-    assert "scipy is" in found.said
-    assert "wanted >=99" in found.said
-    assert "no-such-library is missing" in found.said
+    assert not found.good
+    assert "scipy is" in found.text
+    assert "but >=99" in found.text
+    assert "no-such-library is missing" in found.text
 
 
 def test_a_cache_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     monkeypatch.setenv("BAYESDAMP_CACHE", str(tmp_path / "file" / "below"))
     found = doctor.cache()
-    assert not found.well
-    assert "BAYESDAMP_CACHE" in found.said
+    assert not found.good
+    assert "BAYESDAMP_CACHE" in found.text
     monkeypatch.setenv("BAYESDAMP_CACHE", str(tmp_path / "new"))
-    assert doctor.cache().well
+    assert doctor.cache().good
 
 
 @pytest.mark.slow

@@ -12,8 +12,8 @@ import pytest
 
 import bayesdamp
 from bayesdamp.cli import main
-from bayesdamp.cli.asking import Options, as_signals, chosen_records, first_words_on
-from bayesdamp.cli.looking.plot import dots, plot
+from bayesdamp.cli.looking import dots, plot
+from bayesdamp.cli.records import ReadingOptions, as_signals, chosen_records, first_words_on
 from bayesdamp.cli.study_file import written
 from bayesdamp.config import Recording, in_keys, load_study
 from bayesdamp.config.compare import comparison
@@ -90,7 +90,7 @@ def test_look_says_where_there_are_no_samples(tmp_path, capsys) -> None:
         np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header="t (s),angle (rad)", comments="")
         assert main(["look", str(tmp_path / f"{name}.csv")]) == 0
         said = " ".join(capsys.readouterr().out.split())
-        assert ("No samples for 1.04 s from 3.98 s on: it is fitted across." in said) is (name == "hole")
+        assert ("No samples for 1.04 s from 3.98 s on; the fit bridges the gap." in said) is (name == "hole")
 
 
 def test_look_says_once_that_a_unit_is_doubted(tmp_path, capsys) -> None:
@@ -109,8 +109,8 @@ def test_the_first_words_on_what_is_no_free_decay(tmp_path) -> None:
     y = np.exp(-0.05 * t) * (np.sin(14 * t) + 0.6 * np.sin(16 * t))
     rows = [f"{a:.3f},{b:.5f}" for a, b in zip(t, y, strict=True)]
     (tmp_path / "a.csv").write_text("\n".join(["t,x (mm)", *rows]), encoding="utf-8")
-    found = chosen_records([tmp_path / "a.csv"], Options()).records
-    (said,) = first_words_on(found, Options())
+    found = chosen_records([tmp_path / "a.csv"], ReadingOptions()).records
+    (said,) = first_words_on(found, ReadingOptions())
     assert said.startswith("a.csv: Not the free decay of one oscillator: two oscillations beat, at 2.228")
 
 
@@ -129,12 +129,12 @@ def test_times_in_an_unlikely_unit_are_asked_about_and_not_computed_with(
     path = tmp_path / "a.csv"
     path.write_text("\n".join([f"{head},angle", *(f"{t},{y}" for t, y in zip(times.tolist(), Y.tolist()))]))
     with pytest.raises(InputError, match=re.escape(said)):
-        chosen_records([path], Options())
+        chosen_records([path], ReadingOptions())
     with pytest.raises(InputError, match=r"time_unit="):
         bayesdamp.read(path)
     with pytest.raises(InputError, match=r"\(signal.time_unit, signal.rate\)$"), in_keys():
         recorded(Recording(file=path.name, path=path, angle=2, time=1))
-    assert chosen_records([path], Options(time_unit="s")).records
+    assert chosen_records([path], ReadingOptions(time_unit="s")).records
     assert bayesdamp.read(path, time_unit="s").raw[0].t is not None
     assert recorded(Recording(file=path.name, path=path, angle=2, time=1, time_unit="s")).t is not None
 
@@ -169,8 +169,8 @@ def test_a_fast_or_slow_record_whose_unit_is_said_is_answered(tmp_path, period: 
     t = period / 40 * np.arange(600)
     y = 0.3 * np.exp(-0.1 * t / period) * np.cos(2 * np.pi * t / period)
     (tmp_path / "a.csv").write_text("\n".join(["t (s),x (m)", *(f"{a},{b}" for a, b in zip(t, y))]))
-    found = chosen_records([tmp_path / "a.csv"], Options()).records
-    (said,) = first_words_on(found, Options())
+    found = chosen_records([tmp_path / "a.csv"], ReadingOptions()).records
+    (said,) = first_words_on(found, ReadingOptions())
     frequency, half, power = re.findall(r"at \(?([\d.]+) ± ([\d.]+)\)?(?: × 10(\S+))? Hz", said)[0]
     tens = 10.0 ** int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
     assert 0 < float(half) * tens < 1e-3 / period
@@ -182,15 +182,15 @@ def test_stamps_since_an_epoch_count_from_the_first_sample_and_every_release_is_
     y = np.exp(-0.05 * (t % 40)) * np.cos(3 * (t % 40)) + 1e-3 * np.sin(77 * t)
     rows = [f"{1700000000.25 + a:.2f},{b:.5f}" for a, b in zip(t, y, strict=True)]
     (tmp_path / "a.csv").write_text("\n".join(["stamp (s),x (mm)", *rows]), encoding="utf-8")
-    chosen = chosen_records([tmp_path / "a.csv"], Options())
-    assert "a.csv: Times are counted from the first sample (1700000000.25 s)." in chosen.said
-    first, others = first_words_on(chosen.records, Options())
+    chosen = chosen_records([tmp_path / "a.csv"], ReadingOptions())
+    assert "a.csv: Times are counted from the first sample (1700000000.25 s)." in chosen.notes
+    first, others = first_words_on(chosen.records, ReadingOptions())
     spans = [tuple(map(float, re.findall(r"([\d.]+) to ([\d.]+) s", text)[0])) for text in (first, others)]
     assert others.startswith("a.csv: Another free decay is in the record and not used: ")
     early, late = sorted(spans)
     assert 0 <= early[0] < 5 < 30 < early[1] <= late[0] < 45 < 70 < late[1] < 80
-    later = chosen_records([tmp_path / "a.csv"], Options(start=41.0)).records
-    assert float(re.findall(r"\(([\d.]+) to", first_words_on(later, Options(start=41.0))[0])[0]) >= 41
+    later = chosen_records([tmp_path / "a.csv"], ReadingOptions(start=41.0)).records
+    assert float(re.findall(r"\(([\d.]+) to", first_words_on(later, ReadingOptions(start=41.0))[0])[0]) >= 41
 
 
 def test_one_bad_file_of_several_costs_its_own_record(tmp_path) -> None:
@@ -199,14 +199,14 @@ def test_one_bad_file_of_several_costs_its_own_record(tmp_path) -> None:
     for name, lines in (("a", rows), ("b", [*rows[:50], "1.0,nan", *rows[51:]]), ("c", rows), ("d", still)):
         (tmp_path / f"{name}.csv").write_text("\n".join(["t (s),x (rad)", *lines]), encoding="utf-8")
     paths = [tmp_path / f"{name}.csv" for name in "abcde"]
-    chosen = chosen_records(paths, Options())
+    chosen = chosen_records(paths, ReadingOptions())
     assert [one.path.name for one in chosen.records] == ["a.csv", "c.csv"]
     assert [str(error)[:6] for error in chosen.failed] == ["b.csv:", "d.csv:", "e.csv:"]
     assert "line 52: the value is nan" in str(chosen.failed[0])
     with pytest.raises(InputError, match=r"b\.csv: line 52"):
-        chosen_records(paths, Options(), every=True)
+        chosen_records(paths, ReadingOptions(), every=True)
     with pytest.raises(InputError, match=r"b\.csv: line 52"):
-        chosen_records([paths[1], paths[3]], Options())
+        chosen_records([paths[1], paths[3]], ReadingOptions())
 
 
 def test_a_name_with_marks_of_html_stays_text(tmp_path) -> None:
@@ -252,15 +252,15 @@ def test_init_writes_a_study_that_checks_and_reads(tmp_path, capsys) -> None:
     capsys.readouterr()
     before = out.read_bytes()
     assert main(["init", str(file)]) == 2
-    assert "it is not written over" in capsys.readouterr().err
+    assert "is not overwritten" in capsys.readouterr().err
     assert out.read_bytes() == before
 
 
 def test_what_init_writes_is_what_compare_asks(tmp_path) -> None:
     file = runs(tmp_path / "rig.csv")
     assert main(["init", str(file), "--runs", "1,3"]) == 0
-    found = chosen_records([file], Options(runs="1,3")).records
-    asked = comparison(as_signals(found, Options(runs="1,3")))
+    found = chosen_records([file], ReadingOptions(runs="1,3")).records
+    asked = comparison(as_signals(found, ReadingOptions(runs="1,3")))
     written_ = load_study(tmp_path / "rig.toml")
     ours, theirs = asked.resolved(), written_.resolved()
     for signal in (*ours["signals"], *theirs["signals"]):
@@ -277,8 +277,8 @@ def test_values_are_written_as_toml_reads_them(value: object) -> None:
 
 def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
     file = runs(tmp_path / "rig.csv")
-    chosen = chosen_records([file], Options())
-    found, said = chosen.records, chosen.said
+    chosen = chosen_records([file], ReadingOptions())
+    found, said = chosen.records, chosen.notes
     assert [one.raw.run for one in found] == ["1", "3"]
     assert "rig.csv: run 2, Angle, left (deg) is left out" in said[0]
     assert said[1] == "rig.csv: 2 records: run 1, Angle, left (deg); run 3, Angle, left (deg)"
@@ -286,13 +286,13 @@ def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
     assert any(
         "left out because it does not change: 'Supply (V) Run #1' (--angle NAME" in line for line in said
     )
-    first = first_words_on(found, Options())
+    first = first_words_on(found, ReadingOptions())
     assert [line.split(":")[0] for line in first] == ["rig.csv, run 1", "rig.csv, run 3"]
-    study = comparison(as_signals(found, Options()))
+    study = comparison(as_signals(found, ReadingOptions()))
     assert len({s.name for s in study.signals}) == 2
     assert len(study.specimens) == 1
-    alone = chosen_records([file], Options(runs="3")).records
-    assert not comparison(as_signals(alone, Options())).specimens
+    alone = chosen_records([file], ReadingOptions(runs="3")).records
+    assert not comparison(as_signals(alone, ReadingOptions())).specimens
 
 
 def test_a_file_of_which_no_record_is_a_decay(tmp_path, capsys) -> None:
@@ -336,9 +336,9 @@ def test_a_unit_that_nobody_states_is_said(tmp_path: Path, head: str, unit: str 
     path = tmp_path / "rig.csv"
     rows = np.column_stack([t, 0.05 * np.exp(-0.1 * t) * np.cos(8 * t)])
     np.savetxt(path, rows, delimiter=",", header=f"time,{head}", comments="")
-    options = Options(unit=unit)
+    options = ReadingOptions(unit=unit)
     lines = first_words_on(chosen_records([path], options).records, options)
-    assert any("No unit is stated" in line and "--unit" in line for line in lines) == said
+    assert any("No unit given" in line and "--unit" in line for line in lines) == said
 
 
 def levels(path: Path, head: str) -> Path:
@@ -364,7 +364,7 @@ def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:
     assert main(["look", str(plain), "--quantity", "envelope", "--start", "5"]) == 0
     assert "The decay starts at 5 s, as asked" in " ".join(capsys.readouterr().out.split())
     assert main(["look", str(plain)]) == 0
-    assert "of an envelope: --quantity envelope" in " ".join(capsys.readouterr().out.split())
+    assert "use --quantity envelope" in " ".join(capsys.readouterr().out.split())
     assert main(["look", str(level), "--html", str(tmp_path / "a.html")]) == 0
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "<h2>an envelope in dBm</h2>" in page

@@ -57,7 +57,7 @@ def test_a_pipe_that_is_closed_elsewhere_is_a_fault(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(app, "_commands", lambda: lambda args, standalone_mode: broken(args))
     assert app.main(["doctor"]) == 1
-    assert "a fault of the program: BrokenPipeError" in capsys.readouterr().err
+    assert "internal error: BrokenPipeError" in capsys.readouterr().err
 
 
 def test_without_an_output_a_command_does_what_it_does():

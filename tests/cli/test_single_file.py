@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.cli import main
-from bayesdamp.cli.looking import page
+from bayesdamp.cli import looking, main
 from bayesdamp.cli.single_file import CLAIMS_PAGE, GENERATOR, LOOK_PAGE, SIMULATED
 
 ROOT = Path(__file__).parents[2]
@@ -46,7 +45,7 @@ def test_a_file_of_the_user_s_stays(folder: Path, capsys: pytest.CaptureFixture[
     for content in (b"precious\n", b"", b"\xff\x00"):
         (folder / name).write_bytes(content)
         said = refused([*WRITING[name], name], capsys)
-        what = "is there already and was not made by bayesdamp: give another name, or remove it"
+        what = "already exists and was not made by bayesdamp: give another name, or remove it"
         assert said == f"{WRITING[name][-1]} {name}: {what}"
         assert (folder / name).read_bytes() == content
     (folder / name).unlink()  # the control: a new name, and then what the command itself wrote
@@ -62,11 +61,11 @@ def test_a_file_of_the_user_s_stays(folder: Path, capsys: pytest.CaptureFixture[
 
 def test_what_a_command_reads_it_does_not_replace(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = (folder / "ok.csv").read_bytes()
-    assert "is read by this command" in refused(["look", "ok.csv", "--html", "./ok.csv"], capsys)
+    assert "is an input of this command" in refused(["look", "ok.csv", "--html", "./ok.csv"], capsys)
     assert main(["look", "ok.csv", "--html", "ok.html"]) == 0
     capsys.readouterr()
     drawn = (folder / "ok.html").read_bytes()  # of the right kind, and yet
-    assert "is read by this command" in refused(["look", "ok.html", "--html", "ok.html"], capsys)
+    assert "is an input of this command" in refused(["look", "ok.html", "--html", "ok.html"], capsys)
     assert (folder / "ok.csv").read_bytes() == before
     assert (folder / "ok.html").read_bytes() == drawn
 
@@ -84,7 +83,7 @@ def test_a_file_that_comes_up_meanwhile_stays(
         (folder / "new.html").write_text("mine")
         return "page"
 
-    monkeypatch.setattr(page, "page_of", slow)
+    monkeypatch.setattr(looking, "page_of", slow)
     assert main(["look", "ok.csv", "--html", "new.html"]) == 2
     assert "was not made by bayesdamp" in capsys.readouterr().err
     assert (folder / "new.html").read_text() == "mine"

@@ -83,7 +83,7 @@ def test_a_name_that_no_text_can_hold(folder: Path, capsys: pytest.CaptureFixtur
         pytest.skip("a disk that has no such names")
     for command in ("compare", "init"):
         assert main([command, name]) == 2
-        assert one_line(capsys).startswith("\\udcff.csv: its name is no UTF-8, in which a run says")
+        assert one_line(capsys).startswith("\\udcff.csv: the file name is not valid UTF-8; rename the file")
     done = in_process(("look", name, "--html", "a.html"))
     assert (done.returncode, done.stderr) == (0, b"")
 
@@ -104,7 +104,7 @@ def test_claims_are_judged_by_a_run_of_the_paper_s_study(
     (folder / "base" / "run.json").write_text(json.dumps(about))
     assert main(["claims", "--paper", "base", "--out", "a.md"]) == 2
     assert one_line(capsys).startswith(
-        "--paper base: is no run of the paper's study (studies/paper.toml); give"
+        "--paper base: is not a run of the paper's study (studies/paper.toml); give"
     )
     paper = Path(__file__).parents[2] / "reports" / "paper"
     assert main(["claims", "--paper", str(paper), "--out", "a.md"]) == 0  # the control

@@ -13,12 +13,12 @@ from scipy.stats import halfnorm
 from bayesdamp.inference.envelope.candidates import Blocks, weigh, weigh_power
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.physics.amplitude.law import ClosedForm
+from bayesdamp.physics.amplitude.laws import ClosedForm
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.records.envelope.window import Window, bounded
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
-from bayesdamp.verdict.envelope.specimen import specimen
+from bayesdamp.verdict.envelope import specimen
 from tests.envelope.ringdowns import NEPER, Ringdown, simulate
 from tests.envelope.weighed import log_evidence_as_given, place_as_given
 from tests.validation.envelopes import drawn

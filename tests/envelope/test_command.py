@@ -197,7 +197,7 @@ def test_repeats_of_measured_samples_agree_within_their_intervals():
     if not DATA.exists():
         pytest.skip("the measured decays are not here")
     from bayesdamp.interface.envelopes import analyse
-    from bayesdamp.verdict.envelope.specimen import specimen
+    from bayesdamp.verdict.envelope import specimen
 
     for sample, count in (("SP23-62", 4), ("0344", 2)):
         records = [read_envelope(path) for path in sorted(DATA.glob(f"*{sample}.txt"))]

@@ -19,7 +19,7 @@ from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.types import InputError
-from bayesdamp.verdict.envelope.specimen import joint_damping, shared_likelihoods, specimen
+from bayesdamp.verdict.envelope import joint_damping, shared_likelihoods, specimen
 from bayesdamp.verdict.specimen import probabilities
 from tests.envelope.ringdowns import Ringdown, simulate
 

@@ -18,9 +18,9 @@ MODULES = sorted(
         "bayesdamp.interface.evidence",
         "bayesdamp.interface.fit",
         "bayesdamp.interface.model",
-        "bayesdamp.interface.records.record",
-        "bayesdamp.interface.records.signal",
-        "bayesdamp.interface.records.simulate",
+        "bayesdamp.interface.record",
+        "bayesdamp.interface.signal",
+        "bayesdamp.interface.simulate",
         "bayesdamp.records.oscillation.first_look",
     }
 )

@@ -186,7 +186,7 @@ def test_without_an_oscillation_the_outcome_says_so() -> None:
             lambda: bd.fit(
                 bd.signal(TIMES, record().y, unit="mm", cleaned=False), bd.Model("viscous", "pendulum")
             ),
-            "a translation, which pendulum is not; restoring can be duffing, linear",
+            "a translation, which pendulum does not describe; restoring can be duffing, linear",
         ),
     ],
 )

@@ -68,7 +68,7 @@ def test_where_no_decay_is_seen_the_loss_is_bounded() -> None:
     one = verdict.modes[0]
     expected = 24**0.5 * 0.003 / (0.3 * 40**1.5 * 50**0.5) / OMEGA
     assert (one.high - one.low) / 3.92 == pytest.approx(expected, rel=0.1)
-    assert verdict.sentence.startswith("No decay is seen: it oscillates at 0.6366")
+    assert verdict.sentence.startswith("No decay is detected: it oscillates at 0.6366")
     assert "damping ratio is below" in verdict.sentence
 
 
@@ -194,9 +194,9 @@ def test_a_study_without_a_verdict_says_what_is_wrong_with_a_record(
     said = capsys.readouterr().out
     assert "Beware: line 62 has 3 cells where the table has 2:" in said
     assert ("rig: Not the free decay of one oscillator: its oscillation at 0.6366" in said) == grows
-    assert (" grows, from 5.7" in said) == grows, "in degrees"
+    assert (" grows from 5.7" in said) == grows, "in degrees"
     content = RecordContent.of(Store(tmp_path / "out").read("signal/rig/0"))
-    assert any("grows, from 5.7" in text for text in content.anomalies) == grows
+    assert any("grows from 5.7" in text for text in content.anomalies) == grows
 
 
 @pytest.mark.parametrize("known", ["stiffness = -16.0", "stiffness = -16.0\nrest_angle = 0.0"])

@@ -107,7 +107,7 @@ def test_nothing_is_changed() -> None:
 @pytest.mark.parametrize(
     ("attempt", "line"),
     [
-        (lambda: bd.signal([1, 2], [3, 4]), "2 samples, a signal needs at least 10"),
+        (lambda: bd.signal([1, 2], [3, 4]), "2 samples; a signal needs at least 10"),
         (lambda: bd.signal(TIMES, TIMES[1:]), "vectors of one length"),
         (lambda: bd.signal(TIMES, np.full(150, np.nan)), "not a finite number"),
         (lambda: bd.signal(TIMES, np.ones(150)), "constant"),

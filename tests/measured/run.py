@@ -10,7 +10,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from bayesdamp.cli.asking import Options, found_records
+from bayesdamp.cli.records import ReadingOptions as Options
+from bayesdamp.cli.records import records_in as found_records
 from bayesdamp.interface.answer import Answer, answer
 from bayesdamp.store import VERDICTS, write_table
 from bayesdamp.types import Signal

@@ -6,7 +6,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from bayesdamp.cli.asking import Options, found_records
+from bayesdamp.cli.records import ReadingOptions as Options
+from bayesdamp.cli.records import records_in as found_records
 from bayesdamp.interface.answer import answer
 from bayesdamp.types import InputError
 from bayesdamp.verdict.parts import Grade

@@ -16,7 +16,7 @@ import numpy as np
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.amplitude.laws import rate
 from bayesdamp.records.envelope.record import made_record
-from bayesdamp.verdict.envelope.answer import Answer
+from bayesdamp.verdict.envelope import EnvelopeAnswer
 from tests.envelope.ringdowns import NEPER, Ringdown, Simulated, simulate
 
 CASES = ("viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic")
@@ -64,7 +64,7 @@ class Held:
     inside: tuple[bool, ...]
 
 
-def held(made: Ringdown, truth: Simulated, answer: Answer) -> Held:
+def held(made: Ringdown, truth: Simulated, answer: EnvelopeAnswer) -> Held:
     assert answer.curve is not None
     known = np.isfinite(truth.x)
     x, t = truth.x[known], truth.t[known]

@@ -143,8 +143,8 @@ def test_a_record_of_which_most_is_not_explained_is_said_so_first() -> None:
     ratio = DampingRatio(0.2, "rad", 3e4, 1e-4, 1e-4, 1e3, 5e4)
     one = Verdict("walk", Grade.DEVIATES, False, "viscous", 0.9, damping_ratio=(ratio,), unexplained_pct=67.0)
     assert sentence(one) == (
-        "No damped oscillation that was weighed describes the record: the nearest, with viscous damping, leaves 67 % "
-        "of the amplitude."
+        "No damping model describes the record: the nearest, viscous damping, leaves 67 % of the amplitude "
+        "unexplained."
     )
     assert sentence(replace(one, unexplained_pct=10.0)).startswith("Equivalent damping ratio")
 

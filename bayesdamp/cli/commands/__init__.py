@@ -1,1 +1,1 @@
-"""The commands, one a file; each imports what it needs when it is run."""
+"""Define the commands; each imports what it needs when it is run."""

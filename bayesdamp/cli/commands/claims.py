@@ -1,4 +1,4 @@
-"""`bayesdamp claims`: what the paper claims, measured."""
+"""`bayesdamp claims`: measure what the paper claims."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from bayesdamp.types import InputError
 def claims(
     paper: Annotated[Path | None, typer.Option(help="Folder of a run of studies/paper.toml.")] = None,
     noise: Annotated[
-        list[Path] | None, typer.Option(help="Folder of a run of studies/noise*.toml; may be given again.")
+        list[Path] | None, typer.Option(help="Folder of a run of studies/noise*.toml; may be repeated.")
     ] = None,
     out: Annotated[Path, typer.Option(help="The page to write (Markdown).")] = Path("reports/claims.md"),
 ) -> None:
-    """Measure each claim of the paper on the eleven estimators, and say whether it holds."""
+    """Measure each claim of the paper on the eleven estimators, and report whether it holds."""
     from bayesdamp.claims import CLAIMS, judged, written
     from bayesdamp.claims.judge import Runs
     from bayesdamp.report.results.run import Run
@@ -26,12 +26,14 @@ def claims(
 
     for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
         if folder is not None and not (folder / "run.json").is_file():
-            raise InputError(f"{option} {folder}: holds no run; give the folder that bayesdamp study wrote")
+            raise InputError(
+                f"{option} {folder}: does not contain a run; give the folder that bayesdamp study wrote"
+            )
     page = SingleFile(out, CLAIMS_PAGE, "--out")
     page.check()
     runs = Runs(paper, tuple(noise or ()))
     if runs.compared is not None and not (runs.compared.published and runs.compared.errors):
-        what = "is no run of the paper's study (studies/paper.toml)"
+        what = "is not a run of the paper's study (studies/paper.toml)"
         raise InputError(f"--paper {paper}: {what}; give the folder of bayesdamp study paper")
     for folder in noise or ():
         if not series(Run(folder)):

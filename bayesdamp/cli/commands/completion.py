@@ -1,4 +1,4 @@
-"""`bayesdamp completion`: what a shell needs to complete commands and options."""
+"""`bayesdamp completion`: print the script with which a shell completes commands and options."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def completion(
     return 0
 
 
-def prepare() -> None:
-    """Let a shell that asks be answered."""
+def answer_shell() -> None:
+    """Answer a shell that asks for completions."""
     if VARIABLE in os.environ:
         from typer.completion import completion_init  # pyright: ignore[reportPrivateImportUsage]
 

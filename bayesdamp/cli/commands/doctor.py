@@ -1,4 +1,4 @@
-"""`bayesdamp doctor`: is everything there, and does it answer?"""
+"""`bayesdamp doctor`: check the installation."""
 
 from __future__ import annotations
 
@@ -14,46 +14,46 @@ import typer
 from bayesdamp.machine import cache_folder
 
 LEAST_MEMORY = 2.0
-"""GiB: twice the 0.95 that a quick comparison of 2,001 samples on two processes takes (measured)."""
+"""GiB: twice the 0.95 that a quick comparison of 2,001 samples on two processes needs (measured)."""
 TRUTH, WITHIN = 0.05, 0.1
-"""Decay rate in 1/s of the record that is answered, and how far off the answer may be, relative (conventional)."""
+"""Decay rate in 1/s of the test record, and the relative error that the answer may have (conventional)."""
 
 
 @dataclass(frozen=True)
-class Finding:
-    """One line: what was looked at, whether it is well, and what there is (or what would mend it)."""
+class CheckResult:
+    """One line: what was checked, whether it is good, and what there is (or how to correct it)."""
 
     what: str
-    well: bool
-    said: str
+    good: bool
+    text: str
 
 
-def packages() -> Finding:
-    """The libraries that are needed, against the ranges that the package states."""
+def packages() -> CheckResult:
+    """Check the required libraries against the ranges that the package states."""
     from packaging.requirements import Requirement
 
     try:
         needed = [Requirement(text) for text in requires("bayesdamp") or ()]
     except PackageNotFoundError:
-        return Finding("libraries", False, "bayesdamp is not installed; pip install -e . in its folder")
+        return CheckResult("libraries", False, "bayesdamp is not installed; pip install -e . in its folder")
     wrong, right = [], 0
-    for one in needed:
-        if one.marker is not None and not one.marker.evaluate({"extra": ""}):
+    for library in needed:
+        if library.marker is not None and not library.marker.evaluate({"extra": ""}):
             continue
         try:
-            own = version(one.name)
+            own = version(library.name)
         except PackageNotFoundError:
-            wrong.append(f"{one.name} is missing ({one.specifier})")
+            wrong.append(f"{library.name} is missing ({library.specifier})")
             continue
-        if one.specifier.contains(own, prereleases=True):
+        if library.specifier.contains(own, prereleases=True):
             right += 1
         else:
-            wrong.append(f"{one.name} is {own}, wanted {one.specifier}")
-    return Finding("libraries", not wrong, "; ".join(wrong) or f"{right}, all within their ranges")
+            wrong.append(f"{library.name} is {own}, but {library.specifier} is required")
+    return CheckResult("libraries", not wrong, "; ".join(wrong) or f"{right}, all within their ranges")
 
 
-def cache() -> Finding:
-    """The folder of compiled programs."""
+def cache() -> CheckResult:
+    """Check the folder of compiled programs."""
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -61,61 +61,63 @@ def cache() -> Finding:
             pass
     except OSError as error:
         why = (error.strerror or str(error)).lower()
-        return Finding("cache", False, f"{folder}: {why}; set BAYESDAMP_CACHE to a folder of your own")
-    return Finding("cache", True, f"{folder} can be written")
+        return CheckResult("cache", False, f"{folder}: {why}; set BAYESDAMP_CACHE to a folder of your own")
+    return CheckResult("cache", True, f"{folder} can be written")
 
 
-def kernels() -> Finding:
-    """The compiled kernels, made where they are not there yet."""
+def kernels() -> CheckResult:
+    """Load the compiled kernels, and compile them where that is needed."""
     from bayesdamp.physics.kernel.warm import warm
 
     began = time.perf_counter()
     warm()
     took = time.perf_counter() - began
-    return Finding("kernels", True, f"ready after {took:.1f} s; later runs load them")
+    return CheckResult("kernels", True, f"ready after {took:.1f} s; later runs load them")
 
 
-def machine() -> Finding:
-    """Cores and memory (GiB) that this process may use."""
+def machine() -> CheckResult:
+    """Check the cores and the memory (GiB) that this process may use."""
     from bayesdamp.machine.threads import cores
 
-    found = cores()
+    count = cores()
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
-    well = memory >= LEAST_MEMORY
-    said = f"{found} core{'s' if found > 1 else ''}, {memory:.1f} GiB of memory"
-    return Finding("machine", well, said if well else f"{said}; {LEAST_MEMORY:g} are needed")
+    enough = memory >= LEAST_MEMORY
+    text = f"{count} core{'s' if count > 1 else ''}, {memory:.1f} GiB of memory"
+    return CheckResult("machine", enough, text if enough else f"{text}; {LEAST_MEMORY:g} GiB are needed")
 
 
-def answer() -> Finding:
-    """A small record with a known truth, answered."""
+def answer() -> CheckResult:
+    """Analyse a small simulated record, whose damping is known."""
     import bayesdamp as bd
 
-    made = {"stiffness": 20.0, "duration": 10.0, "samples": 200, "noise_sd": 0.003}
+    options = {"stiffness": 20.0, "duration": 10.0, "samples": 200, "noise_sd": 0.003}
     began = time.perf_counter()
-    signal = bd.simulate({"viscous": TRUTH}, "linear", seed=1, **made)
-    found = bd.compare(signal, damping=["viscous", "coulomb"], restoring=["linear"]).verdict
+    signal = bd.simulate({"viscous": TRUTH}, "linear", seed=1, **options)
+    verdict = bd.compare(signal, damping=["viscous", "coulomb"], restoring=["linear"]).verdict
     took = time.perf_counter() - began
-    rates = [c.value for c in found.coefficients if c.name == "zeta"]
-    well = found.damping == "viscous" and bool(rates) and abs(rates[0] / TRUTH - 1) < WITHIN
-    return Finding("answer", well, f"{found.sentence or 'none'} ({took:.1f} s)")
+    rates = [c.value for c in verdict.coefficients if c.name == "zeta"]
+    good = verdict.damping == "viscous" and bool(rates) and abs(rates[0] / TRUTH - 1) < WITHIN
+    return CheckResult("answer", good, f"{verdict.sentence or 'none'} ({took:.1f} s)")
 
 
-CHECKS: tuple[Callable[[], Finding], ...] = (packages, machine, cache, kernels, answer)
+CHECKS: tuple[Callable[[], CheckResult], ...] = (packages, machine, cache, kernels, answer)
 
 
-def findings(checks: tuple[Callable[[], Finding], ...] = CHECKS) -> Iterator[Finding]:
-    """Each check's finding; a fault in one is its finding."""
-    for check in checks:
+def results(checks: tuple[Callable[[], CheckResult], ...] = CHECKS) -> Iterator[CheckResult]:
+    """Run each check; an exception in one is its result."""
+    for function in checks:
         try:
-            yield check()
+            yield function()
         except Exception as fault:
-            yield Finding(check.__name__, False, f"{type(fault).__name__}: {' '.join(str(fault).split())}")
+            yield CheckResult(
+                function.__name__, False, f"{type(fault).__name__}: {' '.join(str(fault).split())}"
+            )
 
 
 def doctor() -> int:
-    """Check the installation: versions, cache, compiled kernels, machine, and a small record answered."""
-    well = True
-    for one in findings():
-        typer.echo(f"{'ok' if one.well else 'NO':<4}{one.what:<10} {one.said}")
-        well = well and one.well
-    return 0 if well else 1
+    """Check the installation: versions, cache, compiled kernels, machine, and the answer on a small record."""
+    good = True
+    for check in results():
+        typer.echo(f"{'ok' if check.good else 'NO':<4}{check.what:<10} {check.text}")
+        good = good and check.good
+    return 0 if good else 1

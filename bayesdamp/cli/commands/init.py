@@ -1,4 +1,4 @@
-"""`bayesdamp init`: a commented study beside a file, which reads and compares it as `bayesdamp compare` would."""
+"""`bayesdamp init`: write a commented study that compares files as `bayesdamp compare` does."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.asked import describable
+from bayesdamp.cli.runs import check_names
 from bayesdamp.types import InputError
 
 
@@ -30,31 +30,33 @@ def init(
     runs: o.Runs = None,
     channel: o.Channels = None,
 ) -> int:
-    """Write a commented study of files beside them; nothing is computed, and no file is written over."""
-    from bayesdamp.cli.asking import Options, as_signals, chosen_records
+    """Write a commented study of files next to them; nothing is computed, and no file is overwritten."""
+    from bayesdamp.cli.records import ReadingOptions, as_signals, chosen_records
 
-    describable(files)
+    check_names(files)
     file = files[0]
-    if len({one.absolute().parent for one in files}) > 1:
+    if len({path.absolute().parent for path in files}) > 1:
         raise InputError(
-            f"{files[-1]}: is in another folder than {file}; a study names the files that lie beside it"
+            f"{files[-1]}: is in another folder than {file}; a study reads files in its own folder"
         )
     if not file.name:
         raise InputError(f"{file}: is a folder, not a file; give one of the files in it")
     out = file.with_suffix(".toml")
-    taken = InputError(f"{out}: is there already; it is not written over: move it away first")
+    taken = InputError(f"{out}: already exists and is not overwritten; move it away first")
     if os.path.lexists(out):
         raise taken
-    asked = Options(time, angle, rate, time_unit, unit, quantity, clock, start, stop, runs, channel or ())
-    chosen = chosen_records(files, asked, every=True)
-    for line in [*chosen.doubted, *chosen.said]:
+    options = ReadingOptions(
+        time, angle, rate, time_unit, unit, quantity, clock, start, stop, runs, channel or ()
+    )
+    chosen = chosen_records(files, options, every=True)
+    for line in [*chosen.doubted, *chosen.notes]:
         typer.echo(line, err=True)
     from bayesdamp.cli.study_file import study_text
     from bayesdamp.config.checks import StudyError
     from bayesdamp.store.files import create, no_room
 
     try:
-        text = study_text(as_signals(chosen.records, asked), out)
+        text = study_text(as_signals(chosen.records, options), out)
     except StudyError as error:
         raise InputError(f"{file}: {error}") from None
     try:

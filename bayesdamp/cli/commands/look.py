@@ -1,10 +1,10 @@
-"""`bayesdamp look`: what would be read of a file, before anything is computed."""
+"""`bayesdamp look`: show what is read of a file, before anything is computed."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -12,16 +12,10 @@ from bayesdamp.cli import options as o
 from bayesdamp.cli.single_file import LOOK_PAGE, SingleFile
 from bayesdamp.types import InputError
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from bayesdamp.cli.looking.said import Shown
-    from bayesdamp.records.files.contents import Contents
-
 COLUMNS, PLOTS, FACTS = 24, 4, 12
-"""Of each, how many are shown before the rest is counted."""
+"""Largest numbers of these that are shown."""
 NARROWEST = 10
-"""Characters of a plot."""
+"""Smallest width of a plot in characters."""
 
 
 def look(
@@ -38,14 +32,12 @@ def look(
     runs: o.Runs = None,
     channel: o.Channels = None,
     plugin: o.Plugins = None,
-    html: Annotated[Path | None, typer.Option(help="A page to write it to as well.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Also write a page of HTML with this name.")] = None,
 ) -> int:
-    """Show what would be read of a file: columns, units, clock, the free decay in it, and what looks wrong."""
+    """Show what is read of a file: columns, units, clock, the free decay in it, and what looks wrong."""
     from rich.console import Console
 
-    from bayesdamp.cli.asking import Options, doubts, found_records
-    from bayesdamp.cli.looking.said import shown_motion
-    from bayesdamp.cli.open_questions import one_command
+    from bayesdamp.cli import looking, records
     from bayesdamp.plugins import read_modules, use
     from bayesdamp.records.envelope.reading import are_envelopes
     from bayesdamp.records.opening import contents
@@ -55,52 +47,42 @@ def look(
         page.check()
     use(read_modules(plugin or ()))
 
-    console, held = Console(), contents(file)
+    console, content = Console(), contents(file)
+
+    def show_file() -> None:
+        table = looking.columns_table(content)
+        first = replace(table, lines=table.lines[:COLUMNS])
+        console.print(first.rich(title=f"{file.name}: {content.format}", title_justify="left"))
+        if len(content.columns) > COLUMNS:
+            console.print(f"and {len(content.columns) - COLUMNS} more columns", style="bright_black")
+        for name, value in list(content.facts.items())[:FACTS]:
+            console.print(f"{name}: {value}", style="bright_black", markup=False, highlight=False)
+
     if are_envelopes([file], angle, unit, quantity):
-        from bayesdamp.cli.looking.envelope import shown_envelope
-
         ends = o.bound(start, "--start"), o.bound(stop, "--stop")
-        shown = [shown_envelope(file, (time, angle, rate, unit), ends)]
-        _show_file(console, file, held)
+        views = [looking.view_envelope(file, (time, angle, rate, unit), ends)]
+        show_file()
     else:
-        asked = Options(time, angle, rate, time_unit, unit, quantity, clock, start, stop, runs, channel or ())
+        options = records.ReadingOptions(
+            time, angle, rate, time_unit, unit, quantity, clock, start, stop, runs, channel or ()
+        )
         try:
-            found = found_records(file, asked)
+            every = records.records_in(file, options)
         except InputError:
-            _show_file(console, file, held)
+            show_file()
             raise
-        for line in [*doubts(file, found), *one_command([(one.path, one.raw) for one in found], asked)]:
+        for line in [*records.doubts(file, every), *records.one_command(every, options)]:
             console.print(f"! {line}", style="yellow", markup=False, highlight=False)
-        shown = [shown_motion(one, len(found) > 1) for one in found]
-        _show_file(console, file, held)
-    for i, one in enumerate(shown):
-        _show_record(console, one, i < PLOTS)
+        views = [looking.view_motion(record, len(every) > 1) for record in every]
+        show_file()
+    for i, view in enumerate(views):
+        console.print(f"\n{view.name}: {view.reading}", style="bold", markup=False, highlight=False)
+        for line in view.lines:
+            console.print(f"  {line}", markup=False, highlight=False)
+        if i < PLOTS:
+            width = max(NARROWEST, min(console.width, 100) - 2)  # a terminal may have no width
+            console.print(looking.plot(view.t, view.y, view.window, width))
     if page is not None:
-        from bayesdamp.cli.looking.page import page_of
-
-        page.write(page_of(file, held, shown))
+        page.write(looking.page_of(file, content, views))
         typer.echo(html)
     return 0
-
-
-def _show_file(console: Console, file: Path, held: Contents) -> None:
-    from bayesdamp.cli.looking.said import described
-
-    table = described(held)
-    first = replace(table, lines=table.lines[:COLUMNS])
-    console.print(first.rich(title=f"{file.name}: {held.format}", title_justify="left"))
-    if len(held.columns) > COLUMNS:
-        console.print(f"and {len(held.columns) - COLUMNS} more columns", style="bright_black")
-    for name, value in list(held.facts.items())[:FACTS]:
-        console.print(f"{name}: {value}", style="bright_black", markup=False, highlight=False)
-
-
-def _show_record(console: Console, one: Shown, is_drawn: bool) -> None:
-    from bayesdamp.cli.looking.plot import plot
-
-    console.print(f"\n{one.name}: {one.reading}", style="bold", markup=False, highlight=False)
-    for line in one.lines:
-        console.print(f"  {line}", markup=False, highlight=False)
-    if is_drawn:
-        # a terminal may say that it has no width
-        console.print(plot(one.t, one.y, one.kept, max(NARROWEST, min(console.width, 100) - 2)))

@@ -1,4 +1,4 @@
-"""`bayesdamp simulate`: a record to play with."""
+"""`bayesdamp simulate`: write a record to try the program on."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ def simulate(
     out: Annotated[Path, typer.Option(help="The CSV file to write.")],
     damping: Annotated[
         list[str] | None,
-        typer.Option(help="Damping terms with coefficients: viscous=0.05,coulomb=0.03; else viscous=0.1."),
+        typer.Option(
+            help="Damping terms with coefficients: viscous=0.05,coulomb=0.03; by default viscous=0.1."
+        ),
     ] = None,
     restoring: Annotated[
         str, typer.Option(help="The restoring law: linear, pendulum, duffing, horizontal_pendulum.")
@@ -24,8 +26,8 @@ def simulate(
         list[str] | None,
         typer.Option(
             "--set",
-            help="Parameters: stiffness=20,theta0=0.2; else stiffness=40 (1/s², about 1 Hz), theta0=0.3 (rad), "
-            "gravity=4, cubic=40 and all others 0.",
+            help="Parameters: stiffness=20,theta0=0.2; by default stiffness=40 (1/s², about 1 Hz), "
+            "theta0=0.3 (rad), gravity=4, cubic=40 and all others 0.",
         ),
     ] = None,
     duration: Annotated[float, typer.Option(help="Length of the record in s.")] = 20.0,
@@ -39,18 +41,18 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     plugin: o.Plugins = None,
 ) -> int:
-    """Write a simulated record to play with: a CSV of times in s and angles in rad."""
-    from bayesdamp.cli.simulated import as_csv, pairs, simulated, taken
+    """Write a simulated record to try the program on: a CSV of times in s and angles in rad."""
+    from bayesdamp.cli.simulated import as_csv, defaults_used, parse_pairs, simulated
     from bayesdamp.plugins import read_modules, use
 
     file = SingleFile(out, SIMULATED, "--out", tuple(plugin or ()))
     file.check()
     use(read_modules(plugin or ()))
-    terms, system = pairs(damping or [], "--damping"), pairs(set_ or [], "--set")
+    terms, system = parse_pairs(damping or [], "--damping"), parse_pairs(set_ or [], "--set")
     record, sd = simulated(terms, system, restoring, noise_sd, duration=duration, samples=samples, seed=seed)
     file.write(as_csv(record))
-    if by_default := taken(terms, system, restoring):
-        typer.echo(f"taken where nothing was said: {by_default}", err=True)
+    if defaults := defaults_used(terms, system, restoring):
+        typer.echo(f"defaults used: {defaults}", err=True)
     if noise_sd is None:
         typer.echo(f"noise: sd {sd:g} rad, 1 % of the amplitude (--noise-sd 0 for none)", err=True)
     typer.echo(out)

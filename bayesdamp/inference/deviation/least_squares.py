@@ -8,7 +8,7 @@ import numpy as np
 
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.numerics.levenberg_marquardt import FIRST, LOWEST
-from bayesdamp.physics.amplitude.solver import AmplitudeSolver
+from bayesdamp.physics.amplitude.laws import AmplitudeSolver
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, TOLERANCE
 

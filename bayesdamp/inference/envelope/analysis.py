@@ -12,9 +12,9 @@ from bayesdamp.inference.envelope.candidates import Blocks, fit_rates
 from bayesdamp.inference.envelope.decay import Decay
 from bayesdamp.inference.envelope.noises import noises
 from bayesdamp.inference.envelope.sums import Sum, sums_on
-from bayesdamp.physics.amplitude.law import ClosedForm
-from bayesdamp.physics.amplitude.laws import EXPONENTS, SUMS, power_decay, power_slopes
-from bayesdamp.records.envelope.decay import ABOVE_FLOOR, LEAST_DROP, NEPER, blocks
+from bayesdamp.physics.amplitude.laws import EXPONENTS, SUMS, ClosedForm, power_decay, power_slopes
+from bayesdamp.records.envelope.decay import ABOVE_FLOOR
+from bayesdamp.records.envelope.decay import LEAST_DROP, NEPER, blocks
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.records.envelope.window import Window, find_window
 from bayesdamp.types import Refusal

@@ -11,7 +11,7 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import smooth_root
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, solver_of
 from bayesdamp.inference.envelope.noise import SHARES, SLOW, Noise, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit
-from bayesdamp.physics.amplitude.law import Law
+from bayesdamp.physics.amplitude.laws import Law
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.records.envelope.decay import ABOVE_FLOOR
 

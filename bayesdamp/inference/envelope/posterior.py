@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, Candidate
-from bayesdamp.physics.amplitude.solver import hats
+from bayesdamp.physics.amplitude.laws import hats
 
 DRAWS = 4000
 SENSOR = 0.002

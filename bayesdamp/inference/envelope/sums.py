@@ -13,8 +13,7 @@ from bayesdamp.inference.envelope.candidates import Blocks, Candidate, fit_rates
 from bayesdamp.inference.envelope.further import Explored, explore
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.odds import odds
-from bayesdamp.physics.amplitude.law import ClosedForm, Law, Shape, Tabled
-from bayesdamp.physics.amplitude.laws import POWERS, SUMS
+from bayesdamp.physics.amplitude.laws import POWERS, SUMS, ClosedForm, Law, Shape, Tabled
 
 if TYPE_CHECKING:
     from bayesdamp.physics.amplitude.loss import Scale

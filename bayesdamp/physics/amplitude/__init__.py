@@ -1,1 +1,1 @@
-"""Decay of an amplitude under sums of damping terms, averaged over a cycle."""
+"""Compute the decay of an amplitude under sums of damping terms, averaged over a cycle."""

@@ -1,18 +1,24 @@
-"""Decay of an amplitude under sums of damping terms and under a power law, in closed form.
+"""Decay of an amplitude under sums of damping terms and under a power law.
 
 Averaged over a cycle (Krylov & Bogoliubov 1937; Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 3) an oscillation of
 frequency ω loses amplitude as dA/dt = -(ζA + 2μ_c/(πω) + 4μ_q ω A²/(3π)). With x = ln(A/A_ref) each term is a rate in
-1/s at the reference amplitude times a power of it, dx/dt = -Σ c_i exp((p_i - 1) x), with p = 1, 0 and 2.
+1/s at the reference amplitude times a power of it, dx/dt = -Σ c_i exp((p_i - 1) x), with p = 1, 0 and 2. These sums
+have closed forms; any other sum is integrated from tables of what each term takes of an amplitude.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from bayesdamp.physics.kernel.solve import ALL, PARAMETERS, Motion
+
 POWERS: Mapping[str, float] = {"viscous": 1.0, "coulomb": 0.0, "quadratic": 2.0}
-"""Power of the amplitude that a term's loss goes with; in the order in which sums name them."""
+"""Power of the amplitude with which a term's loss grows, in the order in which sums name them."""
 SUMS: tuple[tuple[str, ...], ...] = (
     ("viscous",),
     ("coulomb",),
@@ -23,26 +29,43 @@ SUMS: tuple[tuple[str, ...], ...] = (
     ("viscous", "coulomb", "quadratic"),
 )
 RESTED = -60.0
-"""ln(A/A_ref) of what has come to rest."""
+"""ln(A/A_ref) of an oscillation that has come to rest."""
 EXPONENTS = -1.0, 3.0
-"""Powers of the amplitude that a loss may go with: below 0 is friction that rises towards rest."""
+"""Smallest and largest power of the amplitude: below 0 is friction that rises towards rest."""
 NEAR_VISCOUS = 1e-4
-"""Of the exponent: nearer to 1 its derivative is taken from a series."""
+"""Distance of the exponent from 1 below which its derivative follows from a series."""
 _NEAR_ONE = 1e-6
 _LINEAR = 1e-6
+PANELS = 200
+"""Number of panels of the amplitude's logarithm over which time is integrated: it is then right to 1e-8."""
+LEAST = 1e-30
+"""Least rate in 1/s: an undamped amplitude is constant."""
+_GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)
+
+Shape = Callable[[np.ndarray], np.ndarray]
+"""A term's loss at x = ln(A/A_ref) relative to that at x = 0, of the amplitude itself."""
 
 
 def rate(x: np.ndarray, terms: Sequence[str], rates: np.ndarray) -> np.ndarray:
-    """-dx/dt in 1/s at x = ln(A/A_ref), shape (n,), of terms with rates c_i at the reference amplitude."""
+    """Return -dx/dt in 1/s at x = ln(A/A_ref), shape (n,), of terms with rates c_i at the reference amplitude."""
     return sum(
         (c * np.exp((POWERS[term] - 1.0) * x) for term, c in zip(terms, rates, strict=True)), np.zeros_like(x)
     )
 
 
 def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> np.ndarray:
-    """x = ln(A/A_ref) at times t (s, from 0), shape (n,), that starts at x0; RESTED from where it comes to rest.
+    """Return the decay x = ln(A/A_ref) at times t, shape (n,); RESTED from where it comes to rest.
 
     The sum of all three is a Riccati equation with constant coefficients, whose solution is a fraction in tanh or tan.
+
+    Parameters
+    ----------
+    t
+        Times in s from 0, shape (n,).
+    x0
+        x at the start.
+    terms, rates
+        Terms of the sum, and their rates in 1/s at the reference amplitude.
     """
     by_term = dict(zip(terms, rates, strict=True))
     c1, c0, c2 = (float(by_term.get(term, 0.0)) for term in POWERS)
@@ -70,7 +93,7 @@ def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> 
 
 
 def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.ndarray:
-    """x at times t under dA/dt = -c A^p alone, its rate at the reference amplitude exp(log_rate) in 1/s."""
+    """Return x at times t under dA/dt = -c A^p alone, with the rate exp(log_rate) in 1/s at the reference amplitude."""
     q = power - 1.0
     speed = np.exp(log_rate + q * x0)
     if abs(q) < _NEAR_ONE:
@@ -82,9 +105,9 @@ def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.n
 
 
 def power_slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Derivatives of `power_decay`'s x by p: x at the start, ln of the rate there, the exponent; shape (n, 3)."""
+    """Return the derivatives of `power_decay`'s x by x at the start, ln of the rate there, and exponent, (n, 3)."""
     q, passed = p[2] - 1.0, np.exp(p[1]) * t
-    left = np.maximum(1.0 + q * passed, 1e-12)  # 0 where it comes to rest, of which nothing is seen
+    left = np.maximum(1.0 + q * passed, 1e-12)  # 0 where it comes to rest
     if abs(q) < NEAR_VISCOUS:
         bend = passed * passed * (0.5 - 2.0 / 3.0 * q * passed)
     else:
@@ -95,25 +118,268 @@ def power_slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
 def coefficients(
     terms: Sequence[str], rates: np.ndarray, reference: float, omega: float | None
 ) -> list[tuple[str, np.ndarray, str]]:
-    """(name, values, exponent of the amplitude's unit) of each term's coefficient.
+    """Return (name, values, unit) of each term's coefficient, with `{}` for the amplitude's unit.
 
-    rates: shape (terms, ...), in 1/s at the reference amplitude. With omega (rad/s) they are `zeta`, `mu_c` and `mu_q`
-    of the equation of motion; without, the losses of amplitude in it: c A (1/s), c, c A².
+    Parameters
+    ----------
+    terms
+        Damping terms.
+    rates
+        Rates in 1/s at the reference amplitude, shape (terms, ...).
+    reference
+        The reference amplitude.
+    omega
+        Frequency in rad/s. With it coefficients are `zeta`, `mu_c` and `mu_q` of the equation of motion; without it
+        (None) the losses of amplitude: c A (1/s), c, c A².
     """
-    found = []
+    results = []
     for term, c in zip(terms, rates, strict=True):
         if term == "viscous":
-            found.append(("zeta", c, "1/s"))
+            results.append(("zeta", c, "1/s"))
+        elif term == "coulomb" and omega is None:
+            results.append(("loss_c", c * reference, "{}/s"))
         elif term == "coulomb":
-            loss = c * reference
-            found.append(
-                ("loss_c", loss, "{}/s") if omega is None else ("mu_c", loss * np.pi * omega / 2, "{}/s²")
-            )
+            results.append(("mu_c", c * reference * np.pi * omega / 2, "{}/s²"))
+        elif omega is None:
+            results.append(("loss_q", c / reference, "1/({} s)"))
         else:
-            loss = c / reference
-            found.append(
-                ("loss_q", loss, "1/({} s)")
-                if omega is None
-                else ("mu_q", loss * 3 * np.pi / (4 * omega), "1/{}")
-            )
-    return found
+            results.append(("mu_q", c / reference * 3 * np.pi / (4 * omega), "1/{}"))
+    return results
+
+
+class Law(ABC):
+    """The decay dx/dt = -Σ c_i s_i(x) of x = ln(A/A_ref)."""
+
+    terms: tuple[str, ...]
+
+    @abstractmethod
+    def shapes(self, x: np.ndarray) -> np.ndarray:
+        """Return s_i at x (n,), shape (terms, n)."""
+
+    @abstractmethod
+    def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
+        """Return x at times t (s, from 0), shape (n,), from x0 with these rates c_i (1/s, not negative)."""
+
+    def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Return -dx/dt in 1/s at x, shape (n,)."""
+        return rates @ self.shapes(x)
+
+    def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
+        """Return the derivatives of the decay x at t by the rates, (n, terms); step: of a small rate, in 1/s."""
+        columns = []
+        for i in range(len(rates)):
+            up, down = rates.copy(), rates.copy()
+            up[i] += step
+            down[i] = max(0.0, rates[i] - step)
+            columns.append((self.decay(t, x0, up) - self.decay(t, x0, down)) / (up[i] - down[i]))
+        return np.stack(columns, axis=1)
+
+
+@dataclass(frozen=True)
+class ClosedForm(Law):
+    """The closed form of viscous, Coulomb and quadratic damping."""
+
+    terms: tuple[str, ...]
+
+    def shapes(self, x: np.ndarray) -> np.ndarray:
+        """Return exp((p_i - 1) x), shape (terms, n)."""
+        return np.exp(np.array([[POWERS[term] - 1.0] for term in self.terms]) * x)
+
+    def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
+        """Return `laws.decay`."""
+        return decay(t, x0, self.terms, rates)
+
+
+@dataclass(frozen=True)
+class PowerLaw(Law):
+    """One power p of the amplitude, dA/dt = -c A^p; its parameters are ln of the rate c in 1/s at A_ref, and p."""
+
+    terms: tuple[str, ...] = ("log_rate", "exponent")
+
+    def shapes(self, x: np.ndarray) -> np.ndarray:
+        """Raise NotImplementedError: its shape is not known beforehand."""
+        raise NotImplementedError
+
+    def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
+        """Return `laws.power_decay`."""
+        return power_decay(t, x0, float(rates[0]), float(rates[1]))
+
+    def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Return -dx/dt in 1/s at x, shape (n,)."""
+        return np.exp(rates[0] + (rates[1] - 1.0) * x)
+
+    def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
+        """Return the derivatives from `laws.power_slopes`, which has the rate at the start."""
+        own = power_slopes(t, np.array([x0, rates[0] + (rates[1] - 1.0) * x0, rates[1]]))
+        return np.column_stack([own[:, 1], own[:, 2] + x0 * own[:, 1]])
+
+
+@dataclass(frozen=True)
+class Tabled(Law):
+    """Any terms, whose shapes are tabulated between `low` and `high`; beyond, the sum continues as a power of A."""
+
+    terms: tuple[str, ...]
+    each: tuple[Shape, ...]
+    low: float
+    high: float
+
+    def shapes(self, x: np.ndarray) -> np.ndarray:
+        """Return the shape of each term at x (n,), (terms, n)."""
+        return np.stack([shape(x) for shape in self.each])
+
+    @cached_property
+    def _nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """x of the panels' ends, falling, and shapes there and at Gauss and Legendre's two points of each panel."""
+        x = np.linspace(self.high, self.low, PANELS + 1)
+        middle, half = 0.5 * (x[1:] + x[:-1]), 0.5 * (x[0] - x[1])
+        inside = (middle[:, None] + half * _GAUSS).ravel()
+        return x, self.shapes(x), self.shapes(inside)
+
+    def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
+        """Return x from t(x) = ∫ dx/f by quadrature, inverted by cubics through its nodes and slopes."""
+        x, ends, inside = self._nodes
+        speed = np.maximum(rates @ ends, LEAST)
+        slow = 1.0 / np.maximum(rates @ inside, LEAST)
+        took = 0.5 * (x[0] - x[1]) * slow.reshape(-1, 2).sum(axis=1)
+        passed = np.concatenate([[0.0], np.cumsum(took)])
+        power = [
+            float(np.diff(np.log(speed[side]))[0] / np.diff(x[side])[0])
+            for side in (slice(2), slice(-2, None))
+        ]
+        if x0 > x[0]:
+            begun = -_between(x0 - x[0], speed[0], power[0])
+        elif x0 < x[-1]:
+            begun = passed[-1] + _between(x[-1] - x0, speed[-1] * np.exp(power[1] * (x0 - x[-1])), power[1])
+        else:
+            begun = float(_cubic(np.array([x0]), x[::-1], passed[::-1], -1.0 / speed[::-1])[0])
+        at = begun + t
+        result = _cubic(np.clip(at, passed[0], passed[-1]), passed, x, -speed)
+        for outside, place, since in ((at < 0.0, 0, at), (at > passed[-1], -1, at - passed[-1])):
+            if outside.any():
+                q = power[place]
+                result[outside] = power_decay(
+                    since[outside], float(x[place]), float(np.log(speed[place]) - q * x[place]), q + 1.0
+                )
+        return result
+
+    def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
+        """Return the derivatives by quadrature: a larger rate moves the amplitude on by f ∫ s_i/f dt."""
+        if rates.sum() < step:  # a constant amplitude has no such integral
+            rates = np.maximum(rates, step)
+            x = self.decay(t, x0, rates)
+        nodes, ends, inside = self._nodes
+        speed = np.maximum(rates @ ends, LEAST)
+        slow = inside / np.maximum(rates @ inside, LEAST) ** 2
+        each = 0.5 * (nodes[0] - nodes[1]) * slow.reshape(len(rates), -1, 2).sum(axis=2)
+        passed = np.concatenate([np.zeros((len(rates), 1)), np.cumsum(each, axis=1)], axis=1)[:, ::-1]
+        at = np.clip(np.append(x0, x), nodes[-1], nodes[0])
+        integrals = [
+            _cubic(at, nodes[::-1], values, slope)
+            for values, slope in zip(passed, -(ends / speed**2)[:, ::-1], strict=True)
+        ]
+        since = np.stack([integral[1:] - integral[0] for integral in integrals], axis=1)
+        return -np.maximum(self.rate(x, rates), LEAST)[:, None] * since
+
+
+def _between(fall: float, speed: float, power: float) -> float:
+    """Return the time in which x falls to where the rate is `speed`, under a power of A."""
+    return float(fall / speed if abs(power) < 1e-9 else -np.expm1(-power * fall) / (power * speed))
+
+
+def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Return Hermite's cubics through values and slopes at rising x."""
+    i = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
+    h = x[i + 1] - x[i]
+    u = (at - x[i]) / h
+    v = 1.0 - u
+    return v * v * ((1.0 + 2.0 * u) * y[i] + u * h * slope[i]) + u * u * (
+        (1.0 + 2.0 * v) * y[i + 1] - v * h * slope[i + 1]
+    )
+
+
+@dataclass(frozen=True)
+class AmplitudeSolver:
+    """Decays of x = ln(A/A_ref) under a law, with the interface of the kernel's solver.
+
+    Its parameters are the rates in 1/s at the reference amplitude, in the order of the law's terms, and x at the start.
+
+    Attributes
+    ----------
+    law
+        The sum of damping terms.
+    t
+        Times of the readings in s from the start, (n,).
+    duration
+        Duration of the decay in s, over which the deviation's knots are equidistant.
+    knots
+        Number of knots.
+    step
+        Step of a small rate in 1/s, for derivatives.
+    white
+        Matrix (n, n) that whitens the noise of the readings in decays; None for none.
+    """
+
+    law: Law
+    t: np.ndarray
+    duration: float
+    knots: int
+    step: float
+    white: np.ndarray | None = None
+    restoring: str = "linear"
+
+    @property
+    def frequency(self) -> float:
+        """One over the duration, in 1/s, because nothing oscillates."""
+        return 1.0 / self.duration
+
+    @cached_property
+    def hats(self) -> np.ndarray:
+        """Linear interpolation of the deviation at the readings from its values at the knots, (n, knots)."""
+        return hats(self.t / self.duration, self.knots)
+
+    def solve(
+        self,
+        p: np.ndarray,
+        active: np.ndarray | None = None,
+        *,
+        tangents: int = PARAMETERS,
+        stop: int | None = None,
+        tolerance: float | None = None,
+    ) -> Motion:
+        """Return the decay of parameters p, (d + 1,), with tangents by these and, if `ALL`, by the deviation.
+
+        A faster decay is the same decay on another clock, x(t) = X(t + ∫g dt), so that to first order ∂x/∂g_k =
+        -rate(x) ∫ b_k dt. Nothing is integrated, so `active`, `stop` and `tolerance` have no effect.
+        """
+        rates, start = p[:-1], float(p[-1])
+        x = self.law.decay(self.t, start, rates)
+        speed = np.where(x > RESTED, self.law.rate(x, rates), 0.0)
+        slopes = np.empty((x.size, 0))
+        if tangents:
+            at_start = float(self.law.rate(np.array([start]), rates)[0])
+            by_start = speed / at_start if at_start > 0 else np.ones_like(x)  # undamped
+            slopes = np.column_stack([self.law.slopes(self.t, x, start, rates, self.step), by_start])
+        if tangents == ALL:
+            passed = warp_integrals(self.t / self.duration, self.knots) * self.duration
+            slopes = np.column_stack([slopes, -speed[:, None] * passed])
+        states = np.column_stack([x, -speed])
+        if self.white is not None:
+            x, slopes = self.white @ x, self.white @ slopes
+        return Motion(x, slopes, self.t, states)
+
+
+def hats(s: np.ndarray, count: int) -> np.ndarray:
+    """Return the piecewise linear basis at s in [0, 1], shape (n, count)."""
+    at = np.clip(s, 0.0, 1.0) * (count - 1)
+    return np.clip(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0, None)
+
+
+def warp_integrals(s: np.ndarray, count: int) -> np.ndarray:
+    """Return the exact integral of the basis from 0 to s, shape (n, count)."""
+    at = np.clip(s, 0.0, 1.0) * (count - 1)
+    u = at[:, None] - np.arange(count)
+    rising = np.clip(u + 1.0, 0.0, 1.0)
+    falling = np.clip(u, 0.0, 1.0)
+    integrals = 0.5 * rising**2 + falling - 0.5 * falling**2
+    integrals[:, 0] -= 0.5  # the first hat has no rising half
+    return integrals / (count - 1)

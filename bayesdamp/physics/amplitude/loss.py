@@ -1,6 +1,6 @@
-"""What a cycle takes of an amplitude under a damping term, shipped or a user's own, as a table over ln A.
+"""Tabulate over ln A what a cycle takes of an amplitude under any damping term, shipped or a user's own.
 
-By the work in a cycle of a harmonic motion, W, and Krylov and Bogoliubov's average, an amplitude falls as
+With the work W in a cycle of a harmonic motion and Krylov and Bogoliubov's average, an amplitude falls as
 dA/dt = -W/(2πωA) times the term's coefficient, per unit of inertia.
 """
 
@@ -19,9 +19,9 @@ from bayesdamp.physics.damping import DampingTerm, FreeParameter
 from bayesdamp.types import InputError
 
 GRID = np.linspace(-12.0, 1.5, 68)
-"""ln(A/A_start) of the table: beyond, a loss goes on as a power of A."""
+"""ln(A/A_start) of the table; beyond it a loss continues as a power of A."""
 NOTHING = 1e-12
-"""Of its largest value in the table a loss at least."""
+"""Least loss as a share of the largest one in the table."""
 SAME = 1e-6
 """Relative difference up to which two losses are the same."""
 _REFERENCES = ("reference_velocity", "reference_amplitude")
@@ -29,42 +29,56 @@ _REFERENCES = ("reference_velocity", "reference_amplitude")
 
 @dataclass(frozen=True)
 class Scale:
-    """The amplitude at the start, in the unit in which a term's own parameters are, and the frequency in rad/s; 1 where
-    they are not known: terms are then in units of these."""
+    """Amplitude at the start, in the unit of a term's own parameters, and frequency in rad/s.
+
+    They are 1 where they are not known; terms are then in units of these.
+    """
 
     amplitude: float = 1.0
     frequency: float = 1.0
 
 
-def parameter(one: FreeParameter, score: float, scale: Scale) -> float:
-    """A parameter's value at a score that is normal before, also where its prior's own is folded."""
-    prior = one.prior(scale.amplitude, scale.frequency)
+def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
+    """Return a parameter's value at a score with a normal prior, also where the prior's own score is folded."""
+    prior = p.prior(scale.amplitude, scale.frequency)
     return float(prior.value(np.asarray(ndtri(0.5 + 0.5 * ndtr(score)) if prior.reflected else score)))
 
 
 def parameters(term: DampingTerm, scores: tuple[float, ...], scale: Scale) -> dict[str, float]:
-    """Of a term by name, at its scores."""
-    return {one.name: parameter(one, z, scale) for one, z in zip(term.inferred, scores, strict=True)}
+    """Return a term's own parameters by name, at its scores."""
+    return {p.name: parameter(p, z, scale) for p, z in zip(term.inferred, scores, strict=True)}
 
 
 @lru_cache(maxsize=4096)
 def log_loss(
     term: DampingTerm, scores: tuple[float, ...] = (), scale: Scale = Scale()
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """ln of the relative loss of amplitude in 1/s per unit of the coefficient, of ln(A/A_start).
+    """Return ln of the relative loss of amplitude in 1/s per unit of the coefficient, as a function of ln(A/A_start).
 
-    scores: of the term's parameters, see `parameter`. Raises InputError where it takes no energy.
+    Parameters
+    ----------
+    term
+        The damping term.
+    scores
+        Scores of the term's parameters, see `parameter`.
+    scale
+        Amplitude and frequency at the start.
+
+    Raises
+    ------
+    InputError
+        Where the term takes no energy.
     """
-    found = losses(term, GRID, parameters(term, scores, scale), scale)
-    most = float(np.max(found))
-    if not (np.all(np.isfinite(found)) and most > 0):
+    loss = losses(term, GRID, parameters(term, scores, scale), scale)
+    most = float(np.max(loss))
+    if not (np.all(np.isfinite(loss)) and most > 0):
         raise InputError(
-            f"damping term {term.name!r}: a cycle's loss is {found[-1]:g} at the largest amplitude, "
-            "and must be positive; mend its kernel or the bounds of its parameters"
+            f"damping term {term.name!r}: a cycle's loss is {loss[-1]:g} at the largest amplitude, "
+            "and must be positive; correct its kernel or the bounds of its parameters"
         )
-    kept = np.log(np.maximum(found, NOTHING * most))
-    # Where a loss begins or ends at an amplitude, a spline would swing.
-    table = CubicSpline(GRID, kept) if found.min() > NOTHING * most else PchipInterpolator(GRID, kept)
+    log = np.log(np.maximum(loss, NOTHING * most))
+    # Where a loss begins or ends at an amplitude, a spline would oscillate.
+    table = CubicSpline(GRID, log) if loss.min() > NOTHING * most else PchipInterpolator(GRID, log)
     ends = GRID[[0, -1]]
     slopes = table(ends, 1)
 
@@ -77,40 +91,38 @@ def log_loss(
 
 
 def losses(term: DampingTerm, x: np.ndarray, further: Mapping[str, float], scale: Scale) -> np.ndarray:
-    """Relative losses of amplitude in 1/s per unit of the coefficient, (n,), at ln(A/A_start), (n,)."""
+    """Return relative losses of amplitude in 1/s per unit of the coefficient, (n,), at ln(A/A_start), (n,)."""
     a, omega = scale.amplitude, scale.frequency
     known = {"rest": 0.0, "reference_velocity": a * omega, "reference_amplitude": a, **further}
     amplitudes = a * np.exp(x)
     if not term.inferred and not set(term.given) & set(_REFERENCES):
-        return np.array([omega * term.ratio_per_unit(float(one), omega) for one in amplitudes])
-    return np.array(
-        [term.work(float(one), omega, known) / (2 * np.pi * omega * one**2) for one in amplitudes]
-    )
+        return np.array([omega * term.ratio_per_unit(float(at), omega) for at in amplitudes])
+    return np.array([term.work(float(at), omega, known) / (2 * np.pi * omega * at**2) for at in amplitudes])
 
 
 @lru_cache(maxsize=256)
 def scales_needed(term: DampingTerm) -> tuple[bool, bool]:
-    """Whether the shape of its loss depends on the unit of the amplitude, and on that of the frequency.
+    """Return whether the shape of a term's loss depends on the unit of the amplitude, and on that of the frequency.
 
-    One whose parameters scale with the amplitude and frequency of the record, as their priors do, needs neither.
+    A term whose parameters scale with the amplitude and frequency of the record, as their priors do, needs neither.
     """
     x = np.array([-4.0, -2.0, 0.0])
 
     def shapes(scale: Scale) -> np.ndarray:
-        found = []
+        rows = []
         for scores in product((-1.0, 0.5), repeat=len(term.inferred)):
-            one = losses(term, x, parameters(term, scores, scale), scale)
-            found.append(one / max(float(one.max()), 1e-300))
-        return np.array(found)
+            loss = losses(term, x, parameters(term, scores, scale), scale)
+            rows.append(loss / max(float(loss.max()), 1e-300))
+        return np.array(rows)
 
     here = shapes(Scale())
     return tuple(not np.allclose(here, shapes(s), SAME, SAME) for s in (Scale(0.037, 1.0), Scale(1.0, 41.0)))  # type: ignore[return-value]
 
 
 def alike(a: DampingTerm, b: DampingTerm) -> bool:
-    """Whether two terms lose alike at every amplitude, so that no envelope tells them apart."""
+    """Return whether two terms lose the same at every amplitude, so that an envelope cannot distinguish them."""
     if a.inferred or b.inferred or any(scales_needed(a)) or any(scales_needed(b)):
         return a is b
     x = np.array([-6.0, -4.0, -2.0, -1.0, 0.0])
-    one, two = (losses(term, x, {}, Scale()) for term in (a, b))
-    return bool(np.allclose(one / one[-1], two / two[-1], SAME, 0.0))
+    first, second = (losses(term, x, {}, Scale()) for term in (a, b))
+    return bool(np.allclose(first / first[-1], second / second[-1], SAME, 0.0))

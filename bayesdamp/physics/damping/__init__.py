@@ -1,4 +1,4 @@
-"""Damping terms: one class in one module each, found by name."""
+"""Register damping terms: one class in one module each, found by name."""
 
 from __future__ import annotations
 
@@ -18,9 +18,12 @@ __all__ = [
 
 
 def parse_model(name: str) -> tuple[str, ...]:
-    """`viscous+coulomb` as its terms, in the order given.
+    """Return the terms of a sum such as `viscous+coulomb`, in their order.
 
-    Raises InputError on an unknown, repeated or missing term.
+    Raises
+    ------
+    InputError
+        For an unknown, repeated or missing term, and for two terms with a parameter of the same name.
     """
     terms = tuple(part.strip() for part in name.split("+"))
     if len(set(terms)) != len(terms) or not all(terms):
@@ -36,7 +39,7 @@ def parse_model(name: str) -> tuple[str, ...]:
 
 
 def others() -> list[str]:
-    """The terms that ship beside the paper's."""
+    """Return the terms that ship besides the paper's."""
     return [name for name in TERMS.names() if TERMS.ships(name) and name not in PAPER_TERMS]
 
 
@@ -44,20 +47,22 @@ ARTICLES = ("a", "an", "the")
 
 
 def words_of(term: str) -> str:
-    """A term in a sentence, before the word damping too, so without an article; its name where it is not known here or
-    says nothing."""
+    """Return the words for a term in a sentence, without an article, so that "damping" can follow.
+
+    It is the term's name where it has no words or is not known here.
+    """
     words = (TERMS.get(term).words if term in TERMS.names() else "") or term
     first, _, rest = words.partition(" ")
     return rest if rest and first.lower() in ARTICLES else words
 
 
 def twins_of(term: str) -> list[str]:
-    """Terms that take as much from every amplitude as this one does."""
+    """Return the terms that take as much energy at every amplitude as this one."""
     names = TERMS.present()
     own = [TERMS.get(term).twin] if term in names else []
     return [n for n in names if n != term and (n in own or TERMS.get(n).twin == term)]
 
 
-def all_sums(terms: tuple[str, ...] = PAPER_TERMS) -> list[str]:
-    """All non-empty sums of the terms, single ones first: seven for the paper's three."""
-    return ["+".join(c) for n in range(1, len(terms) + 1) for c in combinations(terms, n)]
+def all_sums() -> list[str]:
+    """Return the seven sums of the paper's terms, single ones first."""
+    return ["+".join(c) for n in (1, 2, 3) for c in combinations(PAPER_TERMS, n)]

@@ -1,4 +1,4 @@
-"""What a damping term is."""
+"""Define what a damping term is."""
 
 from __future__ import annotations
 
@@ -16,23 +16,24 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Symbol
 
 NODES = 48
-"""Of Gauss and Legendre's rule in a quarter of a cycle."""
+"""Number of nodes of Gauss and Legendre's rule in a quarter of a cycle."""
 SHARP = 1e-9
-"""Width in peak velocities within which a switching force turns over where its own limit is meant."""
+"""Width, in peak velocities, of the switch of a force where its limit of a jump is wanted."""
 EXACT, TINY = 1e-8, 1e-100
-"""Width over the velocity at which a force has turned over to rounding, and the velocity (rad/s) that stands for 0."""
+"""Width over the velocity at which a force has its full value to rounding, and the velocity (rad/s) in place of 0."""
 REFLECTED_MEDIAN = 0.6745
 """Score of the median of a folded normal."""
 GIVEN = ("rest", "reference_velocity", "reference_amplitude")
-"""What a kernel may ask for that is no parameter: where the motion rests, and scales of velocity and displacement."""
+"""What a kernel may need besides parameters: the rest position, and scales of velocity and displacement."""
 
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A parameter of a term beside its coefficient.
+    """A parameter of a term besides its coefficient.
 
-    unit: for an angle in rad. prior: of a reference amplitude (rad or m) and frequency (rad/s); its support are the
-    parameter's bounds. symbol: how it is written, by its name where nothing is said.
+    name, unit: its name, and its unit for an angle in rad. prior: the prior as a function of a reference amplitude (rad
+    or m) and frequency (rad/s); its support contains the possible values. symbol: how it is written; by default its
+    name.
     """
 
     name: str
@@ -49,26 +50,26 @@ class DampingTerm(ABC):
     unit: str
     """Unit of the coefficient for an angle in rad; `m` in place of rad for a record in metres."""
     symbol: Symbol | None = None
-    """How the coefficient is written, by its name where nothing is said."""
+    """How the coefficient is written; by default its name."""
     words: str = ""
-    """The term in a sentence, its name where nothing is said."""
+    """Words for the term in a sentence; by default its name."""
     formula: str = ""
     """The force as a report shows it."""
     switches: bool = False
     """Whether the shape jumps with the sign of the velocity within the width ε."""
     rounded: bool = False
-    """Whether ε rounds off a shape that is steep at rest, instead of a jump. Where ε is 0 the kernel still does so,
-    within a small share of the peak velocity."""
+    """Whether ε rounds off a shape that is steep at rest, instead of a jump. For ε = 0 the kernel still does so within
+    a small share of the peak velocity."""
     inferred: tuple[FreeParameter, ...] = ()
-    """Parameters beside the coefficient, in the kernel's order."""
+    """Parameters besides the coefficient, in the kernel's order."""
     given: tuple[str, ...] = ()
-    """What the kernel takes after these, of `GIVEN`."""
+    """Arguments of the kernel after these, of `GIVEN`."""
     bounded: bool = True
-    """Whether its share of the energy is bounded where it is not in the answer."""
+    """Whether a verdict without the term gives an upper limit of its share of the energy."""
     twin: str = ""
-    """A term that takes as much from every amplitude: only the shape within a cycle tells the two apart."""
+    """A term that takes as much energy at every amplitude: only the shape within a cycle distinguishes the two."""
     reduces: tuple[tuple[str, float], ...] = ()
-    """Values of parameters at which the term is a simpler one; how much it has beyond that is what is bounded."""
+    """Values of parameters at which the term is a simpler one; the upper limit is for what it has beyond that."""
 
     @property
     def placed(self) -> bool:
@@ -85,7 +86,7 @@ class DampingTerm(ABC):
 
     @property
     def further(self) -> tuple[str, ...]:
-        """Names of what the kernel takes beside θ, θ̇ and ε."""
+        """Names of the kernel's arguments besides θ, θ̇ and ε."""
         return (*(p.name for p in self.inferred), *self.given)
 
     @staticmethod
@@ -100,27 +101,32 @@ class DampingTerm(ABC):
     def force(self, x: ArrayLike, v: ArrayLike, epsilon: ArrayLike, *further: ArrayLike) -> np.ndarray:
         """Return the force per unit of the coefficient at displacements x (rad) and velocities v (rad/s) of one shape.
 
-        further: values of what `further` names. With ε = 0 what switches does so at once, and is 0 at rest.
+        further: values of the arguments in `further`. With ε = 0 a force that switches jumps, and is 0 at rest.
         """
         v = np.asarray(v, float)
         sharp = np.where(v == 0.0, 1.0, EXACT * np.abs(v))
         width = np.where(np.asarray(epsilon) == 0.0, sharp, epsilon)
-        values = (np.asarray(one, float) for one in further)
+        values = (np.asarray(value, float) for value in further)
         return on_arrays(self.kernel)(np.asarray(x, float), v, width, *values)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Equivalent viscous damping ratio per unit of the coefficient.
+        """Return the equivalent viscous damping ratio per unit of the coefficient, at an amplitude in rad.
 
-        amplitude in rad, frequency in rad/s; from the energy lost in a cycle of a harmonic motion, by quadrature and at
-        the medians of the further parameters' priors where a term gives no closed form.
+        It follows from the energy lost in a cycle of a harmonic motion with a frequency in rad/s. Where a term gives no
+        closed form, this is by quadrature at the medians of the further parameters' priors.
         """
         medians = {p.name: median(p.prior(amplitude, frequency)) for p in self.inferred}
         return self.work(amplitude, frequency, medians) / (2 * math.pi * (frequency * amplitude) ** 2)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """Energy lost in a cycle x = A sin ωt per unit of the coefficient and inertia, rad²/s², by quadrature.
+        """Return the energy lost in a cycle x = A sin ωt per unit of the coefficient and inertia, rad²/s².
 
-        further: values of the parameters by name; what is `given` has its value for this motion where it is not there.
+        Parameters
+        ----------
+        amplitude, frequency
+            In rad and rad/s.
+        further
+            Values of the parameters by name; the arguments in `given` have by default their value for this motion.
         """
         peak = amplitude * frequency
         known = {"rest": 0.0, "reference_velocity": peak, "reference_amplitude": amplitude, **further}
@@ -143,7 +149,7 @@ class DampingTerm(ABC):
 
 
 def median(prior: Prior) -> float:
-    """Of a prior."""
+    """Return the median of a prior."""
     return float(prior.value(np.asarray(REFLECTED_MEDIAN if prior.reflected else 0.0)))
 
 

@@ -25,7 +25,7 @@ class Coulomb(DampingTerm):
         return math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """2/(πω²A): it grows as the amplitude falls."""
+        """Return 2/(πω²A): it grows as the amplitude falls."""
         return 2.0 / (math.pi * frequency**2 * amplitude)
 
 

@@ -22,7 +22,7 @@ class Cubic(DampingTerm):
         return v * v * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """3A²ω/8."""
+        """Return 3A²ω/8."""
         return 3.0 / 8.0 * amplitude**2 * frequency
 
 

@@ -1,5 +1,7 @@
-"""Damping that grows with the square of the displacement, (θ − θ_e)² θ̇: van der Pol's with its sign turned
-(B. van der Pol, Phil. Mag. 2, 978 (1926))."""
+"""Damping that grows with the square of the displacement, (θ − θ_e)² θ̇.
+
+It is that of van der Pol with the opposite sign (B. van der Pol, Phil. Mag. 2, 978 (1926)).
+"""
 
 from bayesdamp.physics.damping._term import DampingTerm
 from bayesdamp.types import Symbol
@@ -23,7 +25,7 @@ class Displacement(DampingTerm):
         return (x - rest) * (x - rest) * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """A²/(8ω)."""
+        """Return A²/(8ω)."""
         return amplitude**2 / (8.0 * frequency)
 
 

@@ -1,5 +1,7 @@
-"""Dry friction that varies with the position, as under a normal force that does (B. F. Feeny and F. C. Moon,
-J. Sound Vib. 170, 303 (1994)), to second order in the displacement."""
+"""Dry friction that varies with the position, to second order in the displacement.
+
+It occurs under a normal force that varies (B. F. Feeny and F. C. Moon, J. Sound Vib. 170, 303 (1994)).
+"""
 
 import math
 from collections.abc import Mapping
@@ -12,9 +14,10 @@ from bayesdamp.types import Symbol
 
 
 class DryPosition(DampingTerm):
-    """F = μ_p max(1 + s u + q u², 0) tanh(θ̇/ε), u = (θ − θ_e)/A with A a reference amplitude; μ_p, in rad/s², is the
-    friction at rest. A cycle of amplitude a takes 4 μ_p a (1 + q (a/A)²/3) while the bracket is positive: the slope s
-    takes no energy by itself.
+    """F = μ_p max(1 + s u + q u², 0) tanh(θ̇/ε), u = (θ − θ_e)/A, μ_p in rad/s².
+
+    A is a reference amplitude, and μ_p the friction at rest. A cycle of amplitude a takes 4 μ_p a (1 + q (a/A)²/3)
+    while the bracket is positive: the slope s takes no energy by itself.
     """
 
     name = "dry_position"
@@ -56,22 +59,18 @@ class DryPosition(DampingTerm):
         return max(1.0 + slope * u + curvature * u * u, 0.0) * math.tanh(v / epsilon)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """In closed form, over the parts of the way where there is friction; see `DampingTerm.work`."""
+        """Return `DampingTerm.work` in closed form, over the parts of the way where there is friction."""
         s, q = further["friction_slope"], further["friction_curvature"]
         scale = further.get("reference_amplitude", amplitude)
         end = amplitude / scale
-        edges = np.array([-end, *(u for u in _zeros(s, q) if abs(u) < end), end])
+        inside = s * s - 4.0 * q
+        zeros = []  # of 1 + s u + q u², without cancellation where q is small
+        if inside > 0.0:
+            half = -0.5 * (s + math.copysign(math.sqrt(inside), s))
+            zeros = sorted(u for u in (1.0 / half, half / q if q else math.inf))
+        edges = np.array([-end, *(u for u in zeros if abs(u) < end), end])
         taken = np.diff(edges * (1.0 + edges * (s / 2.0 + edges * q / 3.0)))
         return float(2.0 * scale * np.maximum(taken, 0.0).sum())
-
-
-def _zeros(s: float, q: float) -> list[float]:
-    """Of 1 + s u + q u², real and rising; without cancellation where q is small."""
-    inside = s * s - 4.0 * q
-    if inside <= 0.0:
-        return []
-    half = -0.5 * (s + math.copysign(math.sqrt(inside), s))
-    return sorted(u for u in (1.0 / half, half / q if q else math.inf))
 
 
 PLUGIN = DryPosition()

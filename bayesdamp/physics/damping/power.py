@@ -1,5 +1,8 @@
-"""A power of the velocity with a free exponent: Coulomb's, viscous and quadratic damping are its 0, 1 and 2
-(R. E. Mickens, K. O. Oyedeji and S. A. Rucker, J. Sound Vib. 268, 839 (2003))."""
+"""A power of the velocity with a free exponent.
+
+Coulomb, viscous and quadratic damping have the exponents 0, 1 and 2 (R. E. Mickens, K. O. Oyedeji and S. A. Rucker,
+J. Sound Vib. 268, 839 (2003)).
+"""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +15,7 @@ from bayesdamp.types import Symbol
 class Power(DampingTerm):
     """F = c V |θ̇/V|^p sgn θ̇ with V a reference velocity, c in 1/s; rounded within ε so that it may switch at p = 0.
 
-    The exponent may be a little outside 0 to 3, so that neither end is where its score ends. A cycle takes
+    The exponent may be a little outside 0 to 3, so that neither value is at an end of its score. A cycle takes
     2√π Γ(1 + p/2)/Γ(3/2 + p/2) c V A (ωA/V)^p.
     """
 
@@ -24,7 +27,7 @@ class Power(DampingTerm):
     formula = "c V |θ̇/V|ᵖ sgn θ̇"
     switches = True
     rounded = True
-    bounded = False  # its exponent says more
+    bounded = False  # its exponent tells more
     inferred = (
         FreeParameter(
             "exponent",
@@ -41,7 +44,7 @@ class Power(DampingTerm):
         return v * ((v * v + epsilon * epsilon) / (scale * scale)) ** (0.5 * (p - 1.0))
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """In closed form; see `DampingTerm.work`."""
+        """Return `DampingTerm.work` in closed form."""
         p, peak = further["exponent"], amplitude * frequency
         scale = further.get("reference_velocity", peak)
         shape = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + 0.5 * p) / math.gamma(1.5 + 0.5 * p)

@@ -24,7 +24,7 @@ class Quadratic(DampingTerm):
         return v * abs(v)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """4A/(3π)."""
+        """Return 4A/(3π)."""
         return 4.0 * amplitude / (3.0 * math.pi)
 
 

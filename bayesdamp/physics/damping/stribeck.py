@@ -1,5 +1,7 @@
-"""Stribeck friction: dry friction that rises from its kinetic to its static value as the velocity goes to zero
-(B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit, Automatica 30, 1083 (1994))."""
+"""Stribeck friction: dry friction that rises from its kinetic to its static value as the velocity goes to zero.
+
+See B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit, Automatica 30, 1083 (1994).
+"""
 
 import math
 from collections.abc import Mapping
@@ -11,13 +13,16 @@ from bayesdamp.priors import HalfNormal, LogUniform
 from bayesdamp.types import Symbol
 
 SLOWEST, FASTEST = 0.02, 1.0
-"""Stribeck velocities that are possible, as shares of the reference's peak velocity: below, friction is static nowhere
-but at the turning points; above, everywhere."""
+"""Possible Stribeck velocities, as shares of the reference's peak velocity: below them, friction is static only at the
+turning points; above them, everywhere."""
 
 
 class Stribeck(DampingTerm):
-    """F = μ_k [1 + s exp(−(θ̇/v_s)²)] tanh(θ̇/ε), kinetic friction μ_k in rad/s², static friction (1 + s) μ_k, Stribeck
-    velocity v_s in rad/s. A cycle takes 4 μ_k A [1 + s D(a)/a], a = ωA/v_s, D Dawson's integral."""
+    """F = μ_k [1 + s exp(−(θ̇/v_s)²)] tanh(θ̇/ε), kinetic friction μ_k in rad/s².
+
+    The static friction is (1 + s) μ_k, the Stribeck velocity v_s is in rad/s. A cycle takes 4 μ_k A [1 + s D(a)/a] with
+    a = ωA/v_s and Dawson's integral D.
+    """
 
     name = "stribeck"
     parameter = "mu_k"
@@ -50,7 +55,7 @@ class Stribeck(DampingTerm):
         return (1.0 + excess * math.exp(-(v * v) / (slow * slow))) * math.tanh(v / epsilon)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """In closed form; see `DampingTerm.work`."""
+        """Return `DampingTerm.work` in closed form."""
         a = amplitude * frequency / further["stribeck_velocity"]
         return 4.0 * amplitude * (1.0 + further["static_excess"] * float(dawsn(a)) / a)
 

@@ -1,5 +1,7 @@
-"""Structural (hysteretic) damping: a force that follows the displacement and turns with the velocity, so that what a
-cycle loses does not depend on its frequency (T. J. Reid, J. R. Aeronaut. Soc. 60, 283 (1956))."""
+"""Structural (hysteretic) damping: a force proportional to the displacement that opposes the velocity.
+
+The loss in a cycle does not depend on its frequency (T. J. Reid, J. R. Aeronaut. Soc. 60, 283 (1956)).
+"""
 
 import math
 
@@ -10,8 +12,8 @@ from bayesdamp.types import Symbol
 class Structural(DampingTerm):
     """F = κ |θ − θ_e| tanh(θ̇/ε), κ in 1/s²: a cycle takes 2κA², a loss factor of 2κ/(πω²).
 
-    Unlike the complex stiffness of the frequency domain it is causal and has solutions; in a free decay its amplitude
-    falls exponentially, as viscous damping's does, and only the shape within a cycle tells the two apart.
+    Unlike the complex stiffness of the frequency domain it is causal and has solutions. In a free decay the amplitude
+    falls exponentially, as with viscous damping; only the shape within a cycle distinguishes the two.
     """
 
     name = "structural"
@@ -30,7 +32,7 @@ class Structural(DampingTerm):
         return abs(x - rest) * math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """1/(πω²): the same at every amplitude."""
+        """Return 1/(πω²): the same at every amplitude."""
         return 1.0 / (math.pi * frequency**2)
 
 

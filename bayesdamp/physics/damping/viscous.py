@@ -22,7 +22,7 @@ class Viscous(DampingTerm):
         return 2.0 * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """1/ω."""
+        """Return 1/ω."""
         return 1.0 / frequency
 
 

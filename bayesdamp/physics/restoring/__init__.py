@@ -1,4 +1,4 @@
-"""Restoring laws: one class in one module each, found by name."""
+"""Register restoring laws: one class in one module each, found by name."""
 
 from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
 from bayesdamp.plugins import Registry

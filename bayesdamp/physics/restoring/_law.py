@@ -1,4 +1,4 @@
-"""What a restoring law is."""
+"""Define what a restoring law is."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ SYMBOLS = {
     "rest_angle": Symbol("rest angle θe", r"rest angle $\theta_e$", "angle at rest"),
     "cubic": Symbol("cubic β", r"cubic $\beta$", "cubic stiffness"),
 }
-"""Of the laws that ship, which share most parameters."""
+"""Symbols of the laws that ship, which share most parameters."""
 
 
 @dataclass(frozen=True)
 class LinearForm:
     """F_rest(θ) = offset(θ) + columns(θ) @ coefficients, for regressions.
 
-    columns: shape (n, c); offset: shape (n,), the part that is known.
-    decode: coefficients, shape (c,), to the values of the free parameters.
+    columns: shape (n, c); offset: the known part, shape (n,); decode: returns the free parameters' values for
+    coefficients, shape (c,).
     """
 
     columns: np.ndarray
@@ -44,11 +44,11 @@ class RestoringLaw(ABC):
     formula: str = ""
     """The force as a report shows it."""
     symbols: ClassVar[Mapping[str, Symbol]] = SYMBOLS
-    """How parameters are written, by their names where nothing is said."""
+    """How parameters are written; by default their names."""
     translates: bool = False
     """Whether the law also describes a translation in metres."""
     shift: ClassVar[str] = ""
-    """The parameter that moves the force along the angle and changes nothing else, "" where there is none."""
+    """The parameter that only moves the force along the angle; empty where there is none."""
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
@@ -64,27 +64,32 @@ class RestoringLaw(ABC):
         return on_arrays(self.kernel)(np.asarray(theta, float), values)
 
     def slope(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return its derivative by the angle, 1/s²."""
+        """Return the derivative of the force by the angle, 1/s²."""
         return slope_of(lambda x: self.force(x, p), np.asarray(theta, float))
 
     @abstractmethod
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """All parameters, the known ones as known, the others such that small motions about `rest` (rad)
-        have this angular frequency (rad/s), as far as what is known allows."""
+        """Return all parameters such that small motions about `rest` (rad) have this angular frequency (rad/s).
+
+        Known parameters have their known values, as far as these allow that frequency.
+        """
 
     @abstractmethod
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """The law as a linear regression on the parameters that are not in `known`; θ of shape (n,)."""
+        """Return the law as a linear regression on the parameters that are not in `known`; θ of shape (n,)."""
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
-        """Coordinates in which what a record shows well is straight, under the names of the law's parameters and
-        theta0 (given among p); None where the parameters are such already, or none can be told."""
+        """Return coordinates in which quantities that a record determines well are linear.
+
+        They have the names of the law's parameters and theta0 (which is in p). None where the parameters themselves are
+        such coordinates, or there are none.
+        """
         return None
 
     def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
-        """The inverse of `natural`; None where no parameters have these coordinates."""
+        """Return the inverse of `natural`; None where no parameters have these coordinates."""
         return None
 
     def unit(self, parameter: str) -> str:
-        """Unit of a parameter for an angle in rad."""
+        """Return the unit of a parameter for an angle in rad."""
         return {"stiffness": "1/s²", "gravity": "rad/s²", "cubic": "1/(rad² s²)"}.get(parameter, "rad")

@@ -24,11 +24,11 @@ class Duffing(RestoringLaw):
         return (p[0] + p[2] * (x - p[1]) ** 2) * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """k = ω², θ_e at rest, β = 0, but for what is known."""
+        """Return k = ω², θ_e at rest and β = 0, except for known parameters."""
         return {"stiffness": frequency**2, "rest_angle": rest, "cubic": 0.0, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Linear in k and β where θ_e is known."""
+        """Return a form that is linear in k and β where θ_e is known."""
         if "rest_angle" in known:
             x = theta - known["rest_angle"]
             free = [n for n in ("stiffness", "cubic") if n not in known]
@@ -37,7 +37,7 @@ class Duffing(RestoringLaw):
             columns = np.column_stack([powers[n] for n in free]) if free else np.zeros((x.size, 0))
             return LinearForm(columns, offset, lambda c: dict(zip(free, map(float, c))))
 
-        # θ_e free: the cubic has one coefficient more than the law; θ_e is its real root nearest the mean.
+        # With θ_e free the cubic has one coefficient more than the law; θ_e is its real root nearest the mean.
         centre = float(theta.mean())
         x = theta - centre
 
@@ -45,8 +45,8 @@ class Duffing(RestoringLaw):
             roots = np.roots(c[::-1])
             real = roots[np.abs(roots.imag) < 1e-9 * (1 + np.abs(roots))].real
             x_e = float(real[np.argmin(np.abs(real))])
-            found = {"stiffness": float(c[1] + 2 * c[2] * x_e + 3 * c[3] * x_e**2), "cubic": float(c[3])}
-            return {"rest_angle": centre + x_e, **{n: v for n, v in found.items() if n not in known}}
+            values = {"stiffness": float(c[1] + 2 * c[2] * x_e + 3 * c[3] * x_e**2), "cubic": float(c[3])}
+            return {"rest_angle": centre + x_e, **{n: v for n, v in values.items() if n not in known}}
 
         return LinearForm(np.column_stack([x**0, x, x**2, x**3]), np.zeros_like(x), decode)
 

@@ -24,33 +24,29 @@ class HorizontalPendulum(RestoringLaw):
         return p[0] * (x - p[2]) - p[1] * math.cos(x)
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """k from ω² = k + γ sin θ at rest, and θ_s from the balance there, but for what is known."""
+        """Return k from ω² = k + γ sin θ at rest and θ_s from the balance there, except for known parameters."""
         gravity = known.get("gravity", 0.0)
         stiffness = known.get("stiffness", frequency**2 - gravity * math.sin(rest))
         spring = rest - gravity * math.cos(rest) / stiffness
         return {"stiffness": stiffness, "gravity": gravity, "spring_angle": spring, **known}
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
-        """The squared frequency of small motions, gravity, the equilibrium, and the start as seen from there."""
-        starts = [p[name] for name in ("theta0", "spring_angle") if name in p]
-        rest = next((found for at in starts if (found := self._rest(p, at)) is not None), None)
-        if rest is None:
-            return None
-        slope = p["stiffness"] + p["gravity"] * math.sin(rest)
-        start = p.get("theta0", 0.0) - rest
-        return {"stiffness": slope, "gravity": p["gravity"], "spring_angle": rest, "theta0": start}
-
-    @staticmethod
-    def _rest(p: Mapping[str, float], near: float) -> float | None:
+        """Return the squared frequency of small motions, gravity, the equilibrium, and the start relative to it."""
         k, gravity, spring = p["stiffness"], p["gravity"], p["spring_angle"]
 
         def force_and_slope(x: float) -> tuple[float, float]:
             return k * (x - spring) - gravity * math.cos(x), k + gravity * math.sin(x)
 
-        return newton(force_and_slope, near)
+        rest = newton(force_and_slope, p["theta0"]) if "theta0" in p else None
+        rest = newton(force_and_slope, spring) if rest is None else rest
+        if rest is None:
+            return None
+        start = p.get("theta0", 0.0) - rest
+        slope = k + gravity * math.sin(rest)
+        return {"stiffness": slope, "gravity": gravity, "spring_angle": rest, "theta0": start}
 
     def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
-        """From the angle at rest, γ and ω²: k = ω² − γ sin θ there, and θ_s by balance."""
+        """Return k = ω² − γ sin θ at rest, and θ_s by balance, from the angle at rest, γ and ω²."""
         rest, gravity = p["spring_angle"], p["gravity"]
         k = p["stiffness"] - gravity * math.sin(rest)
         if k <= 0:
@@ -60,8 +56,7 @@ class HorizontalPendulum(RestoringLaw):
         return {"stiffness": k, "gravity": gravity, "spring_angle": spring, "theta0": start}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        # F = kθ − kθ_s − γ cos θ: linear in (k, kθ_s, γ), or in (k, γ) where θ_s is known.
-        """Linear in k, kθ_s and γ, or in what of them is not known."""
+        """Return a form that is linear in k, kθ_s and γ, or in the unknown ones of these."""
         names, columns, offset = [], [], np.zeros_like(theta)
         spring = known.get("spring_angle")
         lever = theta if spring is None else theta - spring
@@ -80,11 +75,11 @@ class HorizontalPendulum(RestoringLaw):
             columns.append(-np.ones_like(theta))
 
         def decode(c: np.ndarray) -> dict[str, float]:
-            found = dict(zip(names, map(float, c)))
+            values = dict(zip(names, map(float, c)))
             if spring is None:
-                torque = found.pop("torque")
-                found["spring_angle"] = torque / found.get("stiffness", known.get("stiffness", np.nan))
-            return found
+                torque = values.pop("torque")
+                values["spring_angle"] = torque / values.get("stiffness", known.get("stiffness", np.nan))
+            return values
 
         return LinearForm(np.column_stack(columns) if columns else np.zeros((theta.size, 0)), offset, decode)
 

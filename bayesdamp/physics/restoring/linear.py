@@ -9,7 +9,7 @@ import numpy as np
 from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
 
 
-class Linear(RestoringLaw):
+class LinearSpring(RestoringLaw):
     """F = k(θ − θ_e)."""
 
     name = "linear"
@@ -24,24 +24,24 @@ class Linear(RestoringLaw):
         return p[0] * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """k = ω², θ_e at rest, but for what is known."""
+        """Return k = ω² and θ_e at rest, except for known parameters."""
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Linear in k and kθ_e, or in what of them is not known."""
+        """Return a form that is linear in k and kθ_e, or in the unknown one of these."""
         k, rest = known.get("stiffness"), known.get("rest_angle")
-        none, one = np.zeros((theta.size, 0)), np.ones_like(theta)
+        none, ones = np.zeros((theta.size, 0)), np.ones_like(theta)
         if k is not None and rest is not None:
             return LinearForm(none, k * (theta - rest), lambda c: {})
         if k is not None:
-            return LinearForm(-k * one[:, None], k * theta, lambda c: {"rest_angle": float(c[0])})
+            return LinearForm(-k * ones[:, None], k * theta, lambda c: {"rest_angle": float(c[0])})
         if rest is not None:
-            return LinearForm((theta - rest)[:, None], 0 * one, lambda c: {"stiffness": float(c[0])})
+            return LinearForm((theta - rest)[:, None], 0 * ones, lambda c: {"stiffness": float(c[0])})
         return LinearForm(
-            np.column_stack([theta, one]),
-            0 * one,
+            np.column_stack([theta, ones]),
+            0 * ones,
             lambda c: {"stiffness": float(c[0]), "rest_angle": float(-c[1] / c[0])},
         )
 
 
-PLUGIN = Linear()
+PLUGIN = LinearSpring()

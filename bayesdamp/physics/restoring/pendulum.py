@@ -24,11 +24,11 @@ class Pendulum(RestoringLaw):
         return p[0] * math.sin(x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """k = ω², θ_e at rest, but for what is known."""
+        """Return k = ω² and θ_e at rest, except for known parameters."""
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Linear in k cos θ_e and k sin θ_e, or in k where θ_e is known."""
+        """Return a form that is linear in k cos θ_e and k sin θ_e, or in k where θ_e is known."""
         k, rest = known.get("stiffness"), known.get("rest_angle")
         zero = np.zeros_like(theta)
         if rest is not None:
@@ -38,8 +38,12 @@ class Pendulum(RestoringLaw):
             return LinearForm(wave[:, None], zero, lambda c: {"stiffness": float(c[0])})
 
         def decode(c: np.ndarray) -> dict[str, float]:
-            found = {"rest_angle": math.atan2(-c[1], c[0])}
-            return found if k is not None else {"stiffness": float(np.hypot(*c)), **found}
+            rest = math.atan2(-c[1], c[0])
+            return (
+                {"rest_angle": rest}
+                if k is not None
+                else {"stiffness": float(np.hypot(*c)), "rest_angle": rest}
+            )
 
         return LinearForm(np.column_stack([np.sin(theta), np.cos(theta)]), zero, decode)
 

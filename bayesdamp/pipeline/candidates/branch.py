@@ -8,7 +8,7 @@ from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.deviation.single import Single, put_together
 from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.fitting.case import Case
+from bayesdamp.interface.case import Case
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.pipeline.answering import ANSWERED, law_of, likelihood_of

@@ -9,7 +9,7 @@ import numpy as np
 from bayesdamp.inference.checks.checks import check_fit
 from bayesdamp.inference.fit.laplace import value_sds
 from bayesdamp.inference.fit.search import basins, prior_starts
-from bayesdamp.interface.fitting.starts import observed, of_all, regression
+from bayesdamp.interface.case import observed, of_all, regression
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records import NOT_APPLICABLE
 from bayesdamp.pipeline.tasks import Product, cell_seed

@@ -11,7 +11,7 @@ from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import CURVE_DRAWS, Motions, against_amplitude, derive, units
 from bayesdamp.inference.curves.weighted import resampled
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.physics.units import parameter_unit
+from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.answering import verdict_of
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.tasks import Product

@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.envelope.sums import Sum
-from bayesdamp.physics.amplitude.law import Law, Tabled
-from bayesdamp.physics.amplitude.laws import SUMS, decay
+from bayesdamp.physics.amplitude.laws import SUMS, Law, Tabled, decay
 from bayesdamp.physics.amplitude.loss import Scale, alike, losses, scales_needed
 from bayesdamp.physics.damping import TERMS, DampingTerm, FreeParameter
 from bayesdamp.priors import Uniform

@@ -8,9 +8,17 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, solver_of
-from bayesdamp.physics.amplitude.law import ClosedForm
-from bayesdamp.physics.amplitude.laws import RESTED, SUMS, coefficients, decay, power_decay, rate
-from bayesdamp.physics.amplitude.solver import hats, warp_integrals
+from bayesdamp.physics.amplitude.laws import (
+    RESTED,
+    SUMS,
+    ClosedForm,
+    coefficients,
+    decay,
+    hats,
+    power_decay,
+    rate,
+    warp_integrals,
+)
 from bayesdamp.physics.kernel.solve import ALL
 
 T = np.linspace(0.0, 5.0, 41)

@@ -1,4 +1,4 @@
-"""A simulated record, from the damping and the restoring law in words and numbers."""
+"""Simulate a record from the names and parameters of damping and restoring law."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bayesdamp import types
 from bayesdamp.config import Simulation
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.signals import resolve_signal, term_keys
-from bayesdamp.interface.records.signal import Signal
+from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -21,7 +21,7 @@ from bayesdamp.types import InputError
 
 START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
 AT_REST = {"rest_angle": 0.0, "spring_angle": 0.0}
-"""Where the oscillator rests where nobody says."""
+"""Default rest position of the oscillator."""
 
 
 def simulate(
@@ -41,17 +41,50 @@ def simulate(
     name: str = "simulated",
     **parameters: float,
 ) -> Signal:
-    """A record of an oscillator with noise, as a signal.
+    """Simulate a record of an oscillator with noise; the signal does not contain the truth.
 
-    damping: coefficient by damping term, such as {"viscous": 0.05, "coulomb": 0.03}; what a term has beside it is given
-    by name (exponent=1.5). restoring: the restoring law;
-    parameters: its parameters by name (stiffness=20.0), theta0 (0.3), omega0 (0.0), the friction's epsilon (0.0: the
-    sign itself), noise_time (s) for noise = "correlated", noise_dof for "student_t"; rest_angle and spring_angle are 0
-    where they are not given. samples: equally spaced from 0 to duration (s). noise_sd, quantum (the recording step): in
-    the unit of the quantity. outliers: how many, or their share below 1; gaps: stretches without samples. seed: of all
-    random numbers. The signal holds nothing of the truth. For a trajectory alone see `trajectory`.
-    Raises InputError, one line.
+    For a trajectory alone see `trajectory`.
 
+    Parameters
+    ----------
+    damping
+        Coefficients by damping term, such as {"viscous": 0.05, "coulomb": 0.03}.
+    restoring
+        The restoring law.
+    duration
+        Length of the record in s.
+    samples
+        Number of equally spaced samples from 0 to `duration`.
+    noise_sd
+        Standard deviation of the noise, in the unit of the quantity.
+    noise
+        The noise model.
+    outliers
+        Number of outliers, or their share where it is below 1.
+    gaps
+        Number of stretches without samples.
+    quantum
+        Recording step, in the unit of the quantity; 0 for none.
+    quantity
+        "angle" (any displacement), "velocity" or "acceleration".
+    unit
+        Base unit of the displacement.
+    seed
+        Seed of all random numbers.
+    name
+        Name of the signal.
+    **parameters
+        Parameters of the restoring law (stiffness=20.0) and of damping terms (exponent=1.5) by name, theta0 (by default
+        0.3), omega0 (0.0), the friction's epsilon (0.0, the sign itself), noise_time (s) for noise="correlated",
+        noise_dof for "student_t". rest_angle and spring_angle are 0 by default.
+
+    Raises
+    ------
+    InputError
+        For a wrong or missing argument.
+
+    Examples
+    --------
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, "pendulum", stiffness=20.0, duration=6.0, samples=150)
     >>> signal.t[-1].item(), round(signal.y[0].item(), 3)
@@ -71,32 +104,49 @@ def simulate(
         if key not in numbers:
             raise InputError(f"simulate: {restoring} has no parameter {key!r}{nearest(key, list(numbers))}")
     given = {**START, **{n: v for n, v in AT_REST.items() if n in needed}, **parameters}
-    beside = {p.name: term for term in keys if keys[term] in damping for p in TERMS.get(term).inferred}
-    for parameter, what in {**dict.fromkeys(needed, restoring), **beside}.items():
+    own = {p.name: term for term in keys if keys[term] in damping for p in TERMS.get(term).inferred}
+    for parameter, what in {**dict.fromkeys(needed, restoring), **own}.items():
         if parameter not in given:
             raise InputError(f"simulate: {what} needs {parameter} too; give {parameter}=NUMBER")
     options = {"duration": float(duration), "samples": samples, "noise_sd": float(noise_sd), "noise": noise}
     options |= {"outliers": float(outliers), "gaps": gaps, "quantum": float(quantum)}
     options |= {"quantity": quantity, "unit": unit}
-    made = _checked({**damping, **given, **options}, restoring, name)
-    return Signal.of(simulated(made, restoring, made.truth, name, np.random.default_rng(seed)))
-
-
-def _checked(given: Mapping[str, object], restoring: str, name: str) -> Simulation:
-    """The simulation as a study's own would be checked. Raises InputError in the terms of the arguments."""
-    entry = {"name": "simulated", "simulate": dict(given), "system": {"restoring": restoring}}
-    try:
-        made = resolve_signal(entry, {}, Path(), "").source
+    entry = {
+        "name": "simulated",
+        "simulate": {**damping, **given, **options},
+        "system": {"restoring": restoring},
+    }
+    try:  # validated as a study's own simulation
+        source = resolve_signal(entry, {}, Path(), "").source
     except StudyError as error:
         raise InputError(error.within("simulate"), name) from None
-    assert isinstance(made, Simulation)
-    return made
+    assert isinstance(source, Simulation)
+    return Signal.of(simulated(source, restoring, source.truth, name, np.random.default_rng(seed)))
 
 
 def simulated(
     source: Simulation, restoring: str, truth: Mapping[str, float], name: str, rng: np.random.Generator
 ) -> types.Signal:
-    """Make a record as a study describes it. truth: the parameters' values. Raises InputError where it escapes."""
+    """Simulate a record as a study describes it.
+
+    Parameters
+    ----------
+    source
+        The simulation in the study.
+    restoring
+        The restoring law.
+    truth
+        Values of the parameters.
+    name
+        Name of the signal.
+    rng
+        Generator of all random numbers.
+
+    Raises
+    ------
+    InputError
+        Where the motion escapes.
+    """
     return simulate_signal(
         Oscillator(source.damping, restoring),
         truth,

@@ -1,4 +1,4 @@
-"""A free decay, ready to be inferred from; from arrays, or cut out of a record."""
+"""Make a signal, the free decay of a record in SI units, from arrays or from a record."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
 from bayesdamp.formatting import compact
-from bayesdamp.interface.parts import axes
-from bayesdamp.interface.parts.asked import numbers_of
-from bayesdamp.interface.parts.result import Result
+from bayesdamp.interface import axes
+from bayesdamp.interface.arguments import numbers_of
+from bayesdamp.interface.result import Result
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.cleaning.clean import clean, known_unit, recording_step
 from bayesdamp.records.cleaning.clock import clock_times
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LEAST = 10
-"""Samples that a signal must have."""
+"""Smallest number of samples of a signal."""
 _EMPTY = np.empty(0)
 
 
@@ -37,14 +37,25 @@ _EMPTY = np.empty(0)
 class Signal(Result, types.Signal):
     """A record's free decay in SI units; equal only to itself.
 
-    t: times in s, shape (n,), strictly increasing, t[0] = 0 at the first kept sample.
-    y: the recorded quantity, shape (n,): in `unit`, per s or per s² for a velocity or an acceleration.
-    quantity: "angle" (any displacement), "velocity" or "acceleration".
-    unit: base unit of the displacement: "rad", "m", or a sensor's own.
-    step: recording step in the unit of y, 0 where none is seen.
-    provenance: how the record was read and what was done to it.
-    whole_t, whole_y: the whole record that it was cut out of, in s on the record's own clock and in the unit of y,
-    shape (N,); empty where nothing was cut.
+    Attributes
+    ----------
+    t
+        Times in s, shape (n,), strictly increasing; t[0] = 0 at the first sample of the decay.
+    y
+        The recorded quantity, shape (n,): in `unit`, per s or per s² for a velocity or an acceleration.
+    quantity
+        "angle" (any displacement), "velocity" or "acceleration".
+    unit
+        Base unit of the displacement: "rad", "m", or a sensor's own.
+    name
+        Name of the record.
+    step
+        Recording step in the unit of y; 0 where there is none.
+    provenance
+        How the record was read, and what was done to it.
+    whole_t, whole_y
+        The whole record that the decay was cut out of, in s on the record's own clock and in the unit of y, shape (N,);
+        empty where nothing was cut.
     """
 
     whole_t: NDArray[np.float64] = field(default_factory=lambda: _EMPTY)
@@ -52,7 +63,7 @@ class Signal(Result, types.Signal):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What one has to know of the record, and what was done to it, in sentences."""
+        """Sentences on the record and on what was done to it."""
         return self.provenance.said
 
     @property
@@ -62,11 +73,11 @@ class Signal(Result, types.Signal):
 
     @property
     def own_unit(self) -> Unit:
-        """The unit that the record came in, in which pictures and tables are drawn and written."""
+        """The unit that the record came in; pictures and tables use it."""
         return UNITS[self.provenance.unit or self.unit]
 
     def summary(self) -> pd.DataFrame:
-        """One row: record, samples, length (s), rate (Hz, the mean), uniform, quantity, unit, low and high in it."""
+        """Return one row: record, samples, length (s), mean rate (Hz), uniform, quantity, unit, low and high in it."""
         import pandas as pd
 
         unit, n = self.own_unit, self.t.size
@@ -84,8 +95,8 @@ class Signal(Result, types.Signal):
         return pd.DataFrame([row])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the record: what was cut away faint, what was kept dark, why in the title's lines; the axes drawn on."""
-        ax = axes.one(ax)
+        """Draw the record, with what was cut away faint and the reasons in the title, and return the axes."""
+        ax = axes.get_axes(ax)[0]
         begun = self.provenance.start if self.whole_t.size else 0.0
         unit = self.own_unit
         if self.whole_t.size:
@@ -93,8 +104,8 @@ class Signal(Result, types.Signal):
         ax.plot(self.t + begun, self.y * unit.scale, color=axes.INK, lw=0.8, label="kept")
         ax.set_xlabel("time / s")
         ax.set_ylabel(f"{unit.called(self.quantity)} / {unit.of(self.quantity)}")
-        said = textwrap.wrap(" ".join(self.notes), 110)
-        ax.set_title("\n".join([self.name, *said]), fontsize="x-small", loc="left")
+        notes = textwrap.wrap(" ".join(self.notes), 110)
+        ax.set_title("\n".join([self.name, *notes]), fontsize="x-small", loc="left")
         if self.whole_t.size:
             ax.legend(loc="upper right")
         return ax
@@ -114,7 +125,7 @@ class Signal(Result, types.Signal):
 
     @classmethod
     def of(cls, signal: types.Signal, **more: Any) -> Self:
-        """Any signal of the package as one that can be drawn, printed and saved."""
+        """Return any signal of the package as one that can be drawn, printed and saved."""
         if isinstance(signal, cls):
             return signal
         names = ("t", "y", "quantity", "unit", "name", "step", "provenance")
@@ -134,16 +145,36 @@ def signal(
     start: str | float = "auto",
     stop: str | float = "auto",
 ) -> Signal:
-    """A signal from arrays.
+    """Make a signal from arrays.
 
-    t: times in s, shape (n,); y: the recorded quantity, shape (n,). rate: sampling rate in Hz in place of the times:
-    `signal(y, rate=500.0)`. unit: of the displacement itself, rad by default, by its name in `bayesdamp.units.UNITS` or
-    as the head of a column may write it (`°`, `degrees`); per s or per s² where quantity, "angle" by default, is
-    "velocity" or "acceleration".
-    cleaned: whether the free decay is cut out, as `read` does it (clock, start and stop as there); else the arrays are
-    taken as they are, in SI units, with times from the first sample on.
-    Raises InputError, one line, where the arrays are no record or nothing oscillates.
+    Parameters
+    ----------
+    t
+        Times in s, shape (n,).
+    y
+        The recorded quantity, shape (n,).
+    rate
+        Sampling rate in Hz in place of the times: `signal(y, rate=500.0)`.
+    unit
+        Unit of the displacement, by its name in `bayesdamp.units.UNITS` or as in the head of a column (`°`,
+        `degrees`); y is per s or per s² where quantity is "velocity" or "acceleration".
+    quantity
+        "angle" (any displacement), "velocity" or "acceleration"; "angle" by default.
+    name
+        Name of the signal.
+    cleaned
+        Whether the free decay is cut out, as in `Record.signal`; otherwise the arrays are used as they are, with times
+        from the first sample.
+    clock, start, stop
+        As in `Record.signal`.
 
+    Raises
+    ------
+    InputError
+        Where the arrays are not a record, or nothing oscillates.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> import bayesdamp as bd
     >>> t = np.linspace(0.0, 6.0, 150)
@@ -153,12 +184,32 @@ def signal(
     (150, 'rad')
     """
     if rate is not None:
-        t, y = _times_of(t, y, rate, name)
+        if t is not None and y is not None:
+            raise InputError("signal: give times or rate, not both")
+        only = t if y is None else y
+        y = numbers_of(() if only is None else only, "y", name)
+        if not (np.isfinite(rate) and SLOWEST <= rate <= FASTEST):
+            raise InputError(
+                f"signal: rate is {rate!r}; it must be a number of Hz from {SLOWEST:g} to {FASTEST:g}"
+            )
+        t = np.arange(y.size) / rate
     if t is None or y is None:
         raise InputError(
             "signal: give times and values, signal(t, y), or values alone, signal(y, rate=HERTZ)"
         )
-    times, values = _vectors(t, y, name)
+    times, values = numbers_of(t, "t", name), numbers_of(y, "y", name)
+    if times.ndim != 1 or times.shape != values.shape:
+        raise InputError(
+            f"t and y must be vectors of one length, not of shapes {times.shape} and {values.shape}", name
+        )
+    if times.size < LEAST:
+        raise InputError(f"{times.size} samples; a signal needs at least {LEAST}", name)
+    for what, column in (("t", times), ("y", values)):
+        if not np.all(np.isfinite(column)):
+            at = int(np.flatnonzero(~np.isfinite(column))[0])
+            raise InputError(f"{what}[{at}] is {column[at]}, not a finite number", name)
+    if np.ptp(values) == 0:
+        raise InputError(f"the values are constant ({values[0]:g}), nothing oscillates", name)
     unit, quantity = resolved_unit(*by_name(unit, quantity), "", "")
     scale, base = known_unit(unit, quantity, name)
     raw = RawRecord(times, values, rows=np.arange(times.size))
@@ -166,54 +217,30 @@ def signal(
         return cut(raw, name, unit, quantity, clock=clock, start=start, stop=stop)
     if np.any(np.diff(times) <= 0):
         at = int(np.argmax(np.diff(times) <= 0)) + 1
-        raise InputError(
-            f"times must increase; sample {at} (from 0) does not come after the one before",
-            name,
-        )
-    provenance = Provenance(notes=("Taken as it is.",), unit=unit, more={"quantity": quantity})
+        raise InputError(f"times must increase; sample {at} (from 0) is not later than the one before", name)
+    provenance = Provenance(notes=("Used as it is.",), unit=unit, more={"quantity": quantity})
     step = recording_step(values) * scale
     return Signal(times - times[0], values * scale, quantity, base, name, step, provenance)
 
 
 def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> Signal:
-    """Return the free decay in a raw record, with the whole of it; window: clock, start and stop as of `clean`, whose
-    errors it has too."""
+    """Return the free decay in a raw record, with the whole record.
+
+    Parameters
+    ----------
+    raw
+        The record as it was read.
+    name, unit, quantity
+        Of the signal.
+    **window
+        Options clock, start and stop of `clean`.
+
+    Raises
+    ------
+    InputError
+        As `clean`.
+    """
     raw = unwrapped(raw, unit, quantity)
-    kept = clean(raw, name=name, unit=unit, quantity=quantity, **window)
-    whole = clock_times(raw, window["clock"], name).t
-    return Signal.of(
-        kept, whole_t=np.asarray(whole), whole_y=raw.y * UNITS[unit].factor - kept.provenance.offset
-    )
-
-
-def _times_of(
-    t: ArrayLike | None, y: ArrayLike | None, rate: float, name: str
-) -> tuple[ArrayLike, ArrayLike]:
-    """Times, and the values that are given as t or y alone, for a sampling rate in Hz."""
-    if t is not None and y is not None:
-        raise InputError("signal: give times or rate, not both")
-    given = t if y is None else y
-    values = numbers_of(() if given is None else given, "y", name)
-    if not (np.isfinite(rate) and SLOWEST <= rate <= FASTEST):
-        raise InputError(
-            f"signal: rate is {rate!r}; it must be a number of Hz from {SLOWEST:g} to {FASTEST:g}"
-        )
-    return np.arange(values.size) / rate, values
-
-
-def _vectors(t: ArrayLike, y: ArrayLike, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    times, values = numbers_of(t, "t", name), numbers_of(y, "y", name)
-    if times.ndim != 1 or times.shape != values.shape:
-        raise InputError(
-            f"t and y must be vectors of one length, not of shapes {times.shape} and {values.shape}",
-            name,
-        )
-    if times.size < LEAST:
-        raise InputError(f"{times.size} samples, a signal needs at least {LEAST}", name)
-    for what, column in (("t", times), ("y", values)):
-        if not np.all(np.isfinite(column)):
-            at = int(np.flatnonzero(~np.isfinite(column))[0])
-            raise InputError(f"{what}[{at}] is {column[at]}, not a finite number", name)
-    if np.ptp(values) == 0:
-        raise InputError(f"the values are constant ({values[0]:g}), nothing oscillates", name)
-    return times, values
+    decay = clean(raw, name=name, unit=unit, quantity=quantity, **window)
+    whole = np.asarray(clock_times(raw, window["clock"], name).t)
+    return Signal.of(decay, whole_t=whole, whole_y=raw.y * UNITS[unit].factor - decay.provenance.offset)

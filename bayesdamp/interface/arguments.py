@@ -1,4 +1,4 @@
-"""What is asked of a model or of a comparison, checked before anything is computed."""
+"""Check the arguments of models, comparisons and signals before anything is computed."""
 
 from __future__ import annotations
 
@@ -18,43 +18,17 @@ from bayesdamp.plugins import nearest
 from bayesdamp.priors import GivenPrior, Normal, Prior, Uniform
 from bayesdamp.types import InputError
 
-_TEXT = "is text; give numbers, such as numpy.asarray(values, float) makes of it"
+_TEXT = "is text; give numbers, for example numpy.asarray(values, float)"
 _DATES = "holds dates or spans of time; give seconds: (t - t[0]) / numpy.timedelta64(1, 's')"
-_NO_NUMBERS = {
-    "b": "holds true and false, which measure nothing; give the recorded numbers",
+_NOT_NUMBERS = {
+    "b": "holds true and false; give the recorded numbers",
     "c": "holds complex numbers; give their real part, or another real quantity",
     "M": _DATES,
     "m": _DATES,
     "S": _TEXT,
     "U": _TEXT,
 }
-"""What is said of an array by its kind of elements, where NumPy would make numbers of them."""
-
-
-def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
-    """An array of its own with the numbers that are given. what: its name; where: that of the signal.
-
-    Raises InputError for elements that are no real numbers, and for masked ones.
-    """
-    try:
-        found = np.asanyarray(given)
-        kinds = {np.asarray(one).dtype.kind for one in found.flat} if found.dtype.kind == "O" else ()
-        refused = next(
-            (_NO_NUMBERS[kind] for kind in (found.dtype.kind, *kinds) if kind in _NO_NUMBERS), None
-        )
-        numbers = np.array(found, float) if refused is None else np.empty(0)
-    except (TypeError, ValueError):
-        refused, found, numbers = "must be an array of numbers", np.empty(0), np.empty(0)
-    if refused is not None:
-        raise InputError(f"{what} {refused}", where)
-    masked = np.ma.getmaskarray(found) if isinstance(found, np.ma.MaskedArray) else np.zeros(0, bool)
-    if masked.any():
-        raise InputError(
-            f"{what} has {np.count_nonzero(masked)} masked values; leave these samples out of t and y", where
-        )
-    return numbers
-
-
+"""Errors by the kind of an array's elements, where NumPy would convert them to numbers."""
 KINDS = get_args(get_args(GivenPrior)[0])
 """The classes of priors."""
 POSITIVE = ("noise_sd", "noise_time", "noise_dof")
@@ -63,53 +37,120 @@ EPSILON = "epsilon"
 LARGEST_SENSOR = 0.5
 
 
+def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
+    """Return the given numbers as an array of its own.
+
+    Parameters
+    ----------
+    given
+        Real numbers of any shape.
+    what
+        Name of the argument.
+    where
+        Name of the signal.
+
+    Raises
+    ------
+    InputError
+        For elements that are masked or not real numbers.
+    """
+    try:
+        array = np.asanyarray(given)
+        kinds = {np.asarray(element).dtype.kind for element in array.flat} if array.dtype.kind == "O" else ()
+        refused = next((_NOT_NUMBERS[k] for k in (array.dtype.kind, *kinds) if k in _NOT_NUMBERS), None)
+        numbers = np.array(array, float) if refused is None else np.empty(0)
+    except (TypeError, ValueError):
+        refused, array, numbers = "must be an array of numbers", np.empty(0), np.empty(0)
+    if refused is not None:
+        raise InputError(f"{what} {refused}", where)
+    masked = np.count_nonzero(np.ma.getmaskarray(array)) if isinstance(array, np.ma.MaskedArray) else 0
+    if masked:
+        raise InputError(f"{what} has {masked} masked values; remove these samples from t and y", where)
+    return numbers
+
+
 def coefficients_of(terms: Sequence[str]) -> dict[str, str]:
-    """Coefficient to term."""
+    """Return the term of each damping coefficient."""
     return {TERMS.get(t).parameter: t for t in terms}
 
 
 def by_parameter(priors: Mapping[str, Prior], coefficients: Mapping[str, str]) -> dict[str, Prior]:
-    """Priors by damping term or parameter, by parameter alone. coefficients: to their terms."""
+    """Return priors by parameter, from priors by damping term or parameter; coefficients: the term of each."""
     own = {term: name for name, term in coefficients.items()}
     return {own.get(name, name): prior for name, prior in priors.items()}
 
 
-def checked_known(
+def check_known(
     who: str, known: object, coefficients: Mapping[str, str], parameters: Sequence[str]
 ) -> dict[str, float]:
-    """Values of parameters, as numbers. who: what is called; coefficients: to their terms. Raises InputError for a name
-    that is none of the parameters, for a damping, and for what is no value of that parameter."""
+    """Return known values of parameters as numbers.
+
+    Parameters
+    ----------
+    who
+        Name of the function or class, for errors.
+    known
+        The argument: values by name.
+    coefficients
+        The term of each damping coefficient.
+    parameters
+        Names of all parameters.
+
+    Raises
+    ------
+    InputError
+        For a name that is not a parameter, for a damping, and for a value that the parameter cannot have.
+    """
     valid = [n for n in parameters if n not in coefficients]
     valid += [EPSILON] * (EPSILON not in valid)  # one dictionary for models with and without friction
     given = _mapping(who, "known", known)
-    for name in given:
+    values = {}
+    for name, value in given.items():
         if name in coefficients or name in coefficients.values():
             raise InputError(f"{who}: known {name!r} is a damping, which is always inferred; give it a prior")
         if name not in valid:
             raise InputError(f"{who}: known has unknown parameter {name!r}{nearest(name, valid)}")
-    found = {name: number(value) for name, value in given.items()}
-    for name, value in found.items():
+        values[name] = number(value)
+    for name, value in values.items():
         low = name in POSITIVE and not value > 0
         if not math.isfinite(value) or low or (name == EPSILON and value < 0):
             right = "a positive number" if name in POSITIVE else "a finite number"
             right += ", 0 or more" * (name == EPSILON)
             raise InputError(f"{who}: known {name!r} is {given[name]!r}; it must be {right}")
-    return found
+    return values
 
 
-def checked_priors(
+def check_priors(
     who: str,
     priors: object,
     known: Mapping[str, float],
     coefficients: Mapping[str, str],
     parameters: Sequence[str],
 ) -> dict[str, Prior]:
-    """Priors, by damping term or parameter as they are given. Raises InputError for a name that is none of these, for
-    what is no prior, and for one that the parameter cannot have."""
+    """Return the given priors, by damping term or parameter.
+
+    Parameters
+    ----------
+    who
+        Name of the function or class, for errors.
+    priors
+        The argument: priors by term or parameter.
+    known
+        Values of the parameters that are known.
+    coefficients
+        The term of each damping coefficient.
+    parameters
+        Names of all parameters.
+
+    Raises
+    ------
+    InputError
+        For a name that is neither, for something that is not a prior, and for one that the parameter cannot have.
+    """
     terms = tuple(coefficients.values())
     valid = [*terms, *parameters]
     given = _mapping(who, "priors", priors)
-    seen: dict[str, str] = {}
+    names: dict[str, str] = {}
     for name, prior in given.items():
         if name not in valid:
             raise InputError(f"{who}: priors has unknown term or parameter {name!r}{nearest(name, valid)}")
@@ -119,9 +160,9 @@ def checked_priors(
         if name in known:
             raise InputError(f"{who}: {name!r} is known and has a prior; give one of the two")
         term = coefficients.get(name, name)
-        if term in seen:
-            raise InputError(f"{who}: {seen[term]!r} and {name!r} are one parameter; give one prior")
-        seen[term] = name
+        if term in names:
+            raise InputError(f"{who}: {names[term]!r} and {name!r} are one parameter; give one prior")
+        names[term] = name
         negative = isinstance(prior, Normal) or (isinstance(prior, Uniform) and prior.low < 0)
         if negative and (term in terms or name in (*POSITIVE, EPSILON)):
             right = "a HalfNormal, LogNormal, LogUniform, or a Uniform from 0 up"
@@ -129,30 +170,17 @@ def checked_priors(
     return dict(given)
 
 
-def checked_sensor(who: str, sensor: object) -> None:
-    """Raises InputError for what is no relative linearity of a sensor."""
+def check_sensor(who: str, sensor: object) -> None:
+    """Raise InputError for something that is not the relative linearity of a sensor."""
     if not 0 <= number(sensor) < LARGEST_SENSOR:
         raise InputError(
             f"{who}: sensor is {sensor!r}; it must be a number from 0 to below {LARGEST_SENSOR:g}"
         )
 
 
-def sums_and_laws(
-    damping: str | Sequence[str], restoring: str | Sequence[str]
-) -> tuple[list[str], list[str]]:
-    """Damping sums and restoring laws, one given as itself or several in a list. Raises InputError for a name that is
-    none."""
-    sums, laws = _names("damping", damping), _names("restoring", restoring)
-    for one in sums:
-        parse_model(one)
-    for law in laws:
-        LAWS.get(law)
-    return sums, laws
-
-
-def checked_noise(who: str, asked: str | Sequence[str]) -> tuple[str, ...]:
+def check_noise(who: str, noise: str | Sequence[str]) -> tuple[str, ...]:
     """Return the names of noise models. Raises InputError where there is none, or one is unknown."""
-    names = (asked,) if isinstance(asked, str) else tuple(asked)
+    names = (noise,) if isinstance(noise, str) else tuple(noise)
     if not names:
         raise InputError(f'{who}: noise names no noise model; give one, several or "auto"')
     for name in names:
@@ -161,11 +189,23 @@ def checked_noise(who: str, asked: str | Sequence[str]) -> tuple[str, ...]:
     return names
 
 
+def sums_and_laws(
+    damping: str | Sequence[str], restoring: str | Sequence[str]
+) -> tuple[list[str], list[str]]:
+    """Return damping sums and restoring laws as lists. Raises InputError for an unknown name."""
+    sums, laws = _names("damping", damping), _names("restoring", restoring)
+    for name in sums:
+        parse_model(name)
+    for law in laws:
+        LAWS.get(law)
+    return sums, laws
+
+
 def _names(what: str, given: str | Iterable[str]) -> list[str]:
-    names = [given] if isinstance(given, str) else list(given) if isinstance(given, Iterable) else []
-    if not isinstance(given, Iterable) or not all(isinstance(one, str) for one in names):
+    names = [given] if isinstance(given, str) else list(given) if isinstance(given, Iterable) else [None]
+    if not all(isinstance(name, str) for name in names):
         raise InputError(f"compare: {what} is {given!r}; it must be a name, or a list of names")
-    return names
+    return names  # type: ignore[return-value]
 
 
 def known_and_priors(
@@ -175,23 +215,36 @@ def known_and_priors(
     priors: Mapping[str, Prior] | None,
     noises: Sequence[str] = (GAUSSIAN,),
 ) -> tuple[dict[str, float], dict[str, Prior]]:
-    """Of a comparison of sums under laws, empty for all: known values, and priors by parameter. Raises InputError for
-    what none of these models has. noises: the noise models in play."""
+    """Return known values, and priors by parameter, of a comparison.
+
+    Parameters
+    ----------
+    sums, laws
+        Damping sums and restoring laws that are compared; empty for all.
+    known, priors
+        The arguments of the comparison.
+    noises
+        Noise models that may be chosen.
+
+    Raises
+    ------
+    InputError
+        For a name that none of these models has, or a wrong value.
+    """
     coefficients = coefficients_of(
         tuple(dict.fromkeys(t for s in sums or all_sums() for t in parse_model(s)))
     )
     terms = tuple(coefficients.values())
-    parameters = tuple(
-        dict.fromkeys(p for law in laws or LAWS.names() for p in Oscillator(terms, law).parameters)
-    )
+    oscillators = [Oscillator(terms, law) for law in laws or LAWS.names()]
+    parameters = tuple(dict.fromkeys(p for oscillator in oscillators for p in oscillator.parameters))
     parameters += tuple(dict.fromkeys(p for name in noises for p in NOISES.get(name).parameters))
-    values = checked_known("compare", known or {}, coefficients, parameters)
-    given = checked_priors("compare", priors or {}, values, coefficients, parameters)
+    values = check_known("compare", known or {}, coefficients, parameters)
+    given = check_priors("compare", priors or {}, values, coefficients, parameters)
     return values, by_parameter(given, coefficients)
 
 
 def number(value: object) -> float:
-    """A number as a float; nan for what is none."""
+    """Return a number as a float; NaN for anything else."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
 
 

@@ -1,4 +1,4 @@
-"""A measured record: its columns, units and runs, and the free decay of each run."""
+"""Read a measured record: its columns, units and runs, and the free decay of each run."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bayesdamp.formatting import compact
-from bayesdamp.interface.parts import axes
-from bayesdamp.interface.parts.result import Result
-from bayesdamp.interface.records.signal import Signal, cut
+from bayesdamp.interface import axes
+from bayesdamp.interface.result import Result
+from bayesdamp.interface.signal import Signal, cut
 from bayesdamp.records.cleaning.clean import known_unit
 from bayesdamp.records.files.names import by_name
 from bayesdamp.records.findings import Kind, findings, question
@@ -31,10 +31,18 @@ Column = str | int
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Record(Result):
-    """What a file holds, before anything is cut; equal only to itself.
+    """The content of a file, before anything is cut; equal only to itself.
 
-    path: of the file. columns: those of times and values, as the file names them, for each run; empty for times that
-    follow from a rate. unit, quantity: of the values. raw: the runs as they were read.
+    Attributes
+    ----------
+    path
+        The file.
+    columns
+        Names of the columns of times and values in the file, for each run; empty for times that follow from a rate.
+    unit, quantity
+        Of the values.
+    raw
+        The runs as they were read.
     """
 
     path: Path
@@ -45,25 +53,26 @@ class Record(Result):
 
     @property
     def runs(self) -> tuple[int, ...]:
-        """Numbers of the runs in it, from 1."""
+        """Numbers of the runs in the record, from 1."""
         return tuple(range(1, len(self.raw) + 1))
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each of the `columns` by its name: of times s, as which they are read."""
+        """Unit of each of the `columns` by its name; times are in s, to which they were converted."""
         value = UNITS[self.unit].of(self.quantity)
         return {n: u for pair in self.columns for n, u in zip(pair, ("s", value), strict=True) if n}
 
     @property
     def releases(self) -> dict[int, tuple[tuple[float, float], ...]]:
-        """Start and stop in s of each free decay in each of the `runs`, as `bayesdamp look` shows them; empty where a
-        run has none. `signal(run, start=..., stop=...)` takes one of them.
+        """Start and stop in s of each free decay in each of the `runs`; empty where a run has none.
+
+        `signal(run, start=..., stop=...)` cuts out one of them.
         """
-        found: dict[int, tuple[tuple[float, float], ...]] = dict.fromkeys(self.runs, ())
+        decays: dict[int, tuple[tuple[float, float], ...]] = dict.fromkeys(self.runs, ())
         for run in self.runs:
             with suppress(InputError):
-                found[run] = tuple((d.start, d.stop) for d in self.signal(run).provenance.decays)
-        return found
+                decays[run] = tuple((d.start, d.stop) for d in self.signal(run).provenance.decays)
+        return decays
 
     def signal(
         self,
@@ -74,12 +83,25 @@ class Record(Result):
         stop: str | float = "auto",
         name: str | None = None,
     ) -> Signal:
-        """The free decay of one run.
+        """Return the free decay of one run.
 
-        clock: "auto", "as_logged" or "uniform" (auto rebuilds a uniform one where stamps are rounded or repeat in
-        bursts). start, stop: in s of the file's own times (from the first sample, where they count from an epoch), or
-        "auto": after the release, before the rest. name: by default the file's, with the run's number where there are
-        several. Raises InputError, one line, where there are not two periods of an oscillation, or no such run.
+        Parameters
+        ----------
+        run
+            Number of the run, from 1.
+        clock
+            "as_logged", "uniform", or "auto", which rebuilds a uniform clock where stamps are rounded or repeat in
+            bursts.
+        start, stop
+            In s of the file's own times (from the first sample, where they count from an epoch), or "auto": after the
+            release, before the rest.
+        name
+            Name of the signal; by default the file's, with the run's number where there are several.
+
+        Raises
+        ------
+        InputError
+            Where there are not two periods of an oscillation, or no such run.
         """
         if run not in self.runs:
             raise InputError(f"{self.path.name}: has no run {run!r}; it has {', '.join(map(str, self.runs))}")
@@ -88,12 +110,12 @@ class Record(Result):
         return cut(self.raw[run - 1], name or own, self.unit, self.quantity, **window)
 
     def signals(self) -> tuple[Signal, ...]:
-        """The free decay of each run. Raises InputError as `signal` does."""
+        """Return the free decay of each run. Raises InputError as `signal` does."""
         return tuple(self.signal(run) for run in self.runs)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw all runs as they were read, in the file's unit; the axes drawn on."""
-        ax = axes.one(ax)
+        """Draw all runs as they were read, in the file's unit, and return the axes."""
+        ax = axes.get_axes(ax)[0]
         for run, raw in zip(self.runs, self.raw, strict=True):
             times = np.arange(raw.y.size) / (raw.rate or 1.0) if raw.t is None else raw.t
             ax.plot(times, raw.y, lw=0.8, label=f"run {run}")
@@ -127,16 +149,34 @@ def read(
     channels: Sequence[str] = (),
     time_unit: str | None = None,
 ) -> Record:
-    """What a file holds: all its runs and channels that swing, in any of the formats that are read.
+    """Read a file in any of the supported formats: all its runs and channels that oscillate.
 
-    time, value: columns by name or by number from 1 (in MATLAB and .npz files a path with dots); chosen where one
-    choice makes sense. rate: sampling rate in Hz, for a file without times. unit, quantity: of the values, as in
-    `signal`; by default what the file says (`Angle(deg)`, `acc (g)`), else an angle in rad, or
-    what values too large for that are taken for, with a warning. runs: of a file that has
-    several, such as `2` or `"1,3-5"`, channels: their names; all by default, numbered from 1 in the record.
-    time_unit: of the times (`"ms"`, `"us"`, `"h"` ...), by default what the file says, else s.
-    Raises InputError, one line, for all that is wrong with the file or the request, several units at once among it.
+    Parameters
+    ----------
+    path
+        The file.
+    time, value
+        Columns by name or by number from 1 (in MATLAB and .npz files a path with dots); by default the only sensible
+        choice.
+    rate
+        Sampling rate in Hz, for a file without times.
+    unit, quantity
+        Of the values, as in `signal`; by default from the file (`Angle(deg)`, `acc (g)`). Otherwise an angle in rad is
+        assumed, or another unit where the values are too large for that, with a warning.
+    runs
+        Runs of a file with several, such as `2` or `"1,3-5"`; by default all, numbered from 1 in the record.
+    channels
+        Names of channels of a file with several; by default all.
+    time_unit
+        Unit of the times (`"ms"`, `"us"`, `"h"` ...); by default from the file, otherwise s.
 
+    Raises
+    ------
+    InputError
+        For anything wrong with the file or the arguments, also where records are in several units.
+
+    Examples
+    --------
     >>> import tempfile
     >>> from pathlib import Path
     >>> import numpy as np
@@ -161,27 +201,27 @@ def read(
             time_unit=time_unit,
         )
     )
-    said = {read_as(one, unit, quantity): one.channel for one in raw}
-    if len(said) > 1:
-        each = ", ".join(f"{channel!r} ({u})" for (u, _), channel in said.items())
+    units = {read_as(record, unit, quantity): record.channel for record in raw}
+    if len(units) > 1:
+        each = ", ".join(f"{channel!r} ({u})" for (u, _), channel in units.items())
         raise InputError(f"{path.name}: holds records in several units: {each}; choose with channels=[...]")
     given = unit
-    unit, quantity = next(iter(said))
+    unit, quantity = next(iter(units))
     known_unit(unit, quantity, path.name)
-    for one in raw:
-        if (doubt := question(one, unit, quantity, given is not None)) is not None:
+    for record in raw:
+        if (doubt := question(record, unit, quantity, given is not None)) is not None:
             raise InputError(doubt.sentence, path.name, arguments=doubt.arguments)
     if given is None:
-        raw = tuple(_assumed(one, unit, quantity) for one in raw)
+        raw = tuple(_with_warning(record, unit, quantity) for record in raw)
     columns = tuple((r.provenance.time_column, r.provenance.value_column) for r in raw)
     return Record(path, columns, unit, quantity, raw)
 
 
-def _assumed(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
-    """The record with a warning where its unit is assumed."""
+def _with_warning(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
+    """Return the record with a warning where its unit is assumed."""
     doubts = [f for f in findings(raw, unit, quantity) if f.kind is Kind.DEGREES]
     if not doubts:
         return raw
     before = raw.provenance
-    said = (*before.warnings, *(f"{doubt.sentence}; give unit= where that is wrong." for doubt in doubts))
-    return replace(raw, provenance=replace(before, warnings=said))
+    new = (f"{doubt.sentence}; give unit= where that is wrong." for doubt in doubts)
+    return replace(raw, provenance=replace(before, warnings=(*before.warnings, *new)))

@@ -1,8 +1,8 @@
-"""What a model is asked with: damping, restoring law, noise, and what is known or believed of their parameters."""
+"""Specify a model of one decay: damping, restoring law, noise, and what is known or believed of their parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -12,19 +12,20 @@ from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.config.signals import canonical_model
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.interface.parts.asked import (
+from bayesdamp.interface.arguments import (
     POSITIVE,
     by_parameter,
-    checked_known,
-    checked_noise,
-    checked_priors,
-    checked_sensor,
+    check_known,
+    check_noise,
+    check_priors,
+    check_sensor,
     coefficients_of,
     number,
 )
-from bayesdamp.interface.parts.result import Result
+from bayesdamp.interface.result import Result
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
 from bayesdamp.table import Table
@@ -33,13 +34,13 @@ from bayesdamp.types import InputError, System
 if TYPE_CHECKING:
     import pandas as pd
 
-HELD = (*POSITIVE, "epsilon")
-"""Parameters that are not inferred where laws hold approximately: known, or read from the record once."""
+FIXED = (*POSITIVE, "epsilon")
+"""Parameters that are not inferred where laws hold approximately: known, or determined from the record once."""
 
 
 @dataclass(frozen=True, repr=False)
 class Specification(Result):
-    """What is asked of a record, as `bayesdamp.Model` explains it."""
+    """A model of a record, as `bayesdamp.Model` explains it; that class can also be bound to a record."""
 
     damping: str
     restoring: str = "linear"
@@ -64,17 +65,17 @@ class Specification(Result):
                 raise InputError(f"Model: unknown {what} {given!r}{nearest(str(given), valid)}")
         object.__setattr__(self, "damping", damping)
         object.__setattr__(self, "noise", self.noise if isinstance(self.noise, str) else tuple(self.noise))
-        checked_noise("Model", self.noise)
+        check_noise("Model", self.noise)
         if self.approximate:
-            checked_sensor("Model", self.sensor)
+            check_sensor("Model", self.sensor)
             for name in self.priors:
-                if name in HELD:
+                if name in FIXED:
                     raise InputError(
-                        f"Model: the prior of {name!r} has no meaning under deviation {self.deviation!r}, which holds "
-                        "it; leave it out, or give it as known"
+                        f"Model: the prior of {name!r} has no meaning under deviation {self.deviation!r}, which fixes "
+                        "it; remove it, or give it as known"
                     )
-        known = checked_known("Model", self.known, self._coefficients, self.parameters)
-        priors = checked_priors("Model", self.priors, known, self._coefficients, self.parameters)
+        known = check_known("Model", self.known, self._coefficients, self.parameters)
+        priors = check_priors("Model", self.priors, known, self._coefficients, self.parameters)
         object.__setattr__(self, "known", {n: v for n, v in known.items() if n in self.parameters})
         object.__setattr__(self, "priors", priors)
         for name in ("amplitude", "frequency"):
@@ -119,7 +120,7 @@ class Specification(Result):
 
     @property
     def system(self) -> System:
-        """What is known and believed of all but the damping, as the other packages take it."""
+        """What is known and believed of all but the damping, as the other packages need it."""
         free: dict[str, object | None] = {n: None for n in self.parameters if n not in self._coefficients}
         given = {n: p for n, p in self.priors.items() if n in free}
         free = {n: given.get(n) for n in free if n not in self.known and (n != "epsilon" or n in given)}
@@ -132,18 +133,20 @@ class Specification(Result):
 
     @property
     def term_priors(self) -> dict[str, Prior]:
-        """The priors that are given by damping term or coefficient, by term."""
+        """The priors that are given for damping terms or coefficients, by term."""
         by_name = {**self._coefficients, **{t: t for t in self.terms}}
         return {by_name[n]: p for n, p in self.priors.items() if n in by_name}
 
     @property
     def _coefficients(self) -> dict[str, str]:
-        """Coefficient to term."""
+        """The term of each coefficient."""
         return coefficients_of(self.terms)
 
     def summary(self) -> pd.DataFrame:
-        """A row a parameter: its value where it is known, and the prior that was given. Defaults depend on the record,
-        and stand in the summary of a fit."""
+        """Return a row for each parameter: its value where it is known, and the prior that was given.
+
+        Default priors depend on the record and are in the summary of a fit.
+        """
         import pandas as pd
 
         given = {n: p.describe() for n, p in self.parameter_priors.items()}
@@ -157,3 +160,8 @@ class Specification(Result):
         rows += [(f"prior of {n}", p.describe()) for n, p in self.priors.items()]
         rows += [(n, f"{v:.6g} (known)") for n, v in self.known.items()]
         return Table(("", ""), rows, caption=f"Model {self.name}")
+
+
+def units_of(names: Iterable[str], restoring: str, signal: types.Signal) -> dict[str, str]:
+    """Return the unit of each parameter on a record."""
+    return {n: parameter_unit(n, restoring, signal.unit, signal.quantity) for n in names}

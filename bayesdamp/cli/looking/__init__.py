@@ -1,1 +1,0 @@
-"""What `bayesdamp look` shows: a page, a small plot, and words."""

@@ -1,0 +1,168 @@
+"""Combine damping terms and a system with a record: its features, the targets, and where searches start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from bayesdamp import types
+from bayesdamp.estimators import run as run_estimator
+from bayesdamp.estimators.shared import decay_start, has_noise, start_parameters
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.model.defaults import build_target
+from bayesdamp.inference.model.target import Target
+from bayesdamp.interface.specification import Specification
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.priors import Prior
+from bayesdamp.records.oscillation.features import Features, features
+from bayesdamp.records.reference import reference_of
+from bayesdamp.types import Problem, Reference, Refusal, Seed, Signal, System
+
+Starts = Mapping[Seed, Mapping[str, float]]
+"""Parameter values by name, from each source of a start."""
+NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd to simulate"
+REGRESSION = "least_squares"
+"""The estimator that gives a start where a study has none."""
+OBSERVED = Seed("frequency and decay")
+"""The start from the record's turning points. A regression on derivatives is far off where noise hides these, as in a
+record of the acceleration."""
+ALL = Seed("fit of all dampings")
+"""The start with the motion of the fit under which the noise was chosen, which stays in phase with the record."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """Damping terms and a system on a record with an oscillation.
+
+    Attributes
+    ----------
+    signal
+        The record.
+    terms
+        Damping terms.
+    system
+        What is known and believed of all but the damping.
+    term_priors
+        The priors that are given, by term.
+    features
+        Features of the record.
+    reference
+        What default priors scale with.
+    """
+
+    signal: types.Signal
+    terms: tuple[str, ...]
+    system: System
+    term_priors: Mapping[str, Prior]
+    features: Features
+    reference: Reference
+
+    @classmethod
+    def of(cls, signal: types.Signal, model: Specification) -> Case:
+        """Return a model on a record. Raises Refusal where the record shows no oscillation."""
+        own, system = features(signal), model.system
+        return cls(signal, model.terms, system, model.term_priors, own, reference_of(system, own))
+
+    @classmethod
+    def with_noise(cls, signal: types.Signal, model: Specification) -> Case:
+        """Return a model on a record. Raises Refusal also where the record has no noise."""
+        case = cls.of(signal, model)
+        if not has_noise(signal, case.features):
+            raise Refusal(NO_POSTERIOR)
+        return case
+
+    @property
+    def problem(self) -> Problem:
+        """The damping terms and the system, as estimators need them."""
+        return Problem(self.terms, self.system)
+
+    def target(self, noise: str, epsilon: float | None = None) -> Target:
+        """Return the target under a noise model.
+
+        Parameters
+        ----------
+        noise
+            The noise model.
+        epsilon
+            Width of friction in rad/s, where it was chosen for the record.
+
+        Raises
+        ------
+        Refusal
+            Where the record is not suited to this noise model.
+        """
+        system = self.system
+        if epsilon is not None:
+            system = replace(system, known={**system.known, "epsilon": epsilon})
+        return build_target(
+            self.signal,
+            self.terms,
+            system,
+            self.features,
+            self.reference,
+            noise=noise,
+            term_priors=self.term_priors,
+        )
+
+    def mode(self, target: Target, seeds: Starts, thrifty: bool = False) -> Mode:
+        """Return the highest mode of a target that is reached from starts. Raises Refusal where there is none."""
+        return find_mode(
+            target, seeds, noise_level=self.features.roughness, period=self.features.period, thrifty=thrifty
+        )
+
+    def starts(self) -> Starts:
+        """Return starts from the record's turning points and a regression. Raises Refusal where neither gives one."""
+        values, outcome = regression(self.signal, self.problem)
+        starts = observed(self.signal, self.features, self.problem) | values
+        if not starts:
+            raise Refusal(outcome)
+        return starts
+
+
+def regression(signal: Signal, problem: Problem) -> tuple[dict[Seed, Mapping[str, float]], str]:
+    """Return the values of least squares, and its outcome."""
+    estimates = run_estimator(REGRESSION, signal, problem, stages=("initial",), seed=0)
+    return {Seed(REGRESSION, e.stage): e.values for e in estimates if e.values}, estimates[0].outcome
+
+
+def observed(signal: Signal, features: Features, problem: Problem) -> dict[Seed, Mapping[str, float]]:
+    """Return the start that the record shows; nothing where it cannot be read.
+
+    It is the restoring law of the record's frequency and midline, its smoothed start, and the damping of its
+    decrements.
+    """
+    try:
+        values = start_parameters(signal, problem, features)
+    except Refusal:
+        return {}
+    return {OBSERVED: values | decay_start(problem, features)}
+
+
+def of_all(
+    fit: Mapping[str, float],
+    damping: Sequence[str],
+    problem: Problem,
+    decays: Mapping[Seed, Mapping[str, float]],
+) -> dict[Seed, Mapping[str, float]]:
+    """Return the start with the motion of a fit of all dampings.
+
+    Its damping is that of the record's decrements, because fewer terms have to account for the whole decay. It is the
+    fit's own where no other is known or the terms are the same.
+
+    Parameters
+    ----------
+    fit
+        Parameters of the fit, by name.
+    damping
+        Its damping terms.
+    problem
+        The terms and the system that need a start.
+    decays
+        What `observed` returned.
+    """
+    oscillator = Oscillator(problem.damping, problem.system.restoring)
+    motion = {n: fit[n] for n in (*oscillator.law.parameters, "theta0", "omega0") if n in fit}
+    own = {n: v for n, v in fit.items() if n in oscillator.coefficients}
+    decay = {n: v for n, v in decays.get(OBSERVED, {}).items() if n in oscillator.coefficients}
+    return {ALL: motion | own | ({} if tuple(damping) == problem.damping else decay)}

@@ -1,1 +1,0 @@
-"""A model on a record: what is asked, and how it is fitted."""

@@ -1,0 +1,105 @@
+"""Turn a posterior into a NumPyro model, which can be run, extended, or given another prior."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+import numpyro
+from jax import Array
+from jax import numpy as jnp
+from numpyro import distributions as dist
+
+from bayesdamp.plugins import nearest
+from bayesdamp.priors import Prior, SharedHalfNormal, shared_log_density
+from bayesdamp.types import InputError
+
+Model = Callable[..., dict[str, Any]]
+
+
+def numpyro_model(
+    priors: Mapping[str, Prior],
+    value_and_slopes: Callable[[np.ndarray], tuple[float, np.ndarray]],
+    centre: np.ndarray,
+    covariance: np.ndarray,
+    prefix: str,
+) -> Model:
+    """Return a NumPyro model of parameters with these priors and this log likelihood.
+
+    Parameters
+    ----------
+    priors
+        Priors by parameter.
+    value_and_slopes
+        Log likelihood and its slopes at parameters, (d,), in the order of priors.
+    centre, covariance
+        Of the parameters' scores, (d,) and (d, d), by which they are whitened for sampling.
+    prefix
+        Beginning of the names of sites.
+    """
+    names = list(priors)
+    shape = jax.ShapeDtypeStruct((1 + len(names),), float)
+
+    def compute(x: Any) -> np.ndarray:
+        value, slopes = value_and_slopes(np.asarray(x, float))
+        return np.append(value, slopes)
+
+    def both(x: Array) -> tuple[Array, Array]:
+        result = jax.pure_callback(compute, shape, x, vmap_method="sequential")
+        return result[0], result[1:]
+
+    @jax.custom_jvp
+    def density(x: Array) -> Array:
+        return both(x)[0]
+
+    def along(at: tuple[Array], direction: tuple[Array]) -> tuple[Array, Array]:
+        value, slopes = both(*at)
+        return value, slopes @ direction[0]
+
+    density.defjvp(along)
+
+    def sample(free: Sequence[str]) -> dict[str, Any]:
+        """Sample parameters under their priors, as sites of their names.
+
+        Whitened scores are sampled, because samplers hardly find their way into a narrow and correlated posterior.
+        """
+        at = [names.index(n) for n in free]
+        factor = np.linalg.cholesky(covariance[np.ix_(at, at)])
+        u = numpyro.sample(f"{prefix}whitened", dist.Normal(0.0, 1.0).expand([len(free)]).to_event(1))
+        z = jnp.asarray(centre[at] + factor @ jnp.asarray(u))
+        # The density of u is replaced by the prior of the scores times the volume.
+        volume = float(np.sum(np.log(np.diag(factor))))
+        own = _log_prior(z, [isinstance(priors[n], SharedHalfNormal) for n in free])
+        numpyro.factor(f"{prefix}prior", 0.5 * jnp.sum(jnp.asarray(u) ** 2) + own + volume)
+        return {
+            n: numpyro.deterministic(f"{prefix}{n}", type(priors[n]).transform(z[i], *priors[n].numbers))
+            for i, n in enumerate(free)
+        }
+
+    def model(**given: Any) -> dict[str, Any]:
+        for name in given:
+            if name not in names:
+                raise InputError(f"numpyro: unknown parameter {name!r}{nearest(name, names)}")
+        free = [n for n in names if n not in given]
+        values = {**given, **(sample(free) if free else {})}
+        x = jnp.stack([jnp.asarray(values[n], float) for n in names])
+        numpyro.factor(f"{prefix}log_likelihood", density(x))
+        return {n: values[n] for n in names}
+
+    return model
+
+
+def _log_prior(z: Array, shared: Sequence[bool]) -> Array:
+    """Return the log prior density of scores z, (d,), over (2π)^(−d/2).
+
+    It is N(0, 1); where `shared`, with an unknown scale that is the same for all. A reflected score has half of the
+    density on each side of zero.
+    """
+    places = np.flatnonzero(shared)
+    if not places.size:
+        return -0.5 * jnp.sum(z**2)
+    squares = jnp.sum(z[places] ** 2)
+    constant = places.size * (0.5 * np.log(2 * np.pi) - np.log(2.0))
+    return -0.5 * (jnp.sum(z**2) - squares) + shared_log_density(squares, places.size) + constant

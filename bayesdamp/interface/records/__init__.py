@@ -1,1 +1,0 @@
-"""Records and signals: read, cut out, simulated."""

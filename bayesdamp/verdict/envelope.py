@@ -1,0 +1,418 @@
+"""Decide on an envelope, and on several envelopes of one specimen: numbers, coefficients and remarks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple, dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+
+from bayesdamp.inference.curves.weighted import shares
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
+from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
+from bayesdamp.inference.deviation.numbers.draws import quantity
+from bayesdamp.inference.deviation.several.specimen import WeighedSpecimen
+from bayesdamp.inference.envelope.candidates import KNOTS, Candidate
+from bayesdamp.inference.envelope.decay import Curve, Decay
+from bayesdamp.inference.envelope.likelihood import RateLikelihood, likelihood_of
+from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR, Draws, draw
+from bayesdamp.inference.envelope.ranking import Ranking, by_power, power_law, ranked, untold
+from bayesdamp.inference.envelope.sums import Sum, weighed
+from bayesdamp.odds import odds
+from bayesdamp.physics.amplitude.laws import POWERS, coefficients
+from bayesdamp.physics.amplitude.loss import Scale, parameter
+from bayesdamp.physics.damping import PAPER_TERMS, twins_of
+from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal
+from bayesdamp.types import InputError, Reference
+from bayesdamp.verdict import thresholds
+from bayesdamp.verdict.decide import interval_of, rivals_of
+from bayesdamp.verdict.parts import (
+    AtAmplitude,
+    Coefficient,
+    DampingRatio,
+    Estimate,
+    Grade,
+    Interval,
+    Share,
+    Window,
+)
+from bayesdamp.verdict.specimen import pooled, probabilities, spread_of, spread_remark, together
+from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.words import by_ten, named, sentence, with_interval
+
+FALLS = (0.15, 0.5, 0.85)
+"""Fractions of the decay's fall in dB at which rates are quoted."""
+Kind = TypeVar("Kind", bound=AtAmplitude)
+
+
+@dataclass(frozen=True, eq=False)
+class EnvelopeAnswer:
+    """The answer on an envelope.
+
+    curve: None where nothing decays. likelihoods: likelihood of the rates, by sum, for an answer on several records;
+    only of sums whose terms have no parameters besides coefficients.
+    """
+
+    verdict: Verdict
+    curve: Curve | None = None
+    likelihoods: Mapping[str, RateLikelihood] = field(default_factory=dict)
+
+
+def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
+    """Return the damping of a decay by these sums.
+
+    Parameters
+    ----------
+    decay
+        The decay of an envelope.
+    sums
+        Damping sums to weigh.
+    seed
+        Seed of the draws.
+    """
+    b = decay.blocks
+    ranking = ranked(sums, weighed(b, sums, decay.noises, decay.inverse))
+    power = power_law(decay, ranking)
+    rng = np.random.default_rng([seed, b.t.size])
+    top, bottom = b.ends
+    amplitudes = np.array([top + share * (bottom - top) for share in FALLS])
+    # Relative error of every rate that the record cannot show.
+    sensor = float(np.hypot(SENSOR, DRIFT / (0.5 * decay.fall))) if decay.record.logarithmic else SENSOR
+
+    def draw_twice(candidates: Sequence[Candidate], terms: Sequence[str]) -> tuple[Draws, Draws]:
+        """Return draws with the law's deviation and the sensor's error, and without both."""
+        whole = draw(b, candidates, terms, amplitudes, rng, sensor)
+        return whole, draw(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True)
+
+    by_laws = draw_twice(ranking.candidates, ranking.terms)
+    deviation = interval_of(quantity(by_laws[0].deviation))
+    twins = untold(ranking)
+    inexact = Grade.APPROXIMATE if deviation.high <= thresholds.DEVIATES else Grade.DEVIATES
+    grade = Grade.EXACT if ranking.exact >= thresholds.LIKELY_EXACT else inexact
+    decided = ranking.by_sum[ranking.best.name] >= thresholds.DECIDED and ranking.best_exact is ranking.best
+    by_sum = decided and grade is not Grade.DEVIATES
+    one_power = power.odds > thresholds.POWER_LAW and b.t.size >= thresholds.FEW_READINGS and not by_sum
+    whole, plain = by_laws
+    if one_power and "power" not in ranking.terms:
+        # Laws that the record does not follow have no rates of its own.
+        whole, plain = draw_twice([*ranking.candidates, *by_power(decay)], (*ranking.terms, "power"))
+    best, frequency, omega = ranking.best, decay.record.frequency, decay.omega
+    damping = {name: min(p, thresholds.CAP) for name, p in ranking.by_sum.items()}
+    first = damping.pop(best.name)
+    unexplained, noise = decay.misfit(ranking.fitted.fit)
+    energies = zip(ranking.by_term.items(), map(quantity, by_laws[0].energy.T), strict=True)
+
+    def at(kind: type[Kind], of: Callable[[np.ndarray], np.ndarray]) -> tuple[Kind, ...]:
+        """Return what follows from the rates at the amplitudes."""
+        values = []
+        for x, draws, exact in zip(amplitudes, of(whole.at).T, of(plain.at).T, strict=True):
+            e = estimate_of(draws, exact)
+            values.append(kind(*decay.amplitude(x), e.value, e.sd_noise, e.sd_law, e.low, e.high))
+        return tuple(values)
+
+    verdict = Verdict(
+        record=decay.record.name,
+        grade=Grade.DEVIATES if one_power else grade,
+        decided=by_sum and not twins,
+        damping=best.name,
+        probability=first,
+        rivals=rivals_of({best.name: first, **damping}, {}),
+        frequency=Interval(frequency, frequency, frequency, "Hz") if frequency else None,
+        exponent=interval_of(power.exponent),
+        damping_ratio=at(DampingRatio, lambda rates: rates / omega) if omega else (),
+        energy=tuple(Share(term, q.value, q.low, q.high, p) for (term, p), q in energies),
+        deviation=deviation,
+        unexplained_pct=100 * unexplained,
+        noise_pct=100 * noise,
+        coefficients=_coefficients_of(decay, ranking, *by_laws),
+        window=_window(decay),
+        quantity="envelope",
+        rate=estimate_of(whole.whole, plain.whole, "1/s"),
+        quality_factor=estimate_of(omega / 2 / whole.whole, omega / 2 / plain.whole) if omega else None,
+        decay_rate=at(AtAmplitude, lambda rates: rates),
+        quality_factor_at=at(AtAmplitude, lambda rates: omega / 2 / rates) if omega else (),
+        probability_exact=ranking.exact,
+        power_law=power.odds,
+    )
+    verdict = replace(verdict, remarks=_remarks(verdict, decay, ranking, twins), sentence=sentence(verdict))
+    likelihoods = {
+        c.name: likelihood_of(c, b, decay.reference, decay.record.unit)
+        for c in ranking.candidates
+        if c.name in {s.name for s in ranking.sums if not s.count}
+    }
+    return EnvelopeAnswer(verdict, decay.curve(*ranking.fitted.curve(decay.blocks)), likelihoods)
+
+
+def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Estimate:
+    """Return the estimate from draws (n,), and from `plain` ones (m,) that vary by the readings' noise alone."""
+    q = quantity(draws, min(float(np.std(plain)), float(np.std(draws))))
+    return Estimate(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
+
+
+def _window(decay: Decay) -> Window:
+    record, window, first = decay.record, decay.window, decay.first
+    why = list(window.why)
+    if first > window.start:
+        why[0] = (
+            f"starts at {record.t[first]:.4g} s, because the reading before it does not belong to the decay"
+        )
+    floor = 10.0 * np.log10(window.floor.power) if window.floor is not None else float("nan")
+    start, stop = float(record.t[first]), float(record.t[window.stop - 1])
+    cycles = (record.frequency or float("nan")) * (stop - start)
+    return Window(start, stop, cycles, "; ".join(filter(None, why)), float(floor))
+
+
+def _coefficients_of(decay: Decay, ranking: Ranking, draws: Draws, plain: Draws) -> tuple[Coefficient, ...]:
+    """Return the coefficients of the most probable sum's terms, over all sums that have them.
+
+    They are relative to the amplitude at the start where the record has no scale.
+    """
+    record, best = decay.record, ranking.best
+    amplitude = float(np.exp(-best.start if record.logarithmic else decay.reference))
+    unit = record.unit.replace("^2", "").replace("2", "")
+    if record.logarithmic or record.unit in ("W", "mW", "uW", "nW", "pW"):
+        unit = "A_start" if record.logarithmic else f"√{record.unit}"
+    results: list[Coefficient] = []
+    for term in best.terms:
+        if term in POWERS:
+            whole, exact = draws.rates[term], plain.rates[term]
+            name, values, of = coefficients([term], whole[None], amplitude, decay.omega)[0]
+            same = coefficients([term], exact[None], amplitude, decay.omega)[0][1] if exact.size else values
+            results.append(_coefficient(name, of.format(unit), values, same))
+        else:
+            results += _registered(term, ranking, (draws, plain), amplitude, decay.omega, unit)
+    return tuple(results)
+
+
+def _registered(
+    name: str,
+    ranking: Ranking,
+    draws: tuple[Draws, Draws],
+    amplitude: float,
+    omega: float | None,
+    unit: str,
+) -> list[Coefficient]:
+    """Return a registered term's coefficient and own parameters.
+
+    Without a frequency (`omega` in rad/s), its rate at the start, and those of its parameters that have no time in
+    their unit.
+    """
+    best = ranking.best
+    term = best.each[best.terms.index(name)]
+    assert best.scale is not None
+    scale = Scale(amplitude * float(np.exp(best.start)), omega or 1.0)
+    if best.scale.amplitude != 1.0:  # the record has a scale of its own
+        scale = Scale(best.scale.amplitude, scale.frequency)
+        unit = "rad" if unit in ("rad", "mrad", "deg") else "m"
+    by_name = {s.name: s for s in ranking.sums}
+    own, units = {}, {}
+    for k, candidate in enumerate(ranking.candidates):
+        if name not in candidate.terms:
+            continue
+        place, sum_ = candidate.terms.index(name), by_name[candidate.name]
+        own[k] = sum_.own(candidate.scores, place)
+        log_rate = sum_.unit_rate(place, own[k], scale)
+        at_start = float(np.log(candidate.law.shapes(np.array([sum_.start]))[place, 0]))
+        units[k] = at_start if omega is None else -log_rate
+
+    def over_candidates(
+        called: str, of: str, value: Callable[[int], float], rates: bool = False
+    ) -> Coefficient:
+        values = []
+        for some in draws:
+            places = some.candidate[np.isin(some.candidate, list(own))]
+            each = np.array([value(int(k)) for k in places])
+            values.append(each * some.rates[name] if rates else each)
+        return _coefficient(called, of, values[0], values[1] if values[1].size else values[0])
+
+    called, of = (
+        (f"rate_{name}", "1/s") if omega is None else (term.parameter, term.unit.replace("rad", unit))
+    )
+    results = [over_candidates(called, of, lambda k: float(np.exp(units[k])), rates=True)]
+    for i, p in enumerate(term.inferred):
+        of = p.unit.replace("rad", unit)
+        if omega is not None or "s" not in p.unit.replace("rad", ""):
+            results.append(over_candidates(p.name, of, lambda k, i=i, p=p: parameter(p, own[k][i], scale)))
+    return results
+
+
+def _coefficient(name: str, unit: str, draws: np.ndarray, plain: np.ndarray) -> Coefficient:
+    return Coefficient(name, *astuple(estimate_of(draws, plain, unit)))
+
+
+def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+    """Return reservations; twins: names of sums, of which the first loses energy as the second does."""
+    record = decay.record
+    texts = list(record.notes)
+    if record.frequency is None:
+        texts.append(
+            "The frequency is not known, so rates are given but no Q; give --frequency HZ, or a line "
+            "`% Frequency [Hz]: ...` in the file."
+        )
+    if record.logarithmic:
+        paper = all(term in PAPER_TERMS for term in ranking.terms)
+        which = "Coulomb and quadratic" if paper else "all but viscous"
+        texts.append(
+            f"Amplitudes have no scale: {which} coefficients are relative to the amplitude at the start."
+        )
+    for term in v.damping.split("+"):
+        alternatives = " or ".join(named(twin) for twin in twins_of(term))
+        if alternatives:
+            texts.append(
+                f"An envelope cannot distinguish {named(term)} damping from {alternatives} damping, which lose the "
+                f"same at every amplitude: any part of the {named(term)} damping may be {alternatives}."
+            )
+    for first, second in twins:
+        texts.append(
+            f"An envelope cannot distinguish {named(first)} damping from {named(second)} damping here, which lose the "
+            "same at every amplitude: their probabilities are just the prior ones."
+        )
+    if ranking.best_exact is not ranking.best:
+        best = named(ranking.best_exact.name)
+        texts.append(f"If the damping followed its law exactly, {best} would be the most probable damping.")
+    if decay.readings < thresholds.FEW_READINGS:
+        texts.append(f"There are only {decay.readings} readings, so the noise is hardly known.")
+    if decay.fall < thresholds.SHALLOW:
+        texts.append(
+            f"The level falls by only {decay.fall:.1f} dB; below {thresholds.SHALLOW:g} dB damping models are hard to "
+            "distinguish."
+        )
+    if v.window is not None and not math.isfinite(v.window.floor_db):
+        texts.append(
+            "There is no noise floor behind the decay, so the noise power is inferred from the decay alone."
+        )
+    if v.power_law > thresholds.POWER_LAW and not v.decided and decay.readings >= thresholds.FEW_READINGS:
+        texts.append(
+            "A single power law of the amplitude describes the decay better than every sum, so rates are from it. "
+            "Use --damping power, or --damping cubic where the power is near 3, to weigh it."
+        )
+    facts = record.facts.items()
+    stated = next((text for name, text in facts if name.lower().startswith("quality factor")), "")
+    try:
+        quality = float(stated.split()[0])
+    except (ValueError, IndexError):
+        quality = None
+    if quality is not None and v.quality_factor is not None:
+        own = v.quality_factor
+        off = (own.value - quality) / max(math.hypot(own.sd_noise, own.sd_law), 1e-300)
+        side = "below" if off > 0 else "above"
+        texts.append(
+            f"The file's head states Q = {by_ten(f'{quality:.4g}')}, {abs(off):.1f} standard deviations {side} this."
+        )
+    return tuple(texts)
+
+
+def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[DampingLikelihood, ...]]:
+    """Return the likelihoods of all records with a decay, by damping sum, in the coordinates that they share.
+
+    The amplitude is the mean of the records' reference amplitudes, in its logarithm. Where a record has no frequency,
+    the coordinates are rates: their unit follows from the geometric mean of the durations, as that of a single record
+    follows from its own.
+
+    Raises
+    ------
+    InputError
+        Where the records have different units.
+    """
+    records = [a.likelihoods for a in answers if a.likelihoods]
+    if not records:
+        return {}
+    firsts = [next(iter(likelihoods.values())) for likelihoods in records]
+    units = list(dict.fromkeys(likelihood.unit for likelihood in firsts))
+    if len(units) > 1:
+        raise InputError(
+            f"records of one specimen are in {' and '.join(units)}; record all of them in one unit to compare them"
+        )
+    amplitude = float(np.mean([likelihood.reference for likelihood in firsts]))
+    omegas = [likelihood.omega for likelihood in firsts]
+    if None not in omegas:
+        rates = [SCORE_RATIO * float(omega or 1.0) for omega in omegas]
+    else:
+        middle = float(np.sqrt(SHARED_SCALES[0] * SHARED_SCALES[-1]))
+        time = float(np.exp(np.mean(np.log([likelihood.duration for likelihood in firsts]))))
+        rates = [SCORE_RATIO / (time * middle)] * len(firsts)
+    return {
+        name: tuple(
+            DampingLikelihood(*likelihoods[name].in_scores(amplitude, rate))
+            for likelihoods, rate in zip(records, rates, strict=True)
+        )
+        for name in records[0]
+        if all(name in likelihoods for likelihoods in records)
+    }
+
+
+def joint_damping(answers: Sequence[EnvelopeAnswer]) -> WeighedSpecimen | None:
+    """Weigh every sum with one set of coefficients for all records, times a factor for each record.
+
+    The deviation's size and length are common to the records. Return None where fewer than two records have a decay.
+
+    Raises
+    ------
+    InputError
+        Where the records have different units.
+    """
+    by_sum = shared_likelihoods(answers)
+    if not by_sum or len(next(iter(by_sum.values()))) < 2:
+        return None
+    logs, repeats = {}, {}
+    for name, likelihoods in by_sum.items():
+        terms = name.split("+")
+        priors = {t: SharedHalfNormal(1.0) for t in terms}
+        runs = [
+            RunLikelihood.of_scores(priors, terms, np.ones(len(terms)), likelihood)
+            for likelihood in likelihoods
+        ]
+        model = name, ""
+        repeats[model] = joined(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=0)
+        logs[model] = repeats[model].log_evidence + float(np.log(odds(terms)))
+    share = dict(zip(logs, shares(np.array(list(logs.values()))).tolist(), strict=True))
+    return WeighedSpecimen((), logs, share, repeats, {}, Reference(1.0, 1.0))
+
+
+def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
+    """Return the verdict on a specimen; None where fewer than two records have a decay.
+
+    The logarithm of Q, or of the rate, is pooled as every number of several records is.
+
+    Raises
+    ------
+    InputError
+        Where the records have different units.
+    """
+    own = [a.verdict for a in answers if a.verdict.rate is not None]
+    quality = all(v.quality_factor is not None for v in own)
+    values = [e for v in own if (e := v.quality_factor if quality else v.rate) is not None]
+    if len(values) < 2:
+        return None
+    x = np.log([e.value for e in values])
+    sd = np.array([np.hypot(e.sd_noise, e.sd_law) / e.value for e in values])
+    p = pooled(x, sd)
+    joint = joint_damping(answers)
+    value, unit = float(np.exp(p.mean)), values[0].unit
+    alone = min(float(np.sum(sd**-2.0) ** -0.5), p.sd)
+    low, high, next_low, next_high = np.exp(
+        [p.mean - 1.96 * p.sd, p.mean + 1.96 * p.sd, p.low, p.high]
+    ).tolist()
+    between = value * float((p.sd**2 - alone**2) ** 0.5)
+    common = Estimate(value, value * alone, between, low, high, unit)
+    damping = probabilities(joint)[0] if joint else {"": float("nan")}
+    verdict = replace(
+        together(name, own, {n: min(share, thresholds.CAP) for n, share in damping.items()}, {}),
+        spread=spread_of(joint) if joint else Interval(p.spread, p.spread_low, p.spread_high),
+        rate=None if quality else common,
+        quality_factor=common if quality else None,
+        next_value=Interval(value, next_low, next_high, unit),
+        standardised=float(np.sum(((x - np.average(x, weights=sd**-2.0)) / sd) ** 2)) / (x.size - 1),
+    )
+    what = "Q" if quality else "decay rate"
+    more = by_ten(with_interval(value, next_low, next_high, f" {unit}" if unit else ""))
+    texts = (
+        *spread_remark(verdict),
+        f"One more record would have {what} = {more}.",
+        f"The standardised variance of the records' own values is {verdict.standardised:.1f}.",
+        *(verdict.remarks if joint else ()),
+    )
+    return replace(verdict, remarks=texts, sentence=sentence(verdict))

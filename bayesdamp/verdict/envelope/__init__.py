@@ -1,1 +1,0 @@
-"""From a weighed envelope to its verdict."""
