@@ -9,7 +9,7 @@ import pytest
 
 from bayesdamp.inference.checks import checks
 from bayesdamp.inference.checks.checks import (
-    Fit,
+    FitCheck,
     autocorrelation,
     check_fit,
     kurtosis,
@@ -40,7 +40,7 @@ def clean(damping: str) -> np.ndarray:
 
 def fit(
     truth: str, model: str, seed: int, dof: float = np.inf, noise: str = "gaussian"
-) -> tuple[Target, Fit]:
+) -> tuple[Target, FitCheck]:
     """The checks of a model on a record of another (or the same): coefficient, start and noise unknown.
 
     dof: degrees of freedom of the record's noise, Student's t; noise: the model's.
@@ -64,7 +64,7 @@ def fit(
 
 
 @lru_cache
-def calibration() -> list[Fit]:
+def calibration() -> list[FitCheck]:
     return [fit("viscous", "viscous", seed)[1] for seed in range(RECORDS)]
 
 

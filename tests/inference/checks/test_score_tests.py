@@ -11,8 +11,14 @@ from scipy.integrate import quad, solve_ivp
 from scipy.stats import kstest, norm
 
 from bayesdamp.inference.checks.checks import check_fit, tangents
-from bayesdamp.inference.checks.residual_spectrum import orthonormal
-from bayesdamp.inference.checks.score_tests import FORMS, SIZE, Other, other_form, responses
+from bayesdamp.inference.checks.residual_tests import (
+    FORMS,
+    SIZE,
+    StrongestForm,
+    orthonormal,
+    other_form,
+    responses,
+)
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.likelihood import Likelihood
@@ -74,7 +80,7 @@ def fitted(form: int, size: float) -> tuple[Target, Mode]:
     return made, find_mode(made, {Seed("truth"): TRUTH}, noise_level=NOISE)
 
 
-def probed(made: Target, mode: Mode, noise: np.ndarray) -> Other:
+def probed(made: Target, mode: Mode, noise: np.ndarray) -> StrongestForm:
     """The test where so much noise, (n,) in its sds, is added to what a fit to it leaves."""
     absorbed = orthonormal(tangents(made, mode).T)
     scores = mode.likelihood.whitened(mode.likelihood.residual(mode.z), mode.z)
@@ -118,7 +124,7 @@ def test_each_score_is_normal(form: int, monkeypatch: pytest.MonkeyPatch) -> Non
     """One form alone: uniform chances (Kolmogorov and Smirnov's test at 0.1 % for each of seven, seeds fixed)."""
     made, mode = fitted(0, 0.0)
     rng = np.random.default_rng([12, form])
-    monkeypatch.setattr("bayesdamp.inference.checks.score_tests.FORMS", (FORMS[form],))
+    monkeypatch.setattr("bayesdamp.inference.checks.residual_tests.FORMS", (FORMS[form],))
     chances = [probed(made, mode, rng.standard_normal(TIMES.size)).chance for _ in range(200)]
     assert kstest(chances, "uniform").pvalue > 1e-3
     assert kstest(np.array(chances) ** 1.5, "uniform").pvalue < 1e-3  # the control

@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import dblquad
 
 from bayesdamp.estimators.shared import decay_start, start_parameters
-from bayesdamp.inference.coordinates.shear import NoiseShear, Shear, shear_of
+from bayesdamp.inference.coordinates.whitening import NoiseShear, Shear, shear_of
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.evidence.methods import bridge, importance
 from bayesdamp.inference.fit.mode import Mode

@@ -11,11 +11,17 @@ from scipy.special import logsumexp
 from scipy.stats import gaussian_kde, truncnorm
 
 from bayesdamp.inference.checks.forecast import Ahead, carried_on
-from bayesdamp.inference.evidence import widths
+from bayesdamp.inference.evidence import sensitivity
 from bayesdamp.inference.evidence.methods.importance import Importance
-from bayesdamp.inference.evidence.prediction import first_half, log_predictive, predict
 from bayesdamp.inference.evidence.savage_dickey import density_at_zero, savage_dickey
-from bayesdamp.inference.evidence.widths import against_width, under_priors, widened
+from bayesdamp.inference.evidence.sensitivity import (
+    against_width,
+    first_half,
+    log_predictive,
+    predict,
+    under_priors,
+    widened,
+)
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
@@ -59,9 +65,9 @@ def halves(target: Target, mode: Mode) -> tuple[Evidence, Ahead]:
     return predict("m", first_half(mode), partial(carried_on, mode.likelihood, half=half), 1)
 
 
-@pytest.mark.parametrize("enough", [widths.ENOUGH, np.inf], ids=["as it comes", "all sampled anew"])
+@pytest.mark.parametrize("enough", [sensitivity.ENOUGH, np.inf], ids=["as it comes", "all sampled anew"])
 def test_widths_against_quadrature(enough, monkeypatch):
-    monkeypatch.setattr(widths, "ENOUGH", enough)
+    monkeypatch.setattr(sensitivity, "ENOUGH", enough)
     target, mode = problem(TWO)
     found = importance(TWO)
     y, log_weights = found.arrays["y"], found.arrays["log_weights"]

@@ -100,7 +100,7 @@ def test_noise_does_not_stand_in_for_another_zero(rest: float) -> None:
     )
     seeds = {Seed("near"): {"zeta": 0.06, "mu_q": 0.15, "theta0": rest + 0.3, "omega0": 0.0}}
     if rest == 0.0:
-        with pytest.raises(Refusal, match=r"^pruned: noise takes the motion's place"):
+        with pytest.raises(Refusal, match=r"^pruned: the noise model replaces the motion"):
             find_mode(made, seeds, noise_level=seen.roughness, period=seen.period, thrifty=True)
     else:
         mode = find_mode(made, seeds, noise_level=seen.roughness, period=seen.period, thrifty=True)

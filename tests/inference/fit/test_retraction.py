@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from bayesdamp.inference.fit.maximise import maximise_posterior
+from bayesdamp.inference.fit.mode import maximise
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
@@ -96,8 +96,9 @@ def test_a_climb_along_the_curve_arrives_where_a_straight_one_creeps() -> None:
     found = find_mode(target, {Seed("s"): SEED}, noise_level=0.01)
     assert found.searches[0].converged
     z = target.scores(SEED)
-    along = maximise_posterior(found.likelihood, z, limit=120, retract=target.followed)
-    straight = maximise_posterior(found.likelihood, z, limit=120)
+    curvature = found.likelihood.at_scale(1.0).curvature
+    along = maximise(curvature, target.reflected, z, limit=120, retract=target.followed)
+    straight = maximise(curvature, target.reflected, z, limit=120)
     assert along.converged
     assert along.value == pytest.approx(found.log_posterior, abs=0.05)
     assert not straight.converged or straight.evaluations > 2 * along.evaluations

@@ -166,7 +166,7 @@ def test_a_part_of_the_record():
     parts make up the whole."""
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     whole, half = mode.likelihood, target.signal.t.size // 2
-    parts = [whole.of(slice(0, half)), whole.of(slice(half, None))]
+    parts = [whole.on(slice(0, half)), whole.on(slice(half, None))]
     residuals = np.concatenate([p.residual(mode.z) for p in parts])
     np.testing.assert_allclose(residuals, whole.residual(mode.z), atol=1e-6)
     assert sum(p.log_likelihood(mode.z) for p in parts) == pytest.approx(
@@ -178,7 +178,7 @@ def test_a_part_of_the_record():
     )
     correlated = problems.mode("coulomb_correlated")
     both = [
-        correlated.likelihood.of(s).log_likelihood(correlated.z) for s in (slice(0, half), slice(half, None))
+        correlated.likelihood.on(s).log_likelihood(correlated.z) for s in (slice(0, half), slice(half, None))
     ]
     assert abs(sum(both) - correlated.likelihood.log_likelihood(correlated.z)) > 1e-3  # control
 

@@ -9,9 +9,9 @@ import pytest
 
 from bayesdamp.inference.coordinates import truncated_normal
 from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal, laplace
-from bayesdamp.inference.coordinates.unbounded import Unbounded
 from bayesdamp.inference.samplers import SAMPLERS, Settings, variational
 from bayesdamp.inference.samplers._approximation import approximate_posterior
+from bayesdamp.inference.samplers.variational import Unbounded
 from bayesdamp.types import Refusal
 from tests.inference import problems
 

@@ -17,6 +17,7 @@ from bayesdamp.inference.coordinates.whitening import whitening_of
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Sampler, Settings, nuts
 from bayesdamp.inference.samplers.nuts import Chain, Nuts
+from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.priors import LogNormal
 from bayesdamp.store import write_bytes
 from bayesdamp.types import OK, Posterior, Seed
@@ -205,8 +206,8 @@ def test_the_tail_of_weights_has_its_shape(shape):
     ratios = genpareto.rvs(shape, size=20_000, random_state=np.random.default_rng(4))
     # Its sd by maximum likelihood is (1 + k) / √(tail): Smith (1987).
     tail = 3 * np.sqrt(ratios.size)
-    assert abs(diagnostics.pareto_k(np.log(ratios)) - shape) < 4 * (1 + shape) / np.sqrt(tail)
-    assert diagnostics.pareto_k(-np.log(ratios + 1)) < 0.0
+    assert abs(pareto_k(np.log(ratios)) - shape) < 4 * (1 + shape) / np.sqrt(tail)
+    assert pareto_k(-np.log(ratios + 1)) < 0.0
 
 
 def test_too_few_draws_are_added_to():
