@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.inference.envelope.analysis import free_decay
 from bayesdamp.inference.envelope.dampings import assumed, weighable
+from bayesdamp.inference.envelope.decay import free_decay
 from bayesdamp.inference.envelope.likelihood import RateLikelihood
 from bayesdamp.interface.answer import Answer
 from bayesdamp.physics.amplitude.laws import SUMS

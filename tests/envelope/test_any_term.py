@@ -165,7 +165,7 @@ def test_a_plugin_s_source_is_part_of_the_question(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("damping", "what"),
     [
-        (["viscous+structural"], "viscous and structural lose alike at every amplitude"),
+        (["viscous+structural"], "viscous and structural lose the same at every amplitude"),
         (["viscous+coulomb+quadratic+cubic"], "sums of 3 terms at most"),
         (["cubix"], "did you mean 'cubic'"),
     ],
@@ -180,8 +180,8 @@ def test_twins_are_said_and_not_weighed_beside_each_other():
     sums, left_out = weighable([parse_model(name) for name in names])
     assert sums == (("viscous",), ("cubic",), ("viscous", "displacement"))
     assert left_out == (
-        "structural is not weighed: it loses as viscous does at every amplitude.",
-        "displacement+structural is not weighed: it loses as viscous+displacement does at every amplitude.",
+        "structural is left out: it loses the same as viscous at every amplitude.",
+        "displacement+structural is left out: it loses the same as viscous+displacement at every amplitude.",
     )
     alone = analyse(envelope(FORCES["structural"], 2), sums=(("structural",), ("quadratic",))).verdict
     assert alone.damping == "structural"

@@ -7,8 +7,8 @@ import pytest
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Normals, with_priors
-from bayesdamp.inference.envelope.analysis import free_decay
 from bayesdamp.inference.envelope.candidates import KNOTS
+from bayesdamp.inference.envelope.decay import free_decay
 from bayesdamp.inference.envelope.likelihood import merged
 from bayesdamp.inference.envelope.sums import weighed
 from bayesdamp.interface.answer import Answer

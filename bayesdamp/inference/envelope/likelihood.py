@@ -12,10 +12,10 @@ from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, Candidate
 
 ALONG = 33
-"""Amplitudes, evenly in their logarithm, at which the loss of each term is stored."""
+"""Amplitudes, evenly spaced in their logarithm, at which the loss of each term is stored."""
 WIDE = 3.0
-"""Standard deviation, in the sum of the fitted rates, of the normal prior under which the likelihoods of several noises
-are made one: wide against every rate that the record allows, and taken out again."""
+"""Standard deviation, in sums of the fitted rates, of the normal prior under which the likelihoods of several noises
+are merged: wide compared with every rate that the record allows, and removed again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class RateLikelihood:
     Attributes
     ----------
     log
-        Nats, (c,), in the order of `grid_of`.
+        In nats, (c,), in the order of `grid_of`.
     slope, information
         Of the rates at the reference amplitude, in s, (c, d), and in s², (c, d, d).
     reference
@@ -36,13 +36,13 @@ class RateLikelihood:
     log_amplitudes
         ln of amplitudes in that unit, (n,), rising.
     log_losses
-        ln of each term's relative loss there over that at the reference amplitude, (d, n).
+        ln of each term's relative loss at these over that at the reference amplitude, (d, n).
     unit
-        Of the record's readings.
+        Unit of the record's readings.
     omega
         Frequency in rad/s, None where it is not known.
     duration
-        Of the decay in s.
+        Duration of the decay in s.
     """
 
     log: np.ndarray
@@ -61,10 +61,10 @@ class RateLikelihood:
         Parameters
         ----------
         log_amplitude
-            ln of the amplitude at which the rates are taken, in the record's unit. Beyond the stored amplitudes each
-            loss goes on as a power of the amplitude.
+            ln of the amplitude of the rates, in the record's unit. Beyond the stored amplitudes each loss is extended
+            as a power of the amplitude.
         rate
-            In 1/s at a score of 1.
+            Rate in 1/s at a score of 1.
 
         Returns
         -------
@@ -90,7 +90,7 @@ def likelihood_of(candidate: Candidate, blocks: Blocks, reference: float, unit: 
     reference
         ln of their reference amplitude in the record's unit.
     unit
-        Of the record's readings.
+        Unit of the record's readings.
     """
     scale = WIDE * float(candidate.rates.sum()) / candidate.unit
     log, slope, information = merged(candidate.likelihood, grid_of(KNOTS, phases=False).log_prior.size, scale)
@@ -111,11 +111,11 @@ def merged(likelihood: DampingLikelihood, sizes: int, sd: float) -> tuple[np.nda
     Parameters
     ----------
     likelihood
-        Of the rates' scores under all noises, the size and length of the deviation running fastest.
+        Likelihood of the rates' scores under all noises, the size and length of the deviation running fastest.
     sizes
-        How many sizes and lengths there are, c.
+        Number of sizes and lengths, c.
     sd
-        Of the wide prior.
+        Standard deviation of the wide prior.
 
     Returns
     -------

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.envelope.candidates import Blocks, weigh
-from bayesdamp.inference.envelope.further import explore
 from bayesdamp.inference.envelope.noise import Noise
-from bayesdamp.inference.envelope.sums import Sum, weighed
+from bayesdamp.inference.envelope.sums import Sum, explore, weighed
 from bayesdamp.physics.amplitude.loss import Scale
 from bayesdamp.physics.damping import TERMS
 

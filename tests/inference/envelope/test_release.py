@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import dawsn
 
-from bayesdamp.inference.envelope.analysis import held_blocks
 from bayesdamp.inference.envelope.candidates import Blocks
+from bayesdamp.inference.envelope.decay import held_blocks
 from bayesdamp.physics.amplitude.laws import decay
 
 
