@@ -81,8 +81,8 @@ class _Kernels:
     sd: float
 
 
-def population(samples: Sequence[Sample], scale: float, *, from_zero: bool = True) -> Population:
-    """Infer the population of a coefficient.
+def population(samples: Sequence[Sample], scale: float) -> Population:
+    """Infer the population of a coefficient that is not negative.
 
     Parameters
     ----------
@@ -90,9 +90,6 @@ def population(samples: Sequence[Sample], scale: float, *, from_zero: bool = Tru
         One for each specimen.
     scale : float
         Scale of the prior of m.
-    from_zero : bool
-        Whether the coefficient cannot be negative. If it can, m has a normal prior about zero, and τ a half-normal one,
-        both with that scale.
 
     Raises
     ------
@@ -101,23 +98,25 @@ def population(samples: Sequence[Sample], scale: float, *, from_zero: bool = Tru
     """
     if len(samples) < 2:
         raise Refusal("a spread needs two specimens or more")
-    kernels = [_kernels(s, from_zero) for s in samples]
-    m, tau, log_prior = _grid(kernels, scale, from_zero)
-    logs = [_log_likelihood(k, m, tau, from_zero) for k in kernels]
+    kernels = [_kernels(s) for s in samples]
+    m, tau, log_prior = _grid(kernels, scale)
+    logs = [_log_likelihood(k, m, tau) for k in kernels]
     density = log_prior + np.sum(logs, axis=0)
     weights = np.exp(density - density.max())
     weights /= weights.sum()
-    mean, spread = _moments(m, tau) if from_zero else (m, tau)
+    ratio = m / tau
+    hazard = np.exp(-0.5 * ratio**2 - log_ndtr(ratio)) / np.sqrt(2 * np.pi)
+    mean, spread = m + tau * hazard, tau * np.sqrt(np.maximum(1 - ratio * hazard - hazard**2, 0.0))
     shrunk, size = {}, {}
     for sample, kernel in zip(samples, kernels, strict=True):
         low, high = kernel.mean - WIDE * kernel.sd, kernel.mean + WIDE * kernel.sd
-        x, gap = np.linspace(max(low, 0.0) if from_zero else low, high, POINTS, retstep=True)
+        x, gap = np.linspace(max(low, 0.0), high, POINTS, retstep=True)
         drawn = np.random.default_rng(0).choice(weights.size, HYPER_DRAWS, p=weights.ravel())
         # A normal narrower than the grid's gap could fall between its points.
         wide = np.sqrt(tau.ravel()[drawn] ** 2 + gap**2)[:, None]
-        given = _density(kernel, x, from_zero) - 0.5 * ((x - m.ravel()[drawn][:, None]) / wide) ** 2
+        given = _density(kernel, x) - 0.5 * ((x - m.ravel()[drawn][:, None]) / wide) ** 2
         given = np.exp(given - np.asarray(logsumexp(given, axis=1, keepdims=True))).mean(axis=0)
-        ratio = given / np.maximum(np.exp(_density(kernel, x, from_zero)), 1e-300)
+        ratio = given / np.maximum(np.exp(_density(kernel, x)), 1e-300)
         log_ratio = np.log(np.maximum(np.interp(sample.values, x, ratio, left=0.0, right=0.0), 1e-300))
         shrunk[sample.name] = summarise(x, given)
         size[sample.name] = effective(sample.log_weights - sample.log_prior + log_ratio)
@@ -126,14 +125,12 @@ def population(samples: Sequence[Sample], scale: float, *, from_zero: bool = Tru
         few = f"{worst} has only {size[worst]:.0f} effective draws given the others, below {LEAST}"
         outcome = f"not to be trusted: {few}"
     elif len(samples) < FEW:
-        outcome = (
-            f"only {len(samples)} specimens: the upper ends of mean and spread mostly reflect their priors"
-        )
-    mean, spread = (summarise(x.ravel(), weights.ravel()) for x in (mean, spread))
-    return Population(mean, spread, shrunk, size, outcome)
+        outcome = f"only {len(samples)} specimens: upper ends of mean and spread mostly reflect their priors"
+    summaries = (summarise(x.ravel(), weights.ravel()) for x in (mean, spread))
+    return Population(*summaries, shrunk, size, outcome)
 
 
-def _kernels(sample: Sample, from_zero: bool) -> _Kernels:
+def _kernels(sample: Sample) -> _Kernels:
     """Return the likelihood from draws without their prior, in bins much narrower than the normals.
 
     The width is Silverman's for the effective number of draws. The draws are moved towards their mean by as much as
@@ -146,7 +143,7 @@ def _kernels(sample: Sample, from_zero: bool) -> _Kernels:
     sd = float(np.sqrt(w @ (sample.values - mean) ** 2))
     share = 1.06 * effective(log_weights) ** -0.2
     drawn = sample.values
-    if not (from_zero and mean < 4 * sd):
+    if not mean < 4 * sd:
         drawn = mean + np.sqrt(max(1 - share**2, 0.0)) * (drawn - mean)
     edges = np.linspace(drawn.min(), drawn.max(), BINS + 1)
     mass = np.histogram(drawn, edges, weights=w)[0]
@@ -155,9 +152,7 @@ def _kernels(sample: Sample, from_zero: bool) -> _Kernels:
     return _Kernels(centres[filled] / mass[filled], np.log(mass[filled]), share * sd, mean, sd)
 
 
-def _grid(
-    kernels: Sequence[_Kernels], scale: float, from_zero: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _grid(kernels: Sequence[_Kernels], scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return locations and scales, (LOCATIONS, SCALES), and the log of the prior times the area of each cell.
 
     Scales are evenly spaced in their logarithm. The locations at each scale are centred on the specimens' mean.
@@ -167,25 +162,23 @@ def _grid(
     precision = 1 / (sds[:, None] ** 2 + tau**2)
     middle = np.sum(means[:, None] * precision, axis=0) / precision.sum(axis=0)
     reach = REACH / np.sqrt(precision.sum(axis=0))
-    low, high = middle - reach, middle + reach
-    if from_zero:
-        # A wide truncated normal may have its maximum anywhere from zero on.
-        low, high = np.maximum(low, 0.0), np.maximum(high, reach)
+    # A wide truncated normal may have its maximum anywhere from zero on.
+    low, high = np.maximum(middle - reach, 0.0), np.maximum(middle + reach, reach)
     m = np.linspace(low, high, LOCATIONS)
     tau = np.broadcast_to(tau, m.shape)
     area = np.log((high - low) / (LOCATIONS - 1)) + np.log(tau)
-    wide = np.maximum(m, 1e-3 * tau) if from_zero else np.full(m.shape, scale)
+    wide = np.maximum(m, 1e-3 * tau)
     log_prior = -0.5 * (m / scale) ** 2 - 0.5 * (tau / wide) ** 2 - np.log(wide)
     return m, tau, log_prior + area
 
 
-def _log_likelihood(kernel: _Kernels, m: np.ndarray, tau: np.ndarray, from_zero: bool) -> np.ndarray:
-    """Return log ∫ likelihood(θ) N(θ | m, τ) dθ up to a constant, of the shape of m; over θ ≥ 0 if from_zero."""
+def _log_likelihood(kernel: _Kernels, m: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Return log ∫ likelihood(θ) N(θ | m, τ) dθ up to a constant, over θ ≥ 0, of the shape of m."""
     log = np.full(m.shape, -np.inf)
     for centre, log_weight in zip(kernel.centres, kernel.log_weights, strict=True):
-        wall = from_zero and centre < FAR * kernel.width
+        wall = centre < FAR * kernel.width
         log = np.logaddexp(log, log_weight + _log_overlap(centre, kernel.width, m, tau, wall))
-    return log - log_ndtr(m / tau) if from_zero else log
+    return log - log_ndtr(m / tau)
 
 
 def _log_overlap(centre: float, width: float, m: np.ndarray, tau: np.ndarray, wall: bool) -> np.ndarray:
@@ -205,14 +198,7 @@ def _log_overlap(centre: float, width: float, m: np.ndarray, tau: np.ndarray, wa
     return np.logaddexp(about(centre), about(-centre)) if wall else about(centre)
 
 
-def _moments(m: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and sd of the normal that is truncated at zero."""
-    ratio = m / tau
-    hazard = np.exp(-0.5 * ratio**2 - log_ndtr(ratio)) / np.sqrt(2 * np.pi)
-    return m + tau * hazard, tau * np.sqrt(np.maximum(1 - ratio * hazard - hazard**2, 0.0))
-
-
-def _density(kernel: _Kernels, x: np.ndarray, from_zero: bool) -> np.ndarray:
+def _density(kernel: _Kernels, x: np.ndarray) -> np.ndarray:
     """Return the log likelihood at coefficients x, (p,), up to a constant."""
     log_weights = kernel.log_weights[:, None]
 
@@ -220,5 +206,4 @@ def _density(kernel: _Kernels, x: np.ndarray, from_zero: bool) -> np.ndarray:
         away = (x - centres[:, None]) / kernel.width
         return np.asarray(logsumexp(log_weights - 0.5 * away**2, axis=0))
 
-    density = about(kernel.centres)
-    return np.logaddexp(density, about(-kernel.centres)) if from_zero else density
+    return np.logaddexp(about(kernel.centres), about(-kernel.centres))

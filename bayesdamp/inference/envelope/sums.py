@@ -21,10 +21,10 @@ from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.odds import odds
 from bayesdamp.physics.amplitude.law import ClosedForm, Law, Shape, Tabled
 from bayesdamp.physics.amplitude.laws import POWERS, SUMS
+from bayesdamp.physics.damping import TERMS, DampingTerm
 
 if TYPE_CHECKING:
     from bayesdamp.physics.amplitude.loss import Scale
-    from bayesdamp.physics.damping import DampingTerm
 
 HOPELESS = 25.0
 """A sum this many nats behind the best with the first noise is not weighed with the others: they change it by a few."""
@@ -136,15 +136,13 @@ def sums_on(
     scale, start, low
         As in `Sum`.
     """
-    sums = []
-    for terms in asked:
-        if all(term in POWERS for term in terms):
-            sums.append(Sum(terms, start, low))
-        else:
-            from bayesdamp.physics.damping import TERMS
-
-            sums.append(Sum(terms, start, low, tuple(map(TERMS.get, terms)), scale))
-    return tuple(sums)
+    plain = Sum((), start, low)
+    return tuple(
+        replace(plain, terms=terms)
+        if all(term in POWERS for term in terms)
+        else replace(plain, terms=terms, each=tuple(map(TERMS.get, terms)), scale=scale)
+        for terms in asked
+    )
 
 
 def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[Law, float, np.ndarray]:

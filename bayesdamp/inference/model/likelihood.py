@@ -122,13 +122,12 @@ class Likelihood:
 
     def _prior(self, z: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the log density of scores z, (d,), as `log_prior` does, and its gradient, (d,)."""
-        target, gradient = self.target, -z
-        shared = target.shared_places
-        if not shared.size:
-            return -0.5 * float(z @ z) - z.size * HALF_LOG_2PI, gradient
+        shared, gradient = self.target.shared, -z
         own = z[shared]
+        if not own.size:
+            return -0.5 * float(z @ z) - z.size * HALF_LOG_2PI, gradient
         squares, scales = float(own @ own), np.asarray(self.scales)
-        each = -0.5 * squares / scales**2 - shared.size * np.log(scales)
+        each = -0.5 * squares / scales**2 - own.size * np.log(scales)
         top = each.max()
         weights = np.exp(each - top)
         total = weights.sum()

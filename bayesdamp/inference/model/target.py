@@ -168,11 +168,6 @@ class Target(Scores):
         return tuple(self.priors)
 
     @cached_property
-    def shared_places(self) -> np.ndarray:
-        """Places of the scores that share a scale, (m,)."""
-        return np.flatnonzero(self.shared)
-
-    @cached_property
     def moving(self) -> np.ndarray:
         """Places, (k,), of the scores that change the motion; the others are of the noise."""
         return np.array([i for i, n in enumerate(self.priors) if n in self.oscillator.parameters], int)

@@ -56,11 +56,11 @@ def test_far_from_zero_it_is_the_normal_normal_model():
     assert abs(own[3] - means[3]) > 0.5 * sds[3]
 
 
-def test_without_a_wall_a_known_spread_shrinks_as_it_should():
+def test_values_far_apart_do_not_shrink():
     """Two far clusters: with a spread that is large against the errors, nothing shrinks."""
     rng = np.random.default_rng(2)
     samples = [sample(f"s{i}", a, 1e-3, rng) for i, a in enumerate((0.05, 0.1, 0.15, 0.2, 0.25))]
-    found = population(samples, SCALE, from_zero=False)
+    found = population(samples, SCALE)
     for i, a in enumerate((0.05, 0.1, 0.15, 0.2, 0.25)):
         assert found.shrunk[f"s{i}"]["mean"] == pytest.approx(a, abs=2e-4)
         assert found.shrunk[f"s{i}"]["sd"] == pytest.approx(1e-3, rel=0.05)
