@@ -110,8 +110,8 @@ def simulate(made: Ringdown, rng: np.random.Generator) -> Simulated:
     y += made.drop * passing
     y += made.scatter * wandering(t.size, made.step, made.scatter_time, rng)
     y += made.drift * wandering(t.size, made.step, took * 2, rng)
-    kept = np.full(t.size, np.nan)
-    kept[after] = free
+    left = np.full(t.size, np.nan)
+    left[after] = free
     gone = np.full(t.size, np.nan)
     gone[after] = speed
-    return Simulated(t, y + made.top, made.before, kept, gone)
+    return Simulated(t, y + made.top, made.before, left, gone)

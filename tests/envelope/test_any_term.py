@@ -48,7 +48,7 @@ PLUGIN = Thinning()
 
 @cache
 def found(made: str, *more: str, unit: str = "rad") -> Verdict:
-    return analyse(envelope(FORCES[made], 1, unit), sums=(*SUMS, *((one,) for one in more))).verdict
+    return analyse(envelope(FORCES[made], 1, unit), sums=(*SUMS, *((item,) for item in more))).verdict
 
 
 @pytest.mark.parametrize("unit", ["rad", "dB"])
@@ -71,9 +71,9 @@ def test_a_term_is_named_and_its_numbers_are_recovered(made, truths, unit):
     powers = {"mu_3": 2, "mu_k": -1, "mu_p": -1, "stribeck_velocity": -1}
     values = {c.name: c for c in result.coefficients}
     for name, truth in truths.items():
-        one, true = values[name], truth * start ** powers.get(name, 0)
-        assert one.low <= true <= one.high, name
-    assert sum(one.share for one in result.energy) == pytest.approx(1.0, abs=0.05)
+        item, true = values[name], truth * start ** powers.get(name, 0)
+        assert item.low <= true <= item.high, name
+    assert sum(item.share for item in result.energy) == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.parametrize("made", ["viscous", "quadratic"])
@@ -108,11 +108,11 @@ def test_friction_that_rises_away_from_rest_is_not_told_from_coulomb_and_quadrat
 
 def test_a_power_that_is_a_term_has_the_exponent_that_every_answer_has():
     result = found("power", "power")
-    one = next(c for c in result.coefficients if c.name == "exponent")
-    assert one.value == pytest.approx(
+    item = next(c for c in result.coefficients if c.name == "exponent")
+    assert item.value == pytest.approx(
         result.exponent.value, abs=0.3 * (result.exponent.high - result.exponent.low)
     )
-    assert one.high - one.low == pytest.approx(result.exponent.high - result.exponent.low, rel=0.3)
+    assert item.high - item.low == pytest.approx(result.exponent.high - result.exponent.low, rel=0.3)
 
 
 def written(path, made: str = "thinning", unit: str = "rad", seed: int = 3) -> str:
@@ -130,13 +130,13 @@ def test_a_user_s_own_term_is_weighed(tmp_path, capsys):
     out = tmp_path / "out"
     frequency = ["--quantity", "envelope", "--frequency", str(OMEGA / 2 / np.pi), "--plugin", str(plugin)]
     assert main(["compare", file, *frequency, "--out", str(out)]) == 0
-    (one,) = json.loads((out / "verdict.json").read_text())
-    assert one["damping"] == "thinning"
-    assert "hinning damping" in one["sentence"]
-    c = next(c for c in one["coefficients"] if c["name"] == "c_thinning")
+    (item,) = json.loads((out / "verdict.json").read_text())
+    assert item["damping"] == "thinning"
+    assert "hinning damping" in item["sentence"]
+    c = next(c for c in item["coefficients"] if c["name"] == "c_thinning")
     assert c["low"] <= 0.5 <= c["high"]
     (row,) = csv.DictReader((out / "verdicts.csv").read_text().splitlines())
-    assert [float(row["thinning"])] == [e["probability"] for e in one["energy"] if e["term"] == "thinning"]
+    assert [float(row["thinning"])] == [e["probability"] for e in item["energy"] if e["term"] == "thinning"]
     assert "thinning" in (out / "report.html").read_text()
     # It has a velocity of its own: volts do not say where that is.
     capsys.readouterr()
@@ -158,7 +158,7 @@ def test_a_plugin_s_source_is_part_of_the_question(tmp_path, capsys):
     for power in ("3", "2"):
         plugin.write_text(text.replace("v**3", f"abs(v)**{int(power) - 1} * v"))
         assert main(["compare", *files, *asks, "--out", str(out)]) == 0
-        before.append([one["rivals"] for one in json.loads((out / "verdict.json").read_text())])
+        before.append([item["rivals"] for item in json.loads((out / "verdict.json").read_text())])
     assert before[0] != before[1]
 
 
@@ -197,10 +197,10 @@ def test_a_decay_steeper_than_the_paper_s_laws_has_its_own_rates_without_being_a
     assert not result.decided
     assert any("rates are by it" in line for line in result.remarks)
     t, a = turning_points(FORCES["cubic"])
-    for one in result.decay_rate:
-        near = one.amplitude * np.exp([0.1, -0.1])
+    for item in result.decay_rate:
+        near = item.amplitude * np.exp([0.1, -0.1])
         before, after = np.interp(-near, -a, t)
-        assert one.value == pytest.approx(0.2 / (after - before), rel=0.02)
+        assert item.value == pytest.approx(0.2 / (after - before), rel=0.02)
     # The control: by quadratic damping, the best of the sums, it is half or twice that.
     assert result.damping == "quadratic"
     assert result.deviation.low > 0.2

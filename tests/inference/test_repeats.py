@@ -78,12 +78,12 @@ def test_without_a_spread_runs_are_one_set_of_data() -> None:
     runs = [one(p, 0.001) for p in places]
     together = by_quadrature(runs, *line(prior, 0.04, 0.06), spread=0.0).log_evidence
     one_set = one(float(np.mean(places)), 0.0005, -0.5 * float(np.var(places)) * 4 / 0.001**2)
-    for found in (
+    for result in (
         joined(runs, {"zeta": prior}, EXACTLY, spread=0.0),
         joined(runs, {"zeta": prior}, EXACTLY, spread=1e-5),
         joined([one_set], {"zeta": prior}, EXACTLY),
     ):
-        assert found.log_evidence == pytest.approx(together, abs=NATS)
+        assert result.log_evidence == pytest.approx(together, abs=NATS)
     product = sum(joined([r], {"zeta": prior}, EXACTLY).log_evidence for r in runs)
     assert abs(product - together) > 5
 
@@ -109,9 +109,9 @@ def test_two_coefficients_of_which_one_is_nearly_zero() -> None:
     cells = np.tile(np.log(widths), a.size) + np.log(a[1] - a[0])
     log_prior = np.log(np.exp(each).sum(axis=1)) - np.log(1.6) + cells
     truth = by_quadrature(runs, grid, log_prior, factors=301, reach=1.0)
-    found = joined(runs, priors, EXACTLY)
-    agrees(found, truth, grid)
-    assert np.all(found.draws >= 0)
+    result = joined(runs, priors, EXACTLY)
+    agrees(result, truth, grid)
+    assert np.all(result.draws >= 0)
 
 
 def test_a_term_s_own_parameter_is_the_same_in_all_runs() -> None:
@@ -137,10 +137,10 @@ def test_deviations_have_one_size_in_all_runs() -> None:
     prior = HalfNormal(0.3)
     runs = [one(0.05, 0.001, np.array([0.0, -9.0])), one(0.05, 0.001, np.array([-9.0, 0.0]))]
     log_sizes = np.log([0.3, 0.7])
-    found = joined(runs, {"zeta": prior}, log_sizes, spread=0.0)
+    result = joined(runs, {"zeta": prior}, log_sizes, spread=0.0)
     plain = joined([one(0.05, 0.001)] * 2, {"zeta": prior}, EXACTLY, spread=0.0)
-    assert found.log_evidence - plain.log_evidence == pytest.approx(-9.0, abs=1e-6)
-    assert np.mean(found.combos == 1) == pytest.approx(0.7, abs=0.03)
+    assert result.log_evidence - plain.log_evidence == pytest.approx(-9.0, abs=1e-6)
+    assert np.mean(result.combos == 1) == pytest.approx(0.7, abs=0.03)
     apart = np.log(0.3 + 0.7 * np.exp(-9)) + np.log(0.7 + 0.3 * np.exp(-9))
     assert apart > -9.0 + 5
 
@@ -153,9 +153,9 @@ def test_the_order_of_runs_does_not_matter() -> None:
 
 
 def test_one_run_has_no_spread() -> None:
-    found = joined([one(0.05, 0.001)], {"zeta": HalfNormal(0.3)}, EXACTLY)
-    assert np.all(found.spreads == 0)
-    assert found.draws.std() == pytest.approx(0.001, rel=0.06)
+    result = joined([one(0.05, 0.001)], {"zeta": HalfNormal(0.3)}, EXACTLY)
+    assert np.all(result.spreads == 0)
+    assert result.draws.std() == pytest.approx(0.001, rel=0.06)
 
 
 @pytest.mark.parametrize(

@@ -46,9 +46,9 @@ def test_chances_are_those_of_white_noise() -> None:
 )  # fmt: skip
 def test_what_is_left_is_named(added: np.ndarray, words: str) -> None:
     """Each alone against the same noise; the noise alone has none of them."""
-    found = standing_out(T, fitted(white(1) + added), PERIOD, ABSORBED)
-    assert found.chance < 1e-3
-    assert found.words == words
+    result = standing_out(T, fitted(white(1) + added), PERIOD, ABSORBED)
+    assert result.chance < 1e-3
+    assert result.words == words
     assert standing_out(T, fitted(white(1)), PERIOD, ABSORBED).chance > 0.05
 
 

@@ -54,10 +54,10 @@ def sheet(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any]:
 
 def test_evidence_on_a_thin_sheet_between_walls(sheet: tuple[Any, Any]) -> None:
     """Against the closed form: four standard errors, a false alarm in 16,000."""
-    found = importance.PLUGIN.evidence("m", *sheet, seed=3)
-    assert found.outcome == OK
-    assert found.stderr < 0.05
-    assert abs(found.log_evidence - AREA) < 4 * found.stderr
+    evidence = importance.PLUGIN.evidence("m", *sheet, seed=3)
+    assert evidence.outcome == OK
+    assert evidence.stderr < 0.05
+    assert abs(evidence.log_evidence - AREA) < 4 * evidence.stderr
 
 
 def test_too_few_draws_with_weight_are_said(sheet: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,10 +23,10 @@ def test_means_of_readings_in_a_bent_block_are_set_right():
     rng = np.random.default_rng(1)
     scatter = 1e-4 * rng.standard_normal(n)
     b = Blocks(times - start, x + scatter, 10.0, float(x[0] - x[-1]) / 10.0, None, each)
-    found = infer_noises(b)[0]
+    result = infer_noises(b)[0]
     truth = decay(times, 0.0, TERMS, RATES) + scatter
     assert np.abs(b.x - truth).max() > 5e-3
-    assert found.x == pytest.approx(truth, abs=1e-3)
+    assert result.x == pytest.approx(truth, abs=1e-3)
 
 
 def test_a_straight_decay_is_as_it_was():

@@ -52,10 +52,10 @@ def sampled(damping: tuple[str, ...], factor: float, held: bool = False) -> floa
         target = replace(target, scales=(1.0,) * SHARED_SCALES.size)
     seeds = {Seed("truth"): {"zeta": 0.04 * factor, "mu_c": 0.03 * factor}}
     mode = find_mode(target, seeds, noise_level=NOISE * factor)
-    found = EVIDENCES.get("importance").evidence("m", target, mode, 1)
-    assert found.outcome == "ok"
-    assert found.stderr < 0.01
-    return found.log_evidence
+    evidence = EVIDENCES.get("importance").evidence("m", target, mode, 1)
+    assert evidence.outcome == "ok"
+    assert evidence.stderr < 0.01
+    return evidence.log_evidence
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.01])
@@ -65,10 +65,10 @@ def test_sampled_evidence_is_that_of_the_linear_model(factor) -> None:
         reference=REFERENCE, approximate=False,
     )  # fmt: skip
     grid = grid_of(0, exact=True)
-    for one in weighing.results:
-        linear = exact(one.fit)
+    for item in weighing.results:
+        linear = exact(item.fit)
         wanted = weigh(linear, grid, (NOISE * factor) ** 2, linear.count).log_evidence
-        assert sampled(one.candidate.damping, factor) == pytest.approx(wanted, abs=0.03)
+        assert sampled(item.candidate.damping, factor) == pytest.approx(wanted, abs=0.03)
 
 
 def test_lighter_damping_leaves_bayes_factors_as_they_are() -> None:
