@@ -267,7 +267,7 @@ def _windows(
         windows.append(w)
         if first == 0:
             density = whole.log_evidence - w.log_evidence
-            later = forecast(mode.likelihood, part.at_scale(1.0), top.x, factor, density, seed)
+            later = forecast(mode.likelihood, part.held(1.0), top.x, factor, density, seed)
         for name in target.oscillator.coefficients:
             shift = abs(w.values[name] - whole.values[name])
             # The part is contained in the whole: the variance of the shift is the difference (Hausman 1978).

@@ -23,7 +23,7 @@ def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
     """
     target, scales = likelihood.target, np.asarray(likelihood.scales)
     at = np.where(target.reflected, np.abs(z), z)
-    value, gradient, information = likelihood.at_scale(1.0).curvature(at)
+    value, gradient, information = likelihood.held(1.0).curvature(at)
     reflected, shared = np.flatnonzero(target.reflected), target.shared
     if not shared.any():
         return log_integral(value, gradient, information, at, reflected)

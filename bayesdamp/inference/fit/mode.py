@@ -66,7 +66,7 @@ def maximise_posterior(
     close : float
         As `CLOSE`.
     """
-    curvature = likelihood.at_scale(1.0).curvature
+    curvature = likelihood.held(1.0).curvature
     return maximise(curvature, likelihood.target.reflected, z, retract=retract, close=close)
 
 
@@ -244,7 +244,7 @@ class Mode:
         precision = float(shared_precision(float(squares), int(shared.sum()), scales))
         if self.linear is None:
             factor = whitening(self.information + np.diag((precision - 1.0) * shared))
-        return self.likelihood.at_scale(precision**-0.5), factor
+        return self.likelihood.held(precision**-0.5), factor
 
     @property
     def stored(self) -> StoredMode:

@@ -10,7 +10,7 @@ from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves import weighted
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers import Settings
+from bayesdamp.inference.samplers._sampler import Settings
 from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.types import OK, Posterior
 

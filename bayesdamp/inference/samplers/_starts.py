@@ -10,7 +10,7 @@ import numpy as np
 from bayesdamp.inference.coordinates.whitening import Whitening
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers import Settings
+from bayesdamp.inference.samplers._sampler import Settings
 from bayesdamp.types import ChainStart, Seed
 
 SPREAD = 1.5

@@ -12,7 +12,7 @@ from bayesdamp.inference.coordinates.reflected_t import ReflectedT
 from bayesdamp.inference.coordinates.whitening import whitening_of
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers import Sampler, Settings
+from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.inference.samplers._starts import seeded_starts
 from bayesdamp.types import OK, Posterior
 

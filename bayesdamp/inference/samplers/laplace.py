@@ -7,8 +7,8 @@ import numpy as np
 from bayesdamp.inference.coordinates.truncated_normal import laplace
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers import Sampler, Settings
 from bayesdamp.inference.samplers._approximation import approximate_posterior
+from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.types import Posterior
 
 

@@ -15,7 +15,7 @@ from bayesdamp.inference.coordinates.whitening import Whitening, shear_of, white
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood, Line
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers import Sampler, Settings
+from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts
 from bayesdamp.types import OK, Posterior
 

@@ -10,8 +10,8 @@ from scipy.special import log_ndtr, ndtri_exp
 from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal, laplace
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers import Sampler, Settings
 from bayesdamp.inference.samplers._approximation import approximate_posterior
+from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.types import Posterior, Refusal
 
 FIRST, SECOND = 0.9, 0.999

@@ -144,11 +144,11 @@ def test_gradient_and_curvature_of_the_posterior() -> None:
             by_prior = [
                 float(
                     likelihood.log_prior(z + sign * step)
-                    - likelihood.at_scale(1.0).log_prior(z + sign * step)
+                    - likelihood.held(1.0).log_prior(z + sign * step)
                 )
                 for sign in (1, -1)
             ]
-            apart = gradient[i] - likelihood.at_scale(1.0).gradient(z)[1][i]
+            apart = gradient[i] - likelihood.held(1.0).gradient(z)[1][i]
             assert apart == pytest.approx((by_prior[0] - by_prior[1]) / (2 * step.sum()), rel=1e-4)
             assert apart != 0.0
         assert np.all(np.linalg.eigvalsh(result[2]) > 0)

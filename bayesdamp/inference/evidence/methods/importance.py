@@ -9,7 +9,7 @@ from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT, fit
 from bayesdamp.inference.coordinates.truncated_normal import about
 from bayesdamp.inference.coordinates.whitening import Shear, shear_of
 from bayesdamp.inference.curves.weighted import effective
-from bayesdamp.inference.evidence import Draws, EvidenceMethod
+from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.numerics.pareto import pareto_k

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bayesdamp.inference.evidence import Draws, EvidenceMethod
+from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.laplace import log_evidence_about
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
