@@ -17,7 +17,7 @@ CODE: dict[str, tuple[str, ...]] = {
     "answer": ("bayesdamp.pipeline.records.answering", "bayesdamp.physics.kernel.march"),
     "envelope": (
         "bayesdamp.pipeline.envelopes", "bayesdamp.interface.envelopes",
-        "bayesdamp.inference.envelope.decay", "bayesdamp.inference.envelope.dampings",
+        "bayesdamp.inference.envelope.decay", "bayesdamp.inference.envelope.sums",
         "bayesdamp.records.envelope.reading", "bayesdamp.report.figures.envelope",
     ),
     "sampled": ("bayesdamp.pipeline.records.answering", "bayesdamp.physics.kernel.march"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.inference.envelope.dampings import weighable
+from bayesdamp.inference.envelope.sums import weighable
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.types import InputError

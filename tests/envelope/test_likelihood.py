@@ -9,7 +9,7 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Normals, with_priors
 from bayesdamp.inference.envelope.candidates import KNOTS
 from bayesdamp.inference.envelope.decay import free_decay
-from bayesdamp.inference.envelope.likelihood import merged
+from bayesdamp.inference.envelope.posterior import merged
 from bayesdamp.inference.envelope.sums import weighed
 from bayesdamp.interface.answer import Answer
 from bayesdamp.interface.envelopes import analyse, answer_envelope, specimen_of_envelopes

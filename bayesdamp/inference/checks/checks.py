@@ -19,8 +19,14 @@ from bayesdamp.inference.checks.residual_tests import (
     strongest,
 )
 from bayesdamp.inference.coordinates.truncated_normal import about
-from bayesdamp.inference.fit.laplace import log_evidence_near, value_sds
-from bayesdamp.inference.fit.mode import ROUGHLY, Mode, maximise_posterior, whitening
+from bayesdamp.inference.fit.mode import (
+    ROUGHLY,
+    Mode,
+    log_evidence_near,
+    maximise_posterior,
+    value_sds,
+    whitening,
+)
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NoiseModel

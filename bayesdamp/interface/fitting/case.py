@@ -9,8 +9,7 @@ from bayesdamp import types
 from bayesdamp.estimators.shared import has_noise
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.interface.fitting.specification import Specification
 from bayesdamp.interface.fitting.starts import observed, regression
 from bayesdamp.priors import Prior

@@ -20,8 +20,7 @@ from bayesdamp.inference.evidence.sensitivity import (
     predict,
     under_priors,
 )
-from bayesdamp.inference.fit.laplace import log_evidence_near
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.mode import Mode, log_evidence_near
 from bayesdamp.outcomes import following
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records.answering import likelihood_of

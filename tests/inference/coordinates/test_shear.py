@@ -18,8 +18,7 @@ from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.evidence.methods import bridge, importance
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.samplers import Settings, nuts
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import OK, Problem, Reference, Seed, Signal, System

@@ -15,11 +15,9 @@ import pytest
 
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.inference.evidence.savage_dickey import savage_dickey
-from bayesdamp.inference.fit.laplace import log_evidence_near
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.mode import Mode, log_evidence_near
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.priors import SHARED_SCALES
 from bayesdamp.records.oscillation.features import features

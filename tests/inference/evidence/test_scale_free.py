@@ -14,7 +14,7 @@ from bayesdamp.inference.deviation.gaussian.linear import weigh
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
+from bayesdamp.inference.model.target import build_target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import SHARED_SCALES
 from bayesdamp.records.oscillation.features import features

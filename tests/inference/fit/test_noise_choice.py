@@ -13,7 +13,7 @@ from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.sample_noise import SampleNoise
 from bayesdamp.inference.deviation.weighing import weigh_all
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
+from bayesdamp.inference.model.target import build_target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise._residuals import fit_noise
 from bayesdamp.physics.oscillator import Oscillator

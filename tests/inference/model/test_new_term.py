@@ -9,7 +9,7 @@ import pytest
 
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
+from bayesdamp.inference.model.target import build_target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
 from bayesdamp.physics.oscillator import Oscillator

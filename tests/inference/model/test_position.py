@@ -10,9 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
 from bayesdamp.inference.model.likelihood import Likelihood
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import Reference, Seed, Signal, System

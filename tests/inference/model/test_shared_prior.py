@@ -10,9 +10,8 @@ from scipy import stats
 from scipy.integrate import quad
 from scipy.special import gammaln
 
-from bayesdamp.inference.model.defaults import build_target, default_prior
 from bayesdamp.inference.model.likelihood import Likelihood
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target, default_prior
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import (
     SHARED_SCALES,

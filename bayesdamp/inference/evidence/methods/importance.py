@@ -61,10 +61,10 @@ class Importance(EvidenceMethod):
         for other in others if mode.linear is None else ():
             if _good(log_weights) or (tried := other()) is None:
                 continue
-            draws_there, weights = self._weights(target, mode, *tried, rng, PILOT)
+            pilot, weights = self._weights(target, mode, *tried, rng, PILOT)
             evaluations += PILOT
             if not effective(log_weights) >= effective(weights):
-                place, y, log_weights = tried, draws_there, weights
+                place, y, log_weights = tried, pilot, weights
         for _ in range(ROUNDS - 1):
             if _good(log_weights) or (refitted := self._refit(y, log_weights, reflected)) is None:
                 break  # where a few draws have all the weight, the outcome says so
@@ -78,9 +78,7 @@ class Importance(EvidenceMethod):
         outcome = OK
         if not k < K_LIMIT:
             outcome = f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
-        elif (
-            not share * final >= FEWEST
-        ):  # the other draws may have no weight, so that their shape shows nothing
+        elif not share * final >= FEWEST:  # where most draws have no weight, the shape shows nothing
             few = f"a few draws have all the weight, as much as {share * final:.0f} equal ones"
             outcome = f"not to be trusted: {few}"
         log_evidence = float(logsumexp(log_weights) - np.log(final))

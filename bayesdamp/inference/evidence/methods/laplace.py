@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
-from bayesdamp.inference.fit.laplace import log_evidence_about
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.mode import Mode, log_evidence_about
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import Evidence
 
