@@ -26,7 +26,7 @@ from tests.validation.envelopes import drawn
 RING = {"fall": 45.0, "scatter": 0.02, "scatter_time": 0.5, "behind": 15.0}
 
 
-def made(rates, seed, **more):
+def ringdown(rates, seed, **more):
     result = simulate(Ringdown(rates, **{**RING, **more}), np.random.default_rng(seed))
     return made_record("x", result.t, result.level, "dBm", 1e6), result
 
@@ -47,7 +47,7 @@ def verdict(record: EnvelopeRecord, window: Window | None = None) -> Verdict:
 )
 def test_the_damping_that_made_a_record_is_named(rates, damping, power):
     fall = 30.0 if damping == "quadratic" else 45.0
-    result = verdict(made(rates, 11, fall=fall)[0])
+    result = verdict(ringdown(rates, 11, fall=fall)[0])
     assert result.damping == damping
     assert result.probability > 0.7
     if power is not None:
@@ -64,7 +64,7 @@ def test_coverage_of_the_rate():
     covered, squares = [], []
     for seed in range(30):
         rng = np.random.default_rng([7, seed])
-        record, _ = made(
+        record, _ = ringdown(
             {"viscous": 0.2}, [8, seed], drop=rng.choice([0.0, 5.0]), slow_share=rng.random(), drift=0.1
         )
         rate = verdict(record).rate
@@ -76,7 +76,7 @@ def test_coverage_of_the_rate():
 
 def test_a_drive_that_is_left_in_is_seen():
     """Negative control: the held drive within the bounds that are asked for."""
-    record, truth = made({"viscous": 0.2}, 5, drop=0.0, before=20.0, hold=0.3)
+    record, truth = ringdown({"viscous": 0.2}, 5, drop=0.0, before=20.0, hold=0.3)
     clean = verdict(record)
     assert clean.grade == "exact"
     assert clean.probability_exact > 0.5
@@ -88,7 +88,7 @@ def test_a_drive_that_is_left_in_is_seen():
 
 
 def test_a_window_in_which_the_level_does_not_fall_is_refused():
-    record, truth = made({"viscous": 0.2}, 6)
+    record, truth = ringdown({"viscous": 0.2}, 6)
     driven = truth.release - 5.0
     result = verdict(record, bounded(record.t, record.level, driven, driven + 4.5))
     assert result.grade == "no_free_decay"
@@ -108,7 +108,7 @@ def test_a_decay_of_which_little_stands_above_its_own_scatter_is_refused():
 
 
 def test_a_law_that_bends_is_not_called_exact():
-    record, _ = made({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
+    record, _ = ringdown({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
     result = verdict(record)
     assert result.probability_exact < 0.5  # 0.8 before
     assert result.grade != "exact"
@@ -118,7 +118,7 @@ def test_a_law_that_bends_is_not_called_exact():
 
 def test_the_curve_of_a_picture_follows_a_law_that_bends():
     """The true decay is within its band. Negative control: the straight line of the law misses it by thrice as much."""
-    record, truth = made({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
+    record, truth = ringdown({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
     curve = analyse(record).curve
     assert curve is not None
     left = np.isfinite(truth.x)
@@ -183,7 +183,7 @@ def test_a_table_of_many_half_lives_is_answered():
 
 
 def test_units_of_the_same_decay_agree():
-    record, _ = made({"viscous": 0.1, "quadratic": 0.8}, 3)
+    record, _ = ringdown({"viscous": 0.1, "quadratic": 0.8}, 3)
     volts = made_record("x", record.t, 10 ** (record.level / 20), "V", 1e6)
     watts = made_record("x", record.t, 10 ** (record.level / 10), "W", 1e6)
     answers = [verdict(item) for item in (record, volts, watts)]
@@ -247,7 +247,7 @@ def test_the_evidence_of_a_power_is_that_integral_too():
 
 
 def test_repeats_are_pooled():
-    answers = [analyse(made({"viscous": 0.2}, seed)[0]) for seed in (1, 2, 3)]
+    answers = [analyse(ringdown({"viscous": 0.2}, seed)[0]) for seed in (1, 2, 3)]
     common = specimen("x", answers)
     assert common.records == 3
     assert common.quality_factor.low <= np.pi * 1e6 / 0.2 <= common.quality_factor.high
@@ -255,7 +255,7 @@ def test_repeats_are_pooled():
     assert common.standardised < 5
     assert common.sentence.startswith("3 records: Viscous damping")
     # Negative control: one record of another specimen.
-    other = analyse(made({"viscous": 0.25}, 4)[0])
+    other = analyse(ringdown({"viscous": 0.25}, 4)[0])
     mixed = specimen("x", [*answers, other])
     assert mixed.standardised > 10
     assert mixed.spread.value > 0.05
@@ -264,7 +264,7 @@ def test_repeats_are_pooled():
 
 def test_a_specimen_whose_damping_nothing_tells_has_a_size_alone():
     """Sums whose terms have parameters beside coefficients cannot be joined; the control is the test above."""
-    answers = [replace(analyse(made({"viscous": 0.2}, seed)[0]), likelihoods={}) for seed in (1, 2)]
+    answers = [replace(analyse(ringdown({"viscous": 0.2}, seed)[0]), likelihoods={}) for seed in (1, 2)]
     common = specimen("x", answers)
     assert (common.damping, common.decided) == ("", False)
     assert np.isnan(common.probability)

@@ -47,13 +47,13 @@ PLUGIN = Thinning()
 
 
 @cache
-def found(made: str, *more: str, unit: str = "rad") -> Verdict:
-    return analyse(envelope(FORCES[made], 1, unit), sums=(*SUMS, *((item,) for item in more))).verdict
+def verdict_on(term: str, *more: str, unit: str = "rad") -> Verdict:
+    return analyse(envelope(FORCES[term], 1, unit), sums=(*SUMS, *((item,) for item in more))).verdict
 
 
 @pytest.mark.parametrize("unit", ["rad", "dB"])
 @pytest.mark.parametrize(
-    ("made", "truths"),
+    ("term", "truths"),
     [
         ("cubic", {"mu_3": 0.15}),
         ("power", {"exponent": 1.5}),
@@ -61,12 +61,12 @@ def found(made: str, *more: str, unit: str = "rad") -> Verdict:
         ("dry_position", {"mu_p": 0.09, "friction_curvature": 2.0}),
     ],
 )
-def test_a_term_is_named_and_its_numbers_are_recovered(made, truths, unit):
+def test_a_term_is_named_and_its_numbers_are_recovered(term, truths, unit):
     """Without a scale, numbers that have one are relative to the amplitude at the start."""
-    result = found(made, *(() if made == "cubic" else (made,)), unit=unit)
-    assert result.damping == made
+    result = verdict_on(term, *(() if term == "cubic" else (term,)), unit=unit)
+    assert result.damping == term
     assert result.decided
-    level = analyse(envelope(FORCES[made], 1, unit)).curve.level[:3]
+    level = analyse(envelope(FORCES[term], 1, unit)).curve.level[:3]
     start = float(np.exp(np.mean(np.log(10.0) / 20.0 * level))) if unit == "dB" else 1.0
     powers = {"mu_3": 2, "mu_k": -1, "mu_p": -1, "stribeck_velocity": -1}
     values = {c.name: c for c in result.coefficients}
@@ -76,11 +76,11 @@ def test_a_term_is_named_and_its_numbers_are_recovered(made, truths, unit):
     assert sum(item.share for item in result.energy) == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.parametrize("made", ["viscous", "quadratic"])
-def test_the_paper_s_terms_stay_named_beside_others(made):
+@pytest.mark.parametrize("term", ["viscous", "quadratic"])
+def test_the_paper_s_terms_stay_named_beside_others(term):
     """The control: what these records have is not one of the terms with more parameters."""
-    result = found(made, "power", "stribeck")
-    assert result.damping == made
+    result = verdict_on(term, "power", "stribeck")
+    assert result.damping == term
     assert result.probability > 0.8
 
 
@@ -98,7 +98,7 @@ def test_friction_that_rises_away_from_rest_is_not_told_from_coulomb_and_quadrat
     assert not result.decided
     assert "Coulomb (dry friction) + quadratic (drag) (0." in result.sentence
     assert any("an envelope cannot tell them apart" in text for text in result.remarks)
-    assert found("dry_position", "dry_position").decided  # control: where these two are not weighed
+    assert verdict_on("dry_position", "dry_position").decided  # control: where these two are not weighed
     falling = analyse(
         envelope(lambda x, v: FORCES["coulomb"](x, v) * (1 - 0.9 * (x / START) ** 2), 1), sums=both
     ).verdict
@@ -107,7 +107,7 @@ def test_friction_that_rises_away_from_rest_is_not_told_from_coulomb_and_quadrat
 
 
 def test_a_power_that_is_a_term_has_the_exponent_that_every_answer_has():
-    result = found("power", "power")
+    result = verdict_on("power", "power")
     item = next(c for c in result.coefficients if c.name == "exponent")
     assert item.value == pytest.approx(
         result.exponent.value, abs=0.3 * (result.exponent.high - result.exponent.low)
@@ -115,8 +115,8 @@ def test_a_power_that_is_a_term_has_the_exponent_that_every_answer_has():
     assert item.high - item.low == pytest.approx(result.exponent.high - result.exponent.low, rel=0.3)
 
 
-def written(path, made: str = "thinning", unit: str = "rad", seed: int = 3) -> str:
-    record = envelope(FORCES[made], seed)
+def written(path, term: str = "thinning", unit: str = "rad", seed: int = 3) -> str:
+    record = envelope(FORCES[term], seed)
     y = 10 ** (record.level / 20)
     rows = "\n".join(f"{t:.7g},{a:.9g}" for t, a in zip(record.t, y))
     path.write_text(f"time (s),amplitude ({unit})\n{rows}\n")
@@ -166,7 +166,7 @@ def test_a_plugin_s_source_is_part_of_the_question(tmp_path, capsys):
     ("damping", "what"),
     [
         (["viscous+structural"], "viscous and structural lose the same at every amplitude"),
-        (["viscous+coulomb+quadratic+cubic"], "sums of 3 terms at most"),
+        (["viscous+coulomb+quadratic+cubic"], "at most 3 terms"),
         (["cubix"], "did you mean 'cubic'"),
     ],
 )

@@ -53,7 +53,7 @@ def test_a_study_answers_an_envelope_as_compare_does(tmp_path: Path, capsys) -> 
         ('clock = "uniform"', "signal[level].clock: does not apply to an envelope"),
         ("system = { stiffness = 1.0 }", "signal[level].system: does not apply to an envelope"),
         ("frequency = -1.0", "signal[level].frequency: is -1.0; it must be the frequency"),
-        ('compare = ["viscous+coulomb+quadratic+cubic"]', "sums of 3 terms at most"),
+        ('compare = ["viscous+coulomb+quadratic+cubic"]', "at most 3 terms"),
         ("start = 1e9", "readings stand between start and stop"),
     ],
 )

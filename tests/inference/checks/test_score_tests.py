@@ -80,9 +80,9 @@ def fitted(form: int, size: float) -> tuple[Target, Mode]:
     return target, find_mode(target, {Seed("truth"): TRUTH}, noise_level=NOISE)
 
 
-def probed(made: Target, mode: Mode, noise: np.ndarray) -> StrongestForm:
+def probed(target: Target, mode: Mode, noise: np.ndarray) -> StrongestForm:
     """The test where so much noise, (n,) in its sds, is added to what a fit to it leaves."""
-    absorbed = orthonormal(tangents(made, mode).T)
+    absorbed = orthonormal(tangents(target, mode).T)
     scores = mode.likelihood.whitened(mode.likelihood.residual(mode.z), mode.z)
     scores = scores + noise - absorbed @ (absorbed.T @ noise)
     return other_form(mode, scores, absorbed, lambda change: change / NOISE)

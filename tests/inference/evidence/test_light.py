@@ -36,8 +36,8 @@ def reference() -> dict:
 
 
 @lru_cache
-def problem(damping: tuple[str, ...], held: bool = False) -> tuple[Target, Mode]:
-    """The target of a sum of terms, and its mode; held: half-normal priors of scale 0.1, each by
+def problem(damping: tuple[str, ...], separate: bool = False) -> tuple[Target, Mode]:
+    """The target of a sum of terms, and its mode; separate: half-normal priors of scale 0.1, each by
     itself, as a control."""
     given = reference()
     built = given["problem"]
@@ -49,7 +49,7 @@ def problem(damping: tuple[str, ...], held: bool = False) -> tuple[Target, Mode]
     system = System("linear", known, {})
     scale = Reference(built["amplitude"], built["omega"])
     target = build_target(signal, damping, system, features(signal), scale)
-    if held:
+    if separate:
         target = replace(target, scales=(1.0,) * SHARED_SCALES.size)
     start = {Seed("near the truth"): {n: 1.1 * v for n, v in given["truth"].items()}}
     return target, find_mode(target, start, noise_level=built["noise_sd"])
@@ -87,7 +87,7 @@ def test_independent_priors_of_a_fixed_scale_fail() -> None:
     """Negative control: with a scale of 0.1 for each term by itself, the second term costs several nats more."""
     logs = {}
     for damping in SUMS:
-        target, mode = problem(damping, held=True)
+        target, mode = problem(damping, separate=True)
         logs[damping] = EVIDENCES.get("importance").evidence("m", target, mode, 1).log_evidence
     for single in SUMS[:2]:
         assert abs((logs[BOTH] - logs[single]) - (exact(BOTH) - exact(single))) > 3.0

@@ -39,12 +39,12 @@ def target(*damping: str) -> Target:
     return build_target(SIGNAL, damping, system, features(SIGNAL), REFERENCE)
 
 
-def scores(one: Target, seed: int, size: float = 1.0) -> np.ndarray:
-    z = one.scores(
+def scores(target: Target, seed: int, size: float = 1.0) -> np.ndarray:
+    z = target.scores(
         {"zeta": 0.05, "mu_c": 0.02, "mu_q": 0.04, "stiffness": 20.0, "theta0": 0.3, "omega0": 0.0}
     )
     rng = np.random.default_rng(seed)
-    return np.where(one.shared, size * np.abs(rng.standard_normal(z.size)), z)
+    return np.where(target.shared, size * np.abs(rng.standard_normal(z.size)), z)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
@@ -141,10 +141,7 @@ def test_gradient_and_curvature_of_the_posterior() -> None:
             ends = [likelihood.log_posterior(z + sign * step) for sign in (1, -1)]
             assert gradient[i] == pytest.approx((ends[0] - ends[1]) / (2 * step.sum()), rel=1e-3)
             by_prior = [
-                float(
-                    likelihood.log_prior(z + sign * step)
-                    - likelihood.held(1.0).log_prior(z + sign * step)
-                )
+                float(likelihood.log_prior(z + sign * step) - likelihood.held(1.0).log_prior(z + sign * step))
                 for sign in (1, -1)
             ]
             apart = gradient[i] - likelihood.held(1.0).gradient(z)[1][i]

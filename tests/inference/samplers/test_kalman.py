@@ -59,9 +59,9 @@ def filtered(damping: tuple[str, ...], seed: int = 1, quantity: str = "angle") -
     return SAMPLERS.get("kalman").sample(*problem(damping, seed, quantity), SETTINGS)
 
 
-def apart(found: Posterior, mean: float, sd: float, name: str) -> tuple[float, float]:
+def apart(posterior: Posterior, mean: float, sd: float, name: str) -> tuple[float, float]:
     """Difference of the means in sds, and the ratio of the sds."""
-    x = found.draws[..., found.names.index(name)]
+    x = posterior.draws[..., posterior.names.index(name)]
     return abs(float(x.mean()) - mean) / sd, float(x.std()) / sd
 
 

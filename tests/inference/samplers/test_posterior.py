@@ -266,7 +266,7 @@ def test_shorter_steps_come_before_the_exact_force(monkeypatch, good, tries):
 
     monkeypatch.setattr(Nuts, "attempt", attempt)
     monkeypatch.setattr(nuts, "shear_of", lambda *_: None)
-    monkeypatch.setattr(nuts, "poor", lambda found: len(collected) < good)
+    monkeypatch.setattr(nuts, "poor", lambda _: len(collected) < good)
     Nuts().sample(target, mode, replace(settings, draws=1))
     assert (
         collected
