@@ -126,8 +126,8 @@ def population(samples: Sequence[Sample], scale: float) -> Population:
         outcome = f"not to be trusted: {few}"
     elif len(samples) < FEW:
         outcome = f"only {len(samples)} specimens: upper ends of mean and spread mostly reflect their priors"
-    summaries = (summarise(x.ravel(), weights.ravel()) for x in (mean, spread))
-    return Population(*summaries, shrunk, size, outcome)
+    centre, width = (summarise(x.ravel(), weights.ravel()) for x in (mean, spread))
+    return Population(centre, width, shrunk, size, outcome)
 
 
 def _kernels(sample: Sample) -> _Kernels:
