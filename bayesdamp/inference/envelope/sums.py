@@ -381,7 +381,7 @@ def assumed(sums: Sequence[tuple[str, ...]], left_out: Sequence[str] = ()) -> tu
     left_out : sequence of str
         Sentences on sums that are left out.
     """
-    weighed = () if tuple(sums) == SUMS else (f"The sums are {', '.join(map('+'.join, sums))}.",)
+    weighed = () if tuple(sums) == SUMS else (f"Damping sums compared: {', '.join(map('+'.join, sums))}.",)
     inferred = [p for name in further_terms(sums) for p in TERMS.get(name).inferred]
     each = ", ".join(f"{p.name} {p.prior(1.0, 1.0).describe()}" for p in inferred)
     further = (
