@@ -31,7 +31,7 @@ NEUTRAL = {
 }
 REGISTRIES = {"estimators", "inference.samplers", "inference.noise", "inference.evidence"}
 """Packages that `config` asks for names; it imports no module inside them."""
-INFERENCE = ("noise", "model", "fit", "coordinates", "curves", "checks", "samplers", "evidence", "many")
+INFERENCE = ("noise", "model", "fit", "coordinates", "curves", "checks", "samplers", "evidence")
 """From the ground up: each folder imports those before it, and itself."""
 _BELOW = NEUTRAL | {"physics", "records"}
 

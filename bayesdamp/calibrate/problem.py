@@ -13,8 +13,7 @@ from bayesdamp.config import Simulation, Study
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.simulate import simulated
 from bayesdamp.physics.damping import parse_model

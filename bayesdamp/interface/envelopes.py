@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.inference.envelope.analysis import free_decay
-from bayesdamp.inference.envelope.dampings import assumed, weighable
-from bayesdamp.inference.envelope.likelihood import RateLikelihood
+from bayesdamp.inference.envelope.decay import free_decay
+from bayesdamp.inference.envelope.posterior import RateLikelihood
+from bayesdamp.inference.envelope.sums import assumed, weighable
 from bayesdamp.interface.answer import Answer
 from bayesdamp.physics.amplitude.laws import SUMS
 from bayesdamp.records.envelope.record import EnvelopeRecord

@@ -15,8 +15,7 @@ from bayesdamp.formatting import compact
 from bayesdamp.inference.deviation.findings import default_amplitudes
 from bayesdamp.inference.deviation.numbers.draws import Quantity, quantity
 from bayesdamp.inference.deviation.single import Found, Single, put_together
-from bayesdamp.inference.fit.laplace import value_intervals, value_sds
-from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode
+from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode, value_intervals, value_sds
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface import axes as drawing
 from bayesdamp.interface.answer import in_base

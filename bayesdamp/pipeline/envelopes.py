@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 from bayesdamp.config import Recording, SignalSpec, Study
-from bayesdamp.inference.envelope.dampings import Sums, further_terms, weighable
+from bayesdamp.inference.envelope.sums import Sums, further_terms, weighable
 from bayesdamp.interface.envelopes import answer_envelope
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.pipeline.tasks import Product, task_key

@@ -19,7 +19,7 @@ from bayesdamp.inference.deviation.several.specimen import (
     priors_of,
     weigh_specimen,
 )
-from bayesdamp.inference.many.population import Sample, population
+from bayesdamp.inference.curves.population import Sample, population
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.symbols import parameter_unit

@@ -28,9 +28,9 @@ CODE: dict[str, tuple[str, ...]] = {
     "answer": ("bayesdamp.pipeline.answering", "bayesdamp.physics.kernel.march"),
     "envelope": (
         "bayesdamp.pipeline.envelopes", "bayesdamp.interface.envelopes",
-        "bayesdamp.inference.envelope.analysis", "bayesdamp.inference.envelope.dampings",
-        "bayesdamp.inference.envelope.likelihood", "bayesdamp.records.envelope.reading",
-        "bayesdamp.report.figures.envelope", "bayesdamp.verdict.envelope.answer",
+        "bayesdamp.inference.envelope.decay", "bayesdamp.inference.envelope.sums",
+        "bayesdamp.inference.envelope.posterior", "bayesdamp.records.envelope.reading",
+        "bayesdamp.report.figures.envelope", "bayesdamp.verdict.envelope",
     ),
     "sampled": ("bayesdamp.pipeline.answering", "bayesdamp.physics.kernel.march"),
     "estimate": ("bayesdamp.pipeline.candidates.cells", "bayesdamp.pipeline.targets", "bayesdamp.estimators"),

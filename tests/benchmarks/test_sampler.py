@@ -20,8 +20,7 @@ from scipy.integrate import odeint
 
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.checks.diagnostics import ess_bulk
-from bayesdamp.inference.fit.laplace import value_sds
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.mode import Mode, value_sds
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings

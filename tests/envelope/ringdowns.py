@@ -69,49 +69,56 @@ def wandering(n: int, step: float, time: float, rng: np.random.Generator) -> np.
     return np.asarray(lfilter([1.0], [1.0, -a], noise))
 
 
-def simulate(made: Ringdown, rng: np.random.Generator) -> Simulated:
+def simulate(ringdown: Ringdown, rng: np.random.Generator) -> Simulated:
     """A ring-down as a spectrum analyser or a lock-in shows it, in dB."""
-    terms = tuple(term for term in POWERS if term in made.rates)
-    rates = np.array([made.rates[term] for term in terms])
+    terms = tuple(term for term in POWERS if term in ringdown.rates)
+    rates = np.array([ringdown.rates[term] for term in terms])
     # Time that the decay itself takes to the floor, by its own law.
-    x = np.linspace(0.0, -made.fall / NEPER, 4000)
+    x = np.linspace(0.0, -ringdown.fall / NEPER, 4000)
     took = float(np.trapezoid(1.0 / rate(x, terms, rates), -x))
-    t = np.arange(0.0, made.before + took + made.behind, made.step)
-    after = t >= made.before
-    s = (t[after] - made.before) / took
+    t = np.arange(0.0, ringdown.before + took + ringdown.behind, ringdown.step)
+    after = t >= ringdown.before
+    s = (t[after] - ringdown.before) / took
     g = np.zeros(s.size)
-    if made.deviation:
-        g = made.deviation * wandering(s.size, made.step / took, made.deviation_length, rng)
+    if ringdown.deviation:
+        g = ringdown.deviation * wandering(s.size, ringdown.step / took, ringdown.deviation_length, rng)
     clock = cumulative_trapezoid(1.0 + g, t[after], initial=0.0)
     free = decay(clock, 0.0, terms, rates)
     speed = rate(np.maximum(free, -40), terms, rates) * (1.0 + g)
     amplitude = np.ones(t.size)
     amplitude[after] = np.exp(free)
-    floor = 10.0 ** (-made.fall / 10.0)
-    mean_rate = made.fall / NEPER / took
+    floor = 10.0 ** (-ringdown.fall / 10.0)
+    mean_rate = ringdown.fall / NEPER / took
     complex_noise = np.zeros(t.size, complex)
-    for share, time in ((1 - made.slow_share, made.floor_time), (made.slow_share, 1.0 / mean_rate)):
+    for share, time in (
+        (1 - ringdown.slow_share, ringdown.floor_time),
+        (ringdown.slow_share, 1.0 / mean_rate),
+    ):
         if share > 0:
-            part = wandering(t.size, made.step, time, rng) + 1j * wandering(t.size, made.step, time, rng)
+            part = wandering(t.size, ringdown.step, time, rng) + 1j * wandering(
+                t.size, ringdown.step, time, rng
+            )
             complex_noise += np.sqrt(share / 2) * part
-    level = 10.0 ** (made.wander * wandering(t.size, made.step, took / 3, rng) / 20.0)
-    complex_noise *= np.sqrt(floor * (1 - made.constant)) * level
+    level = 10.0 ** (ringdown.wander * wandering(t.size, ringdown.step, took / 3, rng) / 20.0)
+    complex_noise *= np.sqrt(floor * (1 - ringdown.constant)) * level
     whole = amplitude.astype(complex)
-    if made.residual_drive is not None:
-        whole += 1j * 10.0 ** (-made.residual_drive / 20.0)
-    power = np.abs(whole + complex_noise) ** 2 + floor * made.constant
+    if ringdown.residual_drive is not None:
+        whole += 1j * 10.0 ** (-ringdown.residual_drive / 20.0)
+    power = np.abs(whole + complex_noise) ** 2 + floor * ringdown.constant
     y = 10.0 * np.log10(power)
     before = ~after
     # The drive: searched (a wild level), then held (a slow wandering), with its own signal on top.
-    searched = t < 0.4 * made.before
-    y[before] += made.hold * wandering(int(before.sum()), made.step, 0.2 * made.before + 0.05 * took, rng)
-    y[searched] += -10.0 + 6.0 * wandering(int(searched.sum()), made.step, 0.3, rng)
-    passing = np.clip(1.0 - (t - made.before) / max(made.release, 1e-9), 0.0, 1.0)
-    y += made.drop * passing
-    y += made.scatter * wandering(t.size, made.step, made.scatter_time, rng)
-    y += made.drift * wandering(t.size, made.step, took * 2, rng)
-    kept = np.full(t.size, np.nan)
-    kept[after] = free
+    searched = t < 0.4 * ringdown.before
+    y[before] += ringdown.hold * wandering(
+        int(before.sum()), ringdown.step, 0.2 * ringdown.before + 0.05 * took, rng
+    )
+    y[searched] += -10.0 + 6.0 * wandering(int(searched.sum()), ringdown.step, 0.3, rng)
+    passing = np.clip(1.0 - (t - ringdown.before) / max(ringdown.release, 1e-9), 0.0, 1.0)
+    y += ringdown.drop * passing
+    y += ringdown.scatter * wandering(t.size, ringdown.step, ringdown.scatter_time, rng)
+    y += ringdown.drift * wandering(t.size, ringdown.step, took * 2, rng)
+    left = np.full(t.size, np.nan)
+    left[after] = free
     gone = np.full(t.size, np.nan)
     gone[after] = speed
-    return Simulated(t, y + made.top, made.before, kept, gone)
+    return Simulated(t, y + ringdown.top, ringdown.before, left, gone)

@@ -26,9 +26,9 @@ from tests.validation.envelopes import drawn
 RING = {"fall": 45.0, "scatter": 0.02, "scatter_time": 0.5, "behind": 15.0}
 
 
-def made(rates, seed, **more):
-    found = simulate(Ringdown(rates, **{**RING, **more}), np.random.default_rng(seed))
-    return made_record("x", found.t, found.level, "dBm", 1e6), found
+def ringdown(rates, seed, **more):
+    result = simulate(Ringdown(rates, **{**RING, **more}), np.random.default_rng(seed))
+    return made_record("x", result.t, result.level, "dBm", 1e6), result
 
 
 def verdict(record: EnvelopeRecord, window: Window | None = None) -> Verdict:
@@ -47,13 +47,13 @@ def verdict(record: EnvelopeRecord, window: Window | None = None) -> Verdict:
 )
 def test_the_damping_that_made_a_record_is_named(rates, damping, power):
     fall = 30.0 if damping == "quadratic" else 45.0
-    result = verdict(made(rates, 11, fall=fall)[0])
+    result = verdict(ringdown(rates, 11, fall=fall)[0])
     assert result.damping == damping
     assert result.probability > 0.7
     if power is not None:
         assert result.exponent.low - 0.02 <= power <= result.exponent.high + 0.02
     assert sum(result.probabilities.values()) == pytest.approx(1.0, abs=0.011)  # no more than 0.99 is claimed
-    assert sum(one.share for one in result.energy) == pytest.approx(1.0, abs=0.05)
+    assert sum(item.share for item in result.energy) == pytest.approx(1.0, abs=0.05)
 
 
 def test_coverage_of_the_rate():
@@ -64,7 +64,7 @@ def test_coverage_of_the_rate():
     covered, squares = [], []
     for seed in range(30):
         rng = np.random.default_rng([7, seed])
-        record, _ = made(
+        record, _ = ringdown(
             {"viscous": 0.2}, [8, seed], drop=rng.choice([0.0, 5.0]), slow_share=rng.random(), drift=0.1
         )
         rate = verdict(record).rate
@@ -76,7 +76,7 @@ def test_coverage_of_the_rate():
 
 def test_a_drive_that_is_left_in_is_seen():
     """Negative control: the held drive within the bounds that are asked for."""
-    record, truth = made({"viscous": 0.2}, 5, drop=0.0, before=20.0, hold=0.3)
+    record, truth = ringdown({"viscous": 0.2}, 5, drop=0.0, before=20.0, hold=0.3)
     clean = verdict(record)
     assert clean.grade == "exact"
     assert clean.probability_exact > 0.5
@@ -88,7 +88,7 @@ def test_a_drive_that_is_left_in_is_seen():
 
 
 def test_a_window_in_which_the_level_does_not_fall_is_refused():
-    record, truth = made({"viscous": 0.2}, 6)
+    record, truth = ringdown({"viscous": 0.2}, 6)
     driven = truth.release - 5.0
     result = verdict(record, bounded(record.t, record.level, driven, driven + 4.5))
     assert result.grade == "no_free_decay"
@@ -108,7 +108,7 @@ def test_a_decay_of_which_little_stands_above_its_own_scatter_is_refused():
 
 
 def test_a_law_that_bends_is_not_called_exact():
-    record, _ = made({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
+    record, _ = ringdown({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
     result = verdict(record)
     assert result.probability_exact < 0.5  # 0.8 before
     assert result.grade != "exact"
@@ -118,11 +118,11 @@ def test_a_law_that_bends_is_not_called_exact():
 
 def test_the_curve_of_a_picture_follows_a_law_that_bends():
     """The true decay is within its band. Negative control: the straight line of the law misses it by thrice as much."""
-    record, truth = made({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
+    record, truth = ringdown({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
     curve = analyse(record).curve
     assert curve is not None
-    kept = np.isfinite(truth.x)
-    true = -40.0 + NEPER * np.interp(curve.t, truth.t[kept], truth.x[kept])
+    left = np.isfinite(truth.x)
+    true = -40.0 + NEPER * np.interp(curve.t, truth.t[left], truth.x[left])
     early = curve.fit > -40.0 - 30.0
     assert np.mean(np.abs(true - curve.fit)[early] < 2 * curve.fit_sd[early] + 0.05) > 0.9
     line = np.polynomial.Polynomial.fit(curve.t[early], true[early], 1)(curve.t[early])
@@ -135,7 +135,7 @@ def test_the_envelope_of_an_oscillation_has_the_q_of_the_oscillation(how):
     """θ̈ + 2ζθ̇ + ω²θ = 0 integrated in time; Q = ω_d/(2ζ)."""
     zeta, omega = 0.05, 2 * np.pi * 5.0
     t = np.linspace(0.0, 60.0, 12001)
-    found = solve_ivp(
+    outcome = solve_ivp(
         lambda _, y: [y[1], -2 * zeta * y[1] - omega**2 * y[0]],
         (0.0, 60.0),
         [1.0, 0.0],
@@ -143,7 +143,7 @@ def test_the_envelope_of_an_oscillation_has_the_q_of_the_oscillation(how):
         rtol=1e-9,
         atol=1e-12,
     ).y[0]
-    noisy = found + 2e-3 * np.random.default_rng(4).standard_normal(t.size)
+    noisy = outcome + 2e-3 * np.random.default_rng(4).standard_normal(t.size)
     if how == "hilbert":
         keep = slice(200, -200, 10)  # the transform's ends are none of the envelope's
         times, amplitude = t[keep], np.abs(hilbert(noisy))[keep]
@@ -183,13 +183,15 @@ def test_a_table_of_many_half_lives_is_answered():
 
 
 def test_units_of_the_same_decay_agree():
-    record, _ = made({"viscous": 0.1, "quadratic": 0.8}, 3)
+    record, _ = ringdown({"viscous": 0.1, "quadratic": 0.8}, 3)
     volts = made_record("x", record.t, 10 ** (record.level / 20), "V", 1e6)
     watts = made_record("x", record.t, 10 ** (record.level / 10), "W", 1e6)
-    found = [verdict(one) for one in (record, volts, watts)]
-    assert found[1].rate.value == pytest.approx(found[0].rate.value, rel=1e-3)
-    assert found[2].rate.value == pytest.approx(found[1].rate.value, rel=1e-9)
-    assert found[1].decay_rate[1].amplitude == pytest.approx(10 ** (found[0].decay_rate[1].amplitude / 20))
+    answers = [verdict(item) for item in (record, volts, watts)]
+    assert answers[1].rate.value == pytest.approx(answers[0].rate.value, rel=1e-3)
+    assert answers[2].rate.value == pytest.approx(answers[1].rate.value, rel=1e-9)
+    assert answers[1].decay_rate[1].amplitude == pytest.approx(
+        10 ** (answers[0].decay_rate[1].amplitude / 20)
+    )
 
 
 def shared_prior(rates: np.ndarray, duration: float) -> np.ndarray:
@@ -197,7 +199,7 @@ def shared_prior(rates: np.ndarray, duration: float) -> np.ndarray:
     with one scale, of which 25 between 1e-8 and 0.3 of a unit are equally probable; their middle is 1/duration."""
     scales = 1e-8 * (0.3 / 1e-8) ** ((np.arange(25) + 0.5) / 25)
     scales = scales / (duration * np.sqrt(scales[0] * scales[-1]))
-    return np.mean([np.prod(halfnorm.pdf(rates, scale=one), axis=-1) for one in scales], axis=0)
+    return np.mean([np.prod(halfnorm.pdf(rates, scale=item), axis=-1) for item in scales], axis=0)
 
 
 def test_evidence_is_the_integral_of_likelihood_and_priors():
@@ -209,7 +211,7 @@ def test_evidence_is_the_integral_of_likelihood_and_priors():
     b = Blocks(t, 1.0 - 0.2 * t + 0.05 * rng.standard_normal(50), 10.0, 0.2)
     covariance = 0.05**2 * np.eye(50)
     white = Noise(1e-4, 1.0, 1e-8, 1.0, 0.05)
-    found = weigh(b, ClosedForm(("viscous",)), [(white, covariance)], np.eye(50) / 0.05)
+    candidate = weigh(b, ClosedForm(("viscous",)), [(white, covariance)], np.eye(50) / 0.05)
     rates = np.linspace(0.0, 0.4, 2001)
     starts = np.linspace(0.8, 1.2, 801)
     off = b.x[:, None, None] - starts[:, None] + rates * t[:, None, None]
@@ -218,7 +220,7 @@ def test_evidence_is_the_integral_of_likelihood_and_priors():
     most = log_likelihood.max()
     total = np.sum(np.exp(log_likelihood - most) * prior) * (rates[1] - rates[0]) * (starts[1] - starts[0])
     truth = most + np.log(total)
-    assert log_evidence_as_given(found) == pytest.approx(truth, abs=0.02)
+    assert log_evidence_as_given(candidate) == pytest.approx(truth, abs=0.02)
 
 
 def test_the_evidence_of_a_power_is_that_integral_too():
@@ -245,25 +247,25 @@ def test_the_evidence_of_a_power_is_that_integral_too():
 
 
 def test_repeats_are_pooled():
-    found = [analyse(made({"viscous": 0.2}, seed)[0]) for seed in (1, 2, 3)]
-    common = specimen("x", found)
+    answers = [analyse(ringdown({"viscous": 0.2}, seed)[0]) for seed in (1, 2, 3)]
+    common = specimen("x", answers)
     assert common.records == 3
     assert common.quality_factor.low <= np.pi * 1e6 / 0.2 <= common.quality_factor.high
     assert common.next_value.low < common.quality_factor.low
     assert common.standardised < 5
     assert common.sentence.startswith("3 records: Viscous damping")
     # Negative control: one record of another specimen.
-    other = analyse(made({"viscous": 0.25}, 4)[0])
-    mixed = specimen("x", [*found, other])
+    other = analyse(ringdown({"viscous": 0.25}, 4)[0])
+    mixed = specimen("x", [*answers, other])
     assert mixed.standardised > 10
     assert mixed.spread.value > 0.05
-    assert specimen("x", found[:1]) is None
+    assert specimen("x", answers[:1]) is None
 
 
 def test_a_specimen_whose_damping_nothing_tells_has_a_size_alone():
     """Sums whose terms have parameters beside coefficients cannot be joined; the control is the test above."""
-    found = [replace(analyse(made({"viscous": 0.2}, seed)[0]), likelihoods={}) for seed in (1, 2)]
-    common = specimen("x", found)
+    answers = [replace(analyse(ringdown({"viscous": 0.2}, seed)[0]), likelihoods={}) for seed in (1, 2)]
+    common = specimen("x", answers)
     assert (common.damping, common.decided) == ("", False)
     assert np.isnan(common.probability)
     assert common.sentence.startswith("2 records: Q = ")

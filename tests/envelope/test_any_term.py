@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.inference.envelope.dampings import weighable
+from bayesdamp.inference.envelope.sums import weighable
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.types import InputError
@@ -47,13 +47,13 @@ PLUGIN = Thinning()
 
 
 @cache
-def found(made: str, *more: str, unit: str = "rad") -> Verdict:
-    return analyse(envelope(FORCES[made], 1, unit), sums=(*SUMS, *((one,) for one in more))).verdict
+def verdict_on(term: str, *more: str, unit: str = "rad") -> Verdict:
+    return analyse(envelope(FORCES[term], 1, unit), sums=(*SUMS, *((item,) for item in more))).verdict
 
 
 @pytest.mark.parametrize("unit", ["rad", "dB"])
 @pytest.mark.parametrize(
-    ("made", "truths"),
+    ("term", "truths"),
     [
         ("cubic", {"mu_3": 0.15}),
         ("power", {"exponent": 1.5}),
@@ -61,26 +61,26 @@ def found(made: str, *more: str, unit: str = "rad") -> Verdict:
         ("dry_position", {"mu_p": 0.09, "friction_curvature": 2.0}),
     ],
 )
-def test_a_term_is_named_and_its_numbers_are_recovered(made, truths, unit):
+def test_a_term_is_named_and_its_numbers_are_recovered(term, truths, unit):
     """Without a scale, numbers that have one are relative to the amplitude at the start."""
-    result = found(made, *(() if made == "cubic" else (made,)), unit=unit)
-    assert result.damping == made
+    result = verdict_on(term, *(() if term == "cubic" else (term,)), unit=unit)
+    assert result.damping == term
     assert result.decided
-    level = analyse(envelope(FORCES[made], 1, unit)).curve.level[:3]
+    level = analyse(envelope(FORCES[term], 1, unit)).curve.level[:3]
     start = float(np.exp(np.mean(np.log(10.0) / 20.0 * level))) if unit == "dB" else 1.0
     powers = {"mu_3": 2, "mu_k": -1, "mu_p": -1, "stribeck_velocity": -1}
     values = {c.name: c for c in result.coefficients}
     for name, truth in truths.items():
-        one, true = values[name], truth * start ** powers.get(name, 0)
-        assert one.low <= true <= one.high, name
-    assert sum(one.share for one in result.energy) == pytest.approx(1.0, abs=0.05)
+        item, true = values[name], truth * start ** powers.get(name, 0)
+        assert item.low <= true <= item.high, name
+    assert sum(item.share for item in result.energy) == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.parametrize("made", ["viscous", "quadratic"])
-def test_the_paper_s_terms_stay_named_beside_others(made):
+@pytest.mark.parametrize("term", ["viscous", "quadratic"])
+def test_the_paper_s_terms_stay_named_beside_others(term):
     """The control: what these records have is not one of the terms with more parameters."""
-    result = found(made, "power", "stribeck")
-    assert result.damping == made
+    result = verdict_on(term, "power", "stribeck")
+    assert result.damping == term
     assert result.probability > 0.8
 
 
@@ -98,7 +98,7 @@ def test_friction_that_rises_away_from_rest_is_not_told_from_coulomb_and_quadrat
     assert not result.decided
     assert "Coulomb (dry friction) + quadratic (drag) (0." in result.sentence
     assert any("probabilities are just the prior ones" in text for text in result.remarks)
-    assert found("dry_position", "dry_position").decided  # control: where these two are not weighed
+    assert verdict_on("dry_position", "dry_position").decided  # control: where these two are not weighed
     falling = analyse(
         envelope(lambda x, v: FORCES["coulomb"](x, v) * (1 - 0.9 * (x / START) ** 2), 1), sums=both
     ).verdict
@@ -107,16 +107,16 @@ def test_friction_that_rises_away_from_rest_is_not_told_from_coulomb_and_quadrat
 
 
 def test_a_power_that_is_a_term_has_the_exponent_that_every_answer_has():
-    result = found("power", "power")
-    one = next(c for c in result.coefficients if c.name == "exponent")
-    assert one.value == pytest.approx(
+    result = verdict_on("power", "power")
+    item = next(c for c in result.coefficients if c.name == "exponent")
+    assert item.value == pytest.approx(
         result.exponent.value, abs=0.3 * (result.exponent.high - result.exponent.low)
     )
-    assert one.high - one.low == pytest.approx(result.exponent.high - result.exponent.low, rel=0.3)
+    assert item.high - item.low == pytest.approx(result.exponent.high - result.exponent.low, rel=0.3)
 
 
-def written(path, made: str = "thinning", unit: str = "rad", seed: int = 3) -> str:
-    record = envelope(FORCES[made], seed)
+def written(path, term: str = "thinning", unit: str = "rad", seed: int = 3) -> str:
+    record = envelope(FORCES[term], seed)
     y = 10 ** (record.level / 20)
     rows = "\n".join(f"{t:.7g},{a:.9g}" for t, a in zip(record.t, y))
     path.write_text(f"time (s),amplitude ({unit})\n{rows}\n")
@@ -130,13 +130,13 @@ def test_a_user_s_own_term_is_weighed(tmp_path, capsys):
     out = tmp_path / "out"
     frequency = ["--quantity", "envelope", "--frequency", str(OMEGA / 2 / np.pi), "--plugin", str(plugin)]
     assert main(["compare", file, *frequency, "--out", str(out)]) == 0
-    (one,) = json.loads((out / "verdict.json").read_text())
-    assert one["damping"] == "thinning"
-    assert "hinning damping" in one["sentence"]
-    c = next(c for c in one["coefficients"] if c["name"] == "c_thinning")
+    (item,) = json.loads((out / "verdict.json").read_text())
+    assert item["damping"] == "thinning"
+    assert "hinning damping" in item["sentence"]
+    c = next(c for c in item["coefficients"] if c["name"] == "c_thinning")
     assert c["low"] <= 0.5 <= c["high"]
     (row,) = csv.DictReader((out / "verdicts.csv").read_text().splitlines())
-    assert [float(row["thinning"])] == [e["probability"] for e in one["energy"] if e["term"] == "thinning"]
+    assert [float(row["thinning"])] == [e["probability"] for e in item["energy"] if e["term"] == "thinning"]
     assert "thinning" in (out / "report.html").read_text()
     # It has a velocity of its own: volts do not say where that is.
     capsys.readouterr()
@@ -158,15 +158,15 @@ def test_a_plugin_s_source_is_part_of_the_question(tmp_path, capsys):
     for power in ("3", "2"):
         plugin.write_text(text.replace("v**3", f"abs(v)**{int(power) - 1} * v"))
         assert main(["compare", *files, *asks, "--out", str(out)]) == 0
-        before.append([one["rivals"] for one in json.loads((out / "verdict.json").read_text())])
+        before.append([item["rivals"] for item in json.loads((out / "verdict.json").read_text())])
     assert before[0] != before[1]
 
 
 @pytest.mark.parametrize(
     ("damping", "what"),
     [
-        (["viscous+structural"], "viscous and structural lose alike at every amplitude"),
-        (["viscous+coulomb+quadratic+cubic"], "sums of 3 terms at most"),
+        (["viscous+structural"], "viscous and structural lose the same at every amplitude"),
+        (["viscous+coulomb+quadratic+cubic"], "at most 3 terms"),
         (["cubix"], "did you mean 'cubic'"),
     ],
 )
@@ -180,8 +180,8 @@ def test_twins_are_said_and_not_weighed_beside_each_other():
     sums, left_out = weighable([parse_model(name) for name in names])
     assert sums == (("viscous",), ("cubic",), ("viscous", "displacement"))
     assert left_out == (
-        "structural is not weighed: it loses as viscous does at every amplitude.",
-        "displacement+structural is not weighed: it loses as viscous+displacement does at every amplitude.",
+        "structural is left out: it loses the same as viscous at every amplitude.",
+        "displacement+structural is left out: it loses the same as viscous+displacement at every amplitude.",
     )
     alone = analyse(envelope(FORCES["structural"], 2), sums=(("structural",), ("quadratic",))).verdict
     assert alone.damping == "structural"
@@ -197,10 +197,10 @@ def test_a_decay_steeper_than_the_paper_s_laws_has_its_own_rates_without_being_a
     assert not result.decided
     assert any("rates are from it" in line for line in result.remarks)
     t, a = turning_points(FORCES["cubic"])
-    for one in result.decay_rate:
-        near = one.amplitude * np.exp([0.1, -0.1])
+    for item in result.decay_rate:
+        near = item.amplitude * np.exp([0.1, -0.1])
         before, after = np.interp(-near, -a, t)
-        assert one.value == pytest.approx(0.2 / (after - before), rel=0.02)
+        assert item.value == pytest.approx(0.2 / (after - before), rel=0.02)
     # The control: by quadratic damping, the best of the sums, it is half or twice that.
     assert result.damping == "quadratic"
     assert result.deviation.low > 0.2

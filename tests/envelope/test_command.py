@@ -22,8 +22,8 @@ DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data" / "ringdow
 
 
 def written(path: Path, seed: int = 1, head: str = HEAD) -> Path:
-    made = simulate(Ringdown({"viscous": 0.2}, drop=5.0, scatter=0.02), np.random.default_rng(seed))
-    lines = [f"{t:.6g}, {y:.8g}" for t, y in zip(made.t, made.level)]
+    drawn = simulate(Ringdown({"viscous": 0.2}, drop=5.0, scatter=0.02), np.random.default_rng(seed))
+    lines = [f"{t:.6g}, {y:.8g}" for t, y in zip(drawn.t, drawn.level)]
     path.write_text(head + "\n".join(lines) + "\n")
     return path
 
@@ -31,10 +31,10 @@ def written(path: Path, seed: int = 1, head: str = HEAD) -> Path:
 def test_a_sampling_frequency_is_not_the_oscillation_s(tmp_path):
     """The control: without that line the head says the same."""
     line = "% Sampling frequency [kHz]: 50\n"
-    found = [
+    results = [
         read_envelope(written(tmp_path / f"{i}.txt", head=head)) for i, head in enumerate((line + HEAD, HEAD))
     ]
-    assert [record.frequency for record in found] == [1562325.84, 1562325.84]
+    assert [record.frequency for record in results] == [1562325.84, 1562325.84]
     alone = HEAD.replace("Frequency [Hz]", "Sampling frequency [Hz]")
     assert read_envelope(written(tmp_path / "alone.txt", head=alone)).frequency is None
 
@@ -43,26 +43,26 @@ def test_records_in_decibels_are_recognised_said_and_written(tmp_path, capsys):
     files = [written(tmp_path / f"r{k}.txt", k) for k in (1, 2)]
     out = tmp_path / "out"
     assert main(["compare", *map(str, files), "--repeats", "--out", str(out)]) == 0
-    said = capsys.readouterr().out.splitlines()
-    assert [line.partition(" (")[0] for line in said if " damping (prob" in line] == [
+    text = capsys.readouterr().out.splitlines()
+    assert [line.partition(" (")[0] for line in text if " damping (prob" in line] == [
         "r1: Viscous damping",
         "r2: Viscous damping",
         "specimen: 2 records: Viscous damping",
     ]
-    assert any("One more record would have Q = " in line for line in said)
-    assert said[-1] == str(out / "report.html")
+    assert any("One more record would have Q = " in line for line in text)
+    assert text[-1] == str(out / "report.html")
     verdicts = json.loads((out / "verdict.json").read_text())
     truth = np.pi * 1562325.84 / 0.2
-    for one in verdicts[:2]:
-        assert one["quality_factor"]["low"] <= truth <= one["quality_factor"]["high"]
-        assert one["damping"] == "viscous"
-        assert len(one["damping_ratio"]) == 3
+    for item in verdicts[:2]:
+        assert item["quality_factor"]["low"] <= truth <= item["quality_factor"]["high"]
+        assert item["damping"] == "viscous"
+        assert len(item["damping_ratio"]) == 3
         assert {"amplitude", "unit", "value", "sd_noise", "sd_law", "low", "high"} == set(
-            one["damping_ratio"][0]
+            item["damping_ratio"][0]
         )
-        assert one["damping_ratio"][0]["value"] == pytest.approx(0.1 / (np.pi * 1562325.84), rel=0.1)
-        assert {"start", "stop", "cycles", "why"} <= set(one["window"])
-        assert any("states Q = " in line for line in one["remarks"])
+        assert item["damping_ratio"][0]["value"] == pytest.approx(0.1 / (np.pi * 1562325.84), rel=0.1)
+        assert {"start", "stop", "cycles", "why"} <= set(item["window"])
+        assert any("states Q = " in line for line in item["remarks"])
     assert (verdicts[2]["record"], verdicts[2]["records"], verdicts[2]["quantity"]) == (
         "specimen",
         2,
@@ -104,9 +104,9 @@ def test_an_amplitude_is_an_envelope_where_one_says_so(tmp_path, capsys):
     out = tmp_path / "out"
     asked = ["compare", str(file), "--quantity", "envelope", "--frequency", "2", "--out", str(out)]
     assert main(asked) == 0
-    one = json.loads((out / "verdict.json").read_text())[0]
-    assert one["damping_ratio"][1]["unit"] == "mm"
-    assert one["quality_factor"]["low"] <= np.pi * 2 / 0.03 <= one["quality_factor"]["high"]
+    content = json.loads((out / "verdict.json").read_text())[0]
+    assert content["damping_ratio"][1]["unit"] == "mm"
+    assert content["quality_factor"]["low"] <= np.pi * 2 / 0.03 <= content["quality_factor"]["high"]
     assert "swing: Viscous damping (probability 0.9" in capsys.readouterr().out
 
 
@@ -125,10 +125,10 @@ def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, 
     files[1].write_text("\n".join([*lines[:-1], f"{lines[-1].partition(',')[0]}, nan"]) + "\n")
     out = tmp_path / "out"
     assert main(["compare", *map(str, files), "--out", str(out)]) == 3
-    said = capsys.readouterr()
-    assert [line.partition(":")[0] for line in said.out.splitlines() if " damping (" in line] == ["r1", "r3"]
+    text = capsys.readouterr()
+    assert [line.partition(":")[0] for line in text.out.splitlines() if " damping (" in line] == ["r1", "r3"]
     assert (
-        said.err.splitlines()[-1]
+        text.err.splitlines()[-1]
         == f"failed: r2.txt: line {len(lines)}: the value is nan, not a finite number; correct it or leave the row out"
     )
     assert len(json.loads((out / "verdict.json").read_text())) == 2
@@ -146,9 +146,9 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, capsys, more
     file = written(tmp_path / "r.txt")
     out = tmp_path / "out"
     assert main(["compare", str(file), *more, "--out", str(out)]) == 2
-    said = capsys.readouterr().err.strip().splitlines()
-    assert len(said) == 1
-    assert what in said[0]
+    text = capsys.readouterr().err.strip().splitlines()
+    assert len(text) == 1
+    assert what in text[0]
     assert not out.exists()
 
 
@@ -201,16 +201,16 @@ def test_repeats_of_measured_samples_agree_within_their_intervals():
 
     for sample, count in (("SP23-62", 4), ("0344", 2)):
         records = [read_envelope(path) for path in sorted(DATA.glob(f"*{sample}.txt"))]
-        found = [analyse(record) for record in records]
-        common = specimen(sample, found)
+        results = [analyse(record) for record in records]
+        common = specimen(sample, results)
         assert common is not None
         assert common.records == count
         assert common.standardised < 3.0
-        for record, one in zip(records, (answer.verdict for answer in found)):
-            assert one.quality_factor is not None
+        for record, item in zip(records, (answer.verdict for answer in results)):
+            assert item.quality_factor is not None
             stated = float(record.facts["Quality factor"])
-            assert one.quality_factor.value == pytest.approx(stated, rel=0.12 if count == 2 else 0.05)
-            assert max(one.probabilities, key=one.probabilities.__getitem__) == "viscous"
+            assert item.quality_factor.value == pytest.approx(stated, rel=0.12 if count == 2 else 0.05)
+            assert max(item.probabilities, key=item.probabilities.__getitem__) == "viscous"
 
 
 def test_the_page_is_made_anew_and_nothing_is_computed(tmp_path, capsys):
@@ -268,15 +268,15 @@ def test_a_level_that_none_has_is_refused(tmp_path, capsys):
         lines = (f"{k},{y:g}" for k, y in enumerate(level))
         file.write_text("time,level [dB]\n" + "\n".join(lines) + "\n")
         assert main(["compare", str(file), "--quantity", "envelope", "--out", str(out)]) == status
-        said = capsys.readouterr()
+        text = capsys.readouterr()
         if status:
             assert (
-                said.err
+                text.err
                 == f"r.txt: a level of {loud:g} dB is beyond any instrument's; is it the right column, and in dB?\n"
             )
             assert not out.exists()
         else:
-            assert "No free decay" in said.out
+            assert "No free decay" in text.out
 
 
 def test_readings_that_are_next_to_nothing_are_zeros(tmp_path, capsys):
@@ -306,9 +306,9 @@ def test_two_questions_do_not_share_a_folder(tmp_path, capsys, monkeypatch):
     places = []
     for more in asked:
         assert main(["compare", *more]) == 0
-        said = capsys.readouterr()
-        places.append(said.out.splitlines()[-1].split("/")[1])
-        assert ("another question" in said.err) == (places[-1] != "r")
+        text = capsys.readouterr()
+        places.append(text.out.splitlines()[-1].split("/")[1])
+        assert ("another question" in text.err) == (places[-1] != "r")
     assert places == ["r", "r-2", "r-3", "r"]
 
 
@@ -322,9 +322,11 @@ def test_many_records_in_two_processes_are_those_of_one(tmp_path, capsys):
     for workers in "12":
         more = ["--quantity", "envelope", "--workers", workers, "--out", str(tmp_path / workers)]
         assert main(["compare", *files, *more]) == 0
-    one, two = (list(csv.DictReader((tmp_path / w / "verdicts.csv").read_text().splitlines())) for w in "12")
+    first, two = (
+        list(csv.DictReader((tmp_path / w / "verdicts.csv").read_text().splitlines())) for w in "12"
+    )
     assert [row["record"] for row in two] == [f"r{k}" for k in range(8)]
-    for a, b in zip(one, two):
+    for a, b in zip(first, two):
         assert float(a["rate"]) == pytest.approx(float(b["rate"]), rel=1e-6)
         assert a["damping"] == b["damping"]
     assert len(list((tmp_path / "2" / "figures").glob("*.png"))) == 8
@@ -351,6 +353,6 @@ def test_amplitudes_that_are_not_said_to_be_an_envelope_are_hinted_at(tmp_path, 
 
 def test_viscous_damping_of_an_envelope_may_be_structural(tmp_path, capsys):
     assert main(["compare", str(written(tmp_path / "r.txt")), "--out", str(tmp_path / "out")]) == 0
-    (one,) = json.loads((tmp_path / "out" / "verdict.json").read_text())
-    assert any("structural" in line for line in one["remarks"])
-    assert one["damping"] == "viscous"
+    (item,) = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    assert any("structural" in line for line in item["remarks"])
+    assert item["damping"] == "viscous"

@@ -7,9 +7,9 @@ import pytest
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Normals, with_priors
-from bayesdamp.inference.envelope.analysis import free_decay
 from bayesdamp.inference.envelope.candidates import KNOTS
-from bayesdamp.inference.envelope.likelihood import merged
+from bayesdamp.inference.envelope.decay import free_decay
+from bayesdamp.inference.envelope.posterior import merged
 from bayesdamp.inference.envelope.sums import weighed
 from bayesdamp.interface.answer import Answer
 from bayesdamp.interface.envelopes import analyse, answer_envelope, specimen_of_envelopes
@@ -30,8 +30,8 @@ SIZES = grid_of(KNOTS, phases=False).log_prior
 def record(
     seed: int, frequency: float | None = 1e6, unit: str = "dBm", scatter: float = 0.1
 ) -> EnvelopeRecord:
-    made = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=scatter, scatter_time=0.5, behind=15.0)
-    truth = simulate(made, np.random.default_rng(seed))
+    ringdown = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=scatter, scatter_time=0.5, behind=15.0)
+    truth = simulate(ringdown, np.random.default_rng(seed))
     return made_record(f"r{seed}", truth.t, truth.level, unit, frequency)
 
 
@@ -41,16 +41,16 @@ def log_evidence(log, slope, information) -> float:
     factors = np.linalg.inv(np.swapaxes(np.linalg.cholesky(information + np.eye(d)), 1, 2))
     half = (np.swapaxes(factors, 1, 2) @ slope[:, :, None])[:, :, 0]
     log = log + SIZES + 0.5 * np.sum(half**2, axis=1) + np.linalg.slogdet(factors)[1]
-    found = Normals(log, (factors @ half[:, :, None])[:, :, 0], factors)
-    return with_priors(found, np.ones(d, bool), np.ones(d, bool)).log_evidence
+    result = Normals(log, (factors @ half[:, :, None])[:, :, 0], factors)
+    return with_priors(result, np.ones(d, bool), np.ones(d, bool)).log_evidence
 
 
 def test_merging_noises_loses_little_evidence():
     for seed in (1, 2, 3):
         decay, sums = free_decay(record(seed), None, SUMS)
-        found = weighed(decay.blocks, sums, decay.noises, decay.inverse)
-        most = max(c.total for c in found)
-        for c in found:
+        candidates = weighed(decay.blocks, sums, decay.noises, decay.inverse)
+        most = max(c.total for c in candidates)
+        for c in candidates:
             if c.total > most - 7.0:
                 likelihood = merged(c.likelihood, SIZES.size, 3.0 * float(c.rates.sum()) / c.unit)
                 assert log_evidence(*likelihood) == pytest.approx(c.total, abs=0.1), c.name
@@ -58,47 +58,49 @@ def test_merging_noises_loses_little_evidence():
 
 def test_scores_at_another_amplitude_are_the_same_likelihood():
     """A rate of Coulomb damping is twice as large at half the amplitude, that of viscous damping the same."""
-    one = analyse(record(4)).likelihoods["viscous+coulomb"]
+    answer = analyse(record(4)).likelihoods["viscous+coulomb"]
     rates = np.array([0.12, 0.06])
-    log, slope, information = one.in_scores(one.reference - np.log(2.0), 0.1)
+    log, slope, information = answer.in_scores(answer.reference - np.log(2.0), 0.1)
     scores = rates * [1.0, 2.0] / 0.1
-    here = one.log + one.slope @ rates - 0.5 * one.information @ rates @ rates
+    here = answer.log + answer.slope @ rates - 0.5 * answer.information @ rates @ rates
     assert log + slope @ scores - 0.5 * information @ scores @ scores == pytest.approx(here, abs=1e-6)
     # Beyond the record's amplitudes too.
-    log, slope, information = one.in_scores(one.reference + np.log(1e4), 0.1)
+    log, slope, information = answer.in_scores(answer.reference + np.log(1e4), 0.1)
     scores = rates * [1.0, 1e-4] / 0.1
     assert log + slope @ scores - 0.5 * information @ scores @ scores == pytest.approx(here, abs=1e-6)
 
 
 def test_records_of_one_specimen_share_coordinates():
     """The damping ratio by the maximum of each likelihood; another unit is refused."""
-    found = [analyse(record(seed)) for seed in (5, 6)]
-    shared = shared_likelihoods(found)
+    answers = [analyse(record(seed)) for seed in (5, 6)]
+    shared = shared_likelihoods(answers)
     assert set(shared) == set(map("+".join, SUMS))
-    for one in shared["viscous"]:
-        ratio = SCORE_RATIO * one.slope[0, 0] / one.information[0, 0, 0]
+    for item in shared["viscous"]:
+        ratio = SCORE_RATIO * item.slope[0, 0] / item.information[0, 0, 0]
         assert ratio == pytest.approx(0.16 / (2 * np.pi * 1e6), rel=0.3)
     by_rate = shared_likelihoods([analyse(record(seed, frequency=None)) for seed in (5, 6)])
-    assert all(one.log.shape == SIZES.shape for one in by_rate["coulomb"])
+    assert all(item.log.shape == SIZES.shape for item in by_rate["coulomb"])
     with pytest.raises(InputError, match="dBm and dB"):
-        shared_likelihoods([found[0], analyse(record(6, unit="dB"))])
+        shared_likelihoods([answers[0], analyse(record(6, unit="dB"))])
 
 
 def test_more_records_of_one_damping_say_more():
     """Viscous and Coulomb damping in four records. Control: the product of their own evidences, in which every record
     pays for coefficients of its own, makes a sum with a further term 100 times less likely than one set does."""
     truth = "viscous+coulomb"
-    found = [analyse(record(seed, scatter=0.8)) for seed in (11, 12, 13, 14)]
-    joint = joint_damping(found)
+    answers = [analyse(record(seed, scatter=0.8)) for seed in (11, 12, 13, 14)]
+    joint = joint_damping(answers)
     assert joint is not None
     probability = probabilities(joint)[0]
     assert next(iter(probability)) == truth
-    assert probability[truth] > max(one.verdict.probabilities[truth] for one in found)
+    assert probability[truth] > max(item.verdict.probabilities[truth] for item in answers)
     spread = joint.spread()
     assert spread["q2.5"] < 0.05 < spread["q97.5"]
-    assert joint_damping(found[:1]) is None
+    assert joint_damping(answers[:1]) is None
     further = "viscous+coulomb+quadratic"
-    apart = sum(np.log(one[further] / one[truth]) for one in (two.verdict.probabilities for two in found))
+    apart = sum(
+        np.log(item[further] / item[truth]) for item in (two.verdict.probabilities for two in answers)
+    )
     apart -= 3 * np.log(odds(further.split("+")) / odds(truth.split("+")))
     assert apart < np.log(0.01 * probability[further] / probability[truth])
 
@@ -106,10 +108,10 @@ def test_more_records_of_one_damping_say_more():
 def test_a_stored_answer_gives_the_same_specimen():
     """From what a cell holds as from the answers themselves."""
     records = [record(seed) for seed in (8, 9)]
-    stored = [answer_envelope(one, None, SUMS, 0, repeated=True) for one in records]
-    answers = [Answer(AnswerContent.of_meta(one.content.meta()), one.arrays) for one in stored]
+    stored = [answer_envelope(item, None, SUMS, 0, repeated=True) for item in records]
+    answers = [Answer(AnswerContent.of_meta(item.content.meta()), item.arrays) for item in stored]
     again = specimen_of_envelopes("one", answers)
-    direct = specimen("one", [analyse(one) for one in records])
+    direct = specimen("one", [analyse(item) for item in records])
     assert again is not None
     assert direct is not None
     assert again.to_dict() == direct.to_dict()

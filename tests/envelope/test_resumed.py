@@ -43,7 +43,7 @@ def test_what_was_answered_is_not_answered_again(tmp_path, capsys, answered):
         written(tmp_path / f"r{k}.txt", k)
     assert main(asked(tmp_path)) == 0
     assert answered == ["r1", "r2", "r3"]
-    whole, said = contents(tmp_path / "out"), capsys.readouterr().out
+    whole, text = contents(tmp_path / "out"), capsys.readouterr().out
 
     # as a kill leaves it: one answer written, one half, one not begun, no tables
     out = tmp_path / "out"
@@ -56,7 +56,7 @@ def test_what_was_answered_is_not_answered_again(tmp_path, capsys, answered):
     assert main(asked(tmp_path)) == 0
     assert answered == ["r2", "r3"]
     assert contents(out) == whole
-    assert capsys.readouterr().out == said
+    assert capsys.readouterr().out == text
 
 
 @pytest.mark.parametrize(

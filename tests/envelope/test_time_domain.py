@@ -19,11 +19,11 @@ OMEGA = 2 * np.pi * 2.0
 def swung(zeta: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """θ̈ + 2ζθ̇ + ω²θ = 0 from 0.3 rad by another solver, with 1 mrad of noise."""
     t = np.arange(0.0, 40.0, 0.01)
-    found = solve_ivp(
+    result = solve_ivp(
         lambda _, y: [y[1], -2 * zeta * y[1] - OMEGA**2 * y[0]], (0.0, 40.0), [0.3, 0.0], t_eval=t, rtol=1e-9,
         atol=1e-12, method="DOP853",
     )  # fmt: skip
-    return t, found.y[0] + 1e-3 * np.random.default_rng(seed).standard_normal(t.size)
+    return t, result.y[0] + 1e-3 * np.random.default_rng(seed).standard_normal(t.size)
 
 
 def locked_in(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -48,10 +48,10 @@ def test_an_envelope_has_the_damping_of_its_oscillation(in_time, tmp_path):
     file.write_text("time (s),amplitude (rad)\n" + text + "\n")
     asked = ["--quantity", "envelope", "--frequency", "2", "--out", str(tmp_path / "out")]
     assert main(["compare", str(file), *asked]) == 0
-    found = json.loads((tmp_path / "out" / "verdict.json").read_text())[0]
-    assert found["damping"] == "viscous"
-    one = next(c for c in found["coefficients"] if c["name"] == "zeta")
-    assert abs(apart(one["value"], np.hypot(one["sd_noise"], one["sd_law"]), in_time)) < 3.0
+    content = json.loads((tmp_path / "out" / "verdict.json").read_text())[0]
+    assert content["damping"] == "viscous"
+    item = next(c for c in content["coefficients"] if c["name"] == "zeta")
+    assert abs(apart(item["value"], np.hypot(item["sd_noise"], item["sd_law"]), in_time)) < 3.0
     # Negative control.
     other = analyse(made_record("x", *locked_in(*swung(0.0515, 2)), "rad", 2.0)).verdict
     two = next(c for c in other.coefficients if c.name == "zeta")

@@ -47,10 +47,10 @@ def reference(name: str) -> dict:
 @lru_cache
 def target(name: str) -> Target:
     """The target of a reference problem."""
-    made = reference(name)
-    problem = made["problem"]
+    built = reference(name)
+    problem = built["problem"]
     priors = {n: TypeAdapter(Prior).validate_python(p) for n, p in problem["priors"].items()}
-    signal = Signal(np.array(made["record"]["t"]), np.array(made["record"]["y"]), name=name)
+    signal = Signal(np.array(built["record"]["t"]), np.array(built["record"]["y"]), name=name)
     osc = Oscillator(tuple(problem["damping"]), problem["restoring"])
     return Target(signal, osc, problem["noise"], priors, problem["known"])
 
@@ -58,9 +58,9 @@ def target(name: str) -> Target:
 @lru_cache
 def mode(name: str) -> Mode:
     """Its mode, from the truth with every number moved by a tenth."""
-    made = reference(name)
-    seed = {n: 1.1 * v for n, v in made["truth"].items()}
-    return find_mode(target(name), {Seed("near the truth"): seed}, noise_level=made["truth"]["noise_sd"])
+    built = reference(name)
+    seed = {n: 1.1 * v for n, v in built["truth"].items()}
+    return find_mode(target(name), {Seed("near the truth"): seed}, noise_level=built["truth"]["noise_sd"])
 
 
 SETTINGS = Settings(chains=4, warmup=500, draws=2500, seed=4)

@@ -39,9 +39,9 @@ def run_of(
 
 def log_likelihood(run: RunLikelihood, x: np.ndarray, combo: int = 0) -> np.ndarray:
     """Of parameters x, (..., k): (...)."""
-    found = run.likelihood
-    square = np.einsum("...i,ij,...j->...", x, found.information[combo], x)
-    return found.log[combo] + x @ found.slope[combo] - 0.5 * square
+    result = run.likelihood
+    square = np.einsum("...i,ij,...j->...", x, result.information[combo], x)
+    return result.log[combo] + x @ result.slope[combo] - 0.5 * square
 
 
 class Summed(NamedTuple):

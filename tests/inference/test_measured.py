@@ -10,8 +10,7 @@ import pytest
 
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.read import read_record
 from bayesdamp.types import Reference, Seed, Signal, System
@@ -38,20 +37,20 @@ def signal() -> Signal:
 @lru_cache
 def fitted(*damping: str) -> tuple[Target, Mode]:
     record = signal()
-    found = features(record)
+    result = features(record)
     system = System("horizontal_pendulum", {"epsilon": 0.05}, dict.fromkeys(FREE))
-    reference = Reference(found.amplitude, found.frequency)
-    target = build_target(record, damping, system, found, reference, noise="correlated")
-    start = target.oscillator.law.start(found.frequency, found.rest, {})
+    reference = Reference(result.amplitude, result.frequency)
+    target = build_target(record, damping, system, result, reference, noise="correlated")
+    start = target.oscillator.law.start(result.frequency, result.rest, {})
     seed = {**start, "zeta": 0.1, "mu_c": 0.2, "theta0": float(record.y[0]), "omega0": 0.0}
     # Gravity of either sign, so that the answer is not in the start.
-    half = 0.5 * found.frequency**2
+    half = 0.5 * result.frequency**2
     up, down = (
-        {**seed, **target.oscillator.law.start(found.frequency, found.rest, {"gravity": g})}
+        {**seed, **target.oscillator.law.start(result.frequency, result.rest, {"gravity": g})}
         for g in (half, -half)
     )
     return target, find_mode(
-        target, {Seed("none"): seed, Seed("up"): up, Seed("down"): down}, noise_level=found.roughness
+        target, {Seed("none"): seed, Seed("up"): up, Seed("down"): down}, noise_level=result.roughness
     )
 
 
@@ -83,8 +82,8 @@ def test_sds_of_the_notes():
     covariance = np.linalg.inv(mode.information)
     for name, sd in (("zeta", 0.0005), ("mu_c", 0.003)):
         i = target.names.index(name)
-        found = float(np.sqrt(covariance[i, i])) * float(target.priors[name].rate(1.0))
-        assert found == pytest.approx(sd, rel=0.35)
+        result = float(np.sqrt(covariance[i, i])) * float(target.priors[name].rate(1.0))
+        assert result == pytest.approx(sd, rel=0.35)
 
 
 def test_viscous_alone_is_more_correlated():

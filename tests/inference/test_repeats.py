@@ -22,7 +22,7 @@ MONTE_CARLO = 4 / np.sqrt(4000)
 """Four standard errors of a mean of draws, in sds: a false alarm once in 16,000 seeds."""
 
 
-def one(place: float, sd: float, log: float | np.ndarray = 0.0) -> RunLikelihood:
+def run_at(place: float, sd: float, log: float | np.ndarray = 0.0) -> RunLikelihood:
     return run_of(["zeta"], [place], np.array([[sd**2]]), log)
 
 
@@ -32,22 +32,22 @@ def line(prior: Prior, low: float, high: float, points: int = 801) -> tuple[np.n
     return x[:, None], prior.log_density(x) + np.log(np.gradient(x))
 
 
-def agrees(found: Repeats, truth: Summed, grid: np.ndarray, share: float = 0.05) -> None:
+def agrees(repeats: Repeats, truth: Summed, grid: np.ndarray, share: float = 0.05) -> None:
     """Evidence, means, sds and the spread's quantiles.
 
     share: of an sd, by which means may be off: under a wide spread the posterior is nearly log-normal, and the draws
     are normal.
     """
-    assert found.log_evidence == pytest.approx(truth.log_evidence, abs=NATS)
+    assert repeats.log_evidence == pytest.approx(truth.log_evidence, abs=NATS)
     for i in range(grid.shape[1]):
         mean = float(truth.mass @ grid[:, i])
         sd = float(np.sqrt(truth.mass @ (grid[:, i] - mean) ** 2))
-        assert found.draws[:, i].mean() == pytest.approx(mean, abs=(MONTE_CARLO + share) * sd)
-        assert found.draws[:, i].std() == pytest.approx(sd, rel=0.1)
+        assert repeats.draws[:, i].mean() == pytest.approx(mean, abs=(MONTE_CARLO + share) * sd)
+        assert repeats.draws[:, i].std() == pytest.approx(sd, rel=0.1)
     spread = truth.each.sum(axis=0)
     right = summarise(truth.spreads, spread / spread.sum())
     for q in ("median", "q97.5"):
-        assert np.quantile(found.spreads, {"median": 0.5, "q97.5": 0.975}[q]) == pytest.approx(
+        assert np.quantile(repeats.spreads, {"median": 0.5, "q97.5": 0.975}[q]) == pytest.approx(
             right[q], rel=0.12, abs=0.004
         )
 
@@ -60,7 +60,7 @@ def agrees(found: Repeats, truth: Summed, grid: np.ndarray, share: float = 0.05)
 )
 def test_one_coefficient(prior: Prior, places: tuple[float, ...]) -> None:
     """Control: with a spread of zero the evidence of runs that are apart is another."""
-    runs = [one(p, 0.001, log=j) for j, p in enumerate(places)]
+    runs = [run_at(p, 0.001, log=j) for j, p in enumerate(places)]
     grid, log_prior = line(prior, 0.02, 0.16)
     truth = by_quadrature(runs, grid, log_prior)
     agrees(
@@ -75,15 +75,15 @@ def test_one_coefficient(prior: Prior, places: tuple[float, ...]) -> None:
 def test_without_a_spread_runs_are_one_set_of_data() -> None:
     """The product of their likelihoods under one prior. Negative control: the product of their evidences."""
     places, prior = (0.05, 0.0508, 0.0495, 0.0502), SharedHalfNormal(per_ratio=1.0)
-    runs = [one(p, 0.001) for p in places]
+    runs = [run_at(p, 0.001) for p in places]
     together = by_quadrature(runs, *line(prior, 0.04, 0.06), spread=0.0).log_evidence
-    one_set = one(float(np.mean(places)), 0.0005, -0.5 * float(np.var(places)) * 4 / 0.001**2)
-    for found in (
+    one_set = run_at(float(np.mean(places)), 0.0005, -0.5 * float(np.var(places)) * 4 / 0.001**2)
+    for result in (
         joined(runs, {"zeta": prior}, EXACTLY, spread=0.0),
         joined(runs, {"zeta": prior}, EXACTLY, spread=1e-5),
         joined([one_set], {"zeta": prior}, EXACTLY),
     ):
-        assert found.log_evidence == pytest.approx(together, abs=NATS)
+        assert result.log_evidence == pytest.approx(together, abs=NATS)
     product = sum(joined([r], {"zeta": prior}, EXACTLY).log_evidence for r in runs)
     assert abs(product - together) > 5
 
@@ -109,9 +109,9 @@ def test_two_coefficients_of_which_one_is_nearly_zero() -> None:
     cells = np.tile(np.log(widths), a.size) + np.log(a[1] - a[0])
     log_prior = np.log(np.exp(each).sum(axis=1)) - np.log(1.6) + cells
     truth = by_quadrature(runs, grid, log_prior, factors=301, reach=1.0)
-    found = joined(runs, priors, EXACTLY)
-    agrees(found, truth, grid)
-    assert np.all(found.draws >= 0)
+    result = joined(runs, priors, EXACTLY)
+    agrees(result, truth, grid)
+    assert np.all(result.draws >= 0)
 
 
 def test_a_term_s_own_parameter_is_the_same_in_all_runs() -> None:
@@ -135,36 +135,36 @@ def test_deviations_have_one_size_in_all_runs() -> None:
     """Two combinations, of which each run prefers another: their likelihoods are multiplied before they are summed.
     Control: summed run by run they are larger by what one change of size costs."""
     prior = HalfNormal(0.3)
-    runs = [one(0.05, 0.001, np.array([0.0, -9.0])), one(0.05, 0.001, np.array([-9.0, 0.0]))]
+    runs = [run_at(0.05, 0.001, np.array([0.0, -9.0])), run_at(0.05, 0.001, np.array([-9.0, 0.0]))]
     log_sizes = np.log([0.3, 0.7])
-    found = joined(runs, {"zeta": prior}, log_sizes, spread=0.0)
-    plain = joined([one(0.05, 0.001)] * 2, {"zeta": prior}, EXACTLY, spread=0.0)
-    assert found.log_evidence - plain.log_evidence == pytest.approx(-9.0, abs=1e-6)
-    assert np.mean(found.combos == 1) == pytest.approx(0.7, abs=0.03)
+    result = joined(runs, {"zeta": prior}, log_sizes, spread=0.0)
+    plain = joined([run_at(0.05, 0.001)] * 2, {"zeta": prior}, EXACTLY, spread=0.0)
+    assert result.log_evidence - plain.log_evidence == pytest.approx(-9.0, abs=1e-6)
+    assert np.mean(result.combos == 1) == pytest.approx(0.7, abs=0.03)
     apart = np.log(0.3 + 0.7 * np.exp(-9)) + np.log(0.7 + 0.3 * np.exp(-9))
     assert apart > -9.0 + 5
 
 
 def test_the_order_of_runs_does_not_matter() -> None:
-    runs = [one(0.05, 0.001), one(0.058, 0.002), one(0.046, 0.0005)]
+    runs = [run_at(0.05, 0.001), run_at(0.058, 0.002), run_at(0.046, 0.0005)]
     prior = SharedHalfNormal(per_ratio=1.0)
     first, second = (joined(r, {"zeta": prior}, EXACTLY) for r in (runs, runs[::-1]))
     assert first.log_evidence == pytest.approx(second.log_evidence, abs=1e-8)
 
 
 def test_one_run_has_no_spread() -> None:
-    found = joined([one(0.05, 0.001)], {"zeta": HalfNormal(0.3)}, EXACTLY)
-    assert np.all(found.spreads == 0)
-    assert found.draws.std() == pytest.approx(0.001, rel=0.06)
+    result = joined([run_at(0.05, 0.001)], {"zeta": HalfNormal(0.3)}, EXACTLY)
+    assert np.all(result.spreads == 0)
+    assert result.draws.std() == pytest.approx(0.001, rel=0.06)
 
 
 @pytest.mark.parametrize(
     ("runs", "priors"),
     [
         ([], {"zeta": HalfNormal(0.3)}),
-        ([one(0.05, 0.001), run_of(["mu_c"], [0.05], np.eye(1))], {"zeta": HalfNormal(0.3)}),
-        ([one(0.05, 0.001)], {"mu_c": HalfNormal(0.3)}),
-        ([one(0.05, 0.001)], {}),
+        ([run_at(0.05, 0.001), run_of(["mu_c"], [0.05], np.eye(1))], {"zeta": HalfNormal(0.3)}),
+        ([run_at(0.05, 0.001)], {"mu_c": HalfNormal(0.3)}),
+        ([run_at(0.05, 0.001)], {}),
     ],
     ids=["no run", "other parameters", "prior of another", "no prior"],
 )

@@ -11,9 +11,9 @@ from scipy.special import logsumexp
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation.single import under
-from bayesdamp.inference.evidence import widths as evidence_widths
+from bayesdamp.inference.evidence import sensitivity as evidence_widths
 from bayesdamp.inference.evidence.methods.importance import Importance
-from bayesdamp.inference.evidence.widths import against_width
+from bayesdamp.inference.evidence.sensitivity import against_width
 from bayesdamp.inference.model.likelihood import Likelihood
 from tests.interface.test_deviation import SCALE, by_quadrature, fit, one_parameter
 

@@ -299,7 +299,7 @@ def test_what_has_no_meaning_is_refused(given: dict, said: str) -> None:
 def test_what_exact_laws_alone_have_is_refused() -> None:
     with pytest.raises(bd.InputError, match="start is of no use"):
         bd.fit(record(), MODEL, start={"zeta": 0.05})
-    assert "kalman takes laws to hold exactly" in bd.sample(fit(), "kalman").outcome
+    assert "kalman assumes that laws hold exactly" in bd.sample(fit(), "kalman").outcome
     with pytest.raises(bd.InputError, match="unknown evidence method"):
         bd.evidence(bd.fit(record(), bd.Model("viscous", noise="gaussian")), "linear")
     exact = bd.Fit(fit().signal, bd.Model("viscous"), outcome="no fit")

@@ -10,8 +10,7 @@ import pytest
 
 from bayesdamp.config.compare import comparison
 from bayesdamp.inference.fit import search
-from bayesdamp.inference.fit.maximise import maximise
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.mode import Mode, maximise
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES

@@ -1,33 +1,36 @@
-"""What draws say: summaries, whether they converged, and files as ArviZ reads them.
+"""Diagnostics of draws: summaries, convergence, and files for ArviZ.
 
-Convergence is the rank-normalised split R̂, with effective sample sizes of bulk, tails and mean.
-Source: Vehtari, Gelman, Simpson, Carpenter, Bürkner, "Rank-normalization, folding, and localization: an improved R̂ for
-assessing convergence of MCMC", Bayesian Analysis 16 (2021), the formulas in brackets. ArviZ computes the same numbers,
-but takes half a second to import (xarray, pandas), in every process. Draws are of shape (chain, draw). With fewer than
-four draws a chain, or where one is not finite, a result is nan.
+Convergence is judged by the rank-normalised split R̂ and by effective sample sizes of bulk, tails and mean (Vehtari,
+Gelman, Simpson, Carpenter, Bürkner, "Rank-normalization, folding, and localization: an improved R̂ for assessing
+convergence of MCMC", Bayesian Analysis 16 (2021); its formulas in brackets). ArviZ computes the same numbers, but takes
+half a second to import (xarray, pandas) in every process. Draws have the shape (chain, draw). A result is nan with
+fewer than four draws a chain, or where one is not finite.
 """
 
 from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import ndtri
 
-from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.types import OK, Posterior
 
 FEWEST = 4
-"""Draws of a chain; conventional."""
+"""Smallest number of draws of a chain; conventional."""
+RHAT_LIMIT = 1.01
+ESS_LIMIT = 400.0
 
 
 def rhat(draws: np.ndarray) -> float:
-    """The larger of the rank-normalised split R̂ of the draws (bulk) and of their distances from the median (tails)
-    (section 4.1); nan for a single chain."""
+    """Return the larger of two rank-normalised split R̂ (section 4.1); nan for a single chain.
+
+    One is that of the draws (bulk), the other that of their distances from the median (tails).
+    """
     if not _usable(draws) or draws.shape[0] < 2:
         return float("nan")
     halves = _split(draws)
@@ -35,24 +38,24 @@ def rhat(draws: np.ndarray) -> float:
 
 
 def ess_bulk(draws: np.ndarray) -> float:
-    """Effective sample size of the rank-normalised draws (section 4.2)."""
+    """Return the effective sample size of the rank-normalised draws (section 4.2)."""
     return _ess(_normalised(_split(draws))) if _usable(draws) else float("nan")
 
 
-def ess_tail(draws: np.ndarray, levels: Sequence[float] = (0.05, 0.95)) -> float:
-    """The smallest effective sample size of the quantiles at these levels (section 4.3)."""
+def ess_tail(draws: np.ndarray) -> float:
+    """Return the smaller effective sample size of the 5 % and the 95 % quantile (section 4.3)."""
     if not _usable(draws):
         return float("nan")
-    return min(_ess(_split(draws <= np.quantile(draws, level)).astype(float)) for level in levels)
+    return min(_ess(_split(draws <= np.quantile(draws, level)).astype(float)) for level in (0.05, 0.95))
 
 
 def effective_mean(draws: np.ndarray) -> float:
-    """Effective sample size for the mean: of the draws as they are (section 3.2)."""
+    """Return the effective sample size of the mean (section 3.2)."""
     return _ess(_split(draws)) if _usable(draws) else float("nan")
 
 
 def monte_carlo_error(draws: np.ndarray) -> float:
-    """Monte Carlo standard error of the mean."""
+    """Return the Monte Carlo standard error of the mean."""
     return float(np.std(draws, ddof=1) / np.sqrt(effective_mean(draws)))
 
 
@@ -61,31 +64,29 @@ def _usable(draws: np.ndarray) -> bool:
 
 
 def _split(draws: np.ndarray) -> np.ndarray:
-    """Each chain's first and last half as chains; of an odd number of draws the middle one is left out."""
+    """Return each chain's first and last half as chains, without the middle one of an odd number of draws."""
     half = draws.shape[1] // 2
     return np.vstack((draws[:, :half], draws[:, -half:]))
 
 
 def _normalised(draws: np.ndarray) -> np.ndarray:
-    """Normal scores of the ranks among all draws, ties averaged, with Blom's offset (14)."""
+    """Return normal scores of the ranks among all draws, ties averaged, with Blom's offset (14)."""
     _, which, ties = np.unique(draws, return_inverse=True, return_counts=True)
     ranks = (np.cumsum(ties) - (ties - 1) / 2)[which].reshape(draws.shape)
     return ndtri((ranks - 3 / 8) / (draws.size + 1 / 4))
 
 
 def _rhat(chains: np.ndarray) -> float:
-    """Potential scale reduction (1) to (4)."""
+    """Return the potential scale reduction (1) to (4)."""
     n = chains.shape[1]
     between = n * np.var(np.mean(chains, axis=1), ddof=1)
     within = np.mean(np.var(chains, axis=1, ddof=1))
-    with np.errstate(
-        divide="ignore", invalid="ignore"
-    ):  # chains that stand still: inf, or nan where all are alike
+    with np.errstate(divide="ignore", invalid="ignore"):  # constant chains: inf, or nan where all are equal
         return float(np.sqrt((between / within + n - 1) / n))
 
 
 def _ess(chains: np.ndarray) -> float:
-    """Effective sample size by Geyer's initial monotone positive sequence of autocorrelations (10) to (13)."""
+    """Return the effective sample size by Geyer's initial monotone positive sequence (10) to (13)."""
     if np.ptp(chains) < np.finfo(float).resolution:
         return float(chains.size)
     count, n = chains.shape
@@ -97,7 +98,7 @@ def _ess(chains: np.ndarray) -> float:
     rho = 1.0 - (within - covariance) / total
     rho[0] = 1.0
     pairs = rho[0 : n - 1 : 2] + rho[1:n:2]
-    # The first pair that is not positive, or the last that lags allow (as in Stan).
+    # The first pair that is not positive, or the last one that the lags allow (as in Stan).
     ends = ~(pairs > 0) | (np.arange(pairs.size) >= (n - 3) // 2)
     last = int(np.argmax(ends))
     left = rho[2 * last] if pairs[last] >= 0 or rho[2 * last] > 0 else 0.0
@@ -105,26 +106,24 @@ def _ess(chains: np.ndarray) -> float:
     return float(chains.size / max(time, 1.0 / np.log10(chains.size)))
 
 
-__all__ = [
-    "effective", "effective_mean", "monte_carlo_error", "pareto_k", "saved", "summarise", "verdict",
-]  # fmt: skip
-
-RHAT_LIMIT = 1.01
-ESS_LIMIT = 400.0
-
-
 def summarise(
     draws: np.ndarray, ensembles: int | None = None, effective: float | None = None
 ) -> dict[str, float]:
-    """Summary of one parameter's draws, shape (chain, draw).
+    """Summarise one parameter's draws.
 
-    ensembles: number of independent groups of chains where the chains of a group share their moves (emcee's
-    walkers): R̂ is then taken between groups, while the effective sample size uses each walker's own series.
-    effective: for independent draws of an approximation, how many draws of the posterior they are worth by their
-    importance weights. Both effective sample sizes are then this number and R̂ is nan: there are no chains.
+    Parameters
+    ----------
+    draws : ndarray, shape (chain, draw)
+        In natural units.
+    ensembles : int, optional
+        Number of independent groups of chains, where the chains of a group share their moves (emcee's walkers). R̂ then
+        compares groups, while the effective sample size uses each walker's own series.
+    effective : float, optional
+        For independent draws of an approximation: how many draws of the posterior they are worth by their importance
+        weights. Both effective sample sizes are then this number, and R̂ is nan because there are no chains.
     """
     chains = draws
-    if ensembles is not None:  # (walker, step) as (ensemble, step · walker), in the order of time
+    if ensembles is not None:  # (walker, step) to (ensemble, step · walker), in the order of time
         chains = draws.reshape(ensembles, -1, draws.shape[1]).swapaxes(1, 2).reshape(ensembles, -1)
     flat = draws.reshape(-1)
     quantiles = np.quantile(flat, [0.025, 0.25, 0.5, 0.75, 0.975])
@@ -149,26 +148,27 @@ def summarise(
 
 
 def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
-    """`ok`, or a sentence that names the first parameter whose draws are not to be trusted."""
+    """Return `ok`, or a sentence that names the first parameter whose draws cannot be trusted."""
     for name, s in summaries.items():
         if not s["rhat"] <= RHAT_LIMIT:
             return f"not converged: R-hat of {name} is {s['rhat']:.3f}, above {RHAT_LIMIT}"
         for kind in ("bulk", "tail"):
             if not s[f"ess_{kind}"] >= ESS_LIMIT:
-                size = s[f"ess_{kind}"]
-                what = f"{kind} effective sample size of {name}"
-                return f"too few draws: {what} is {size:.0f}, below {ESS_LIMIT:.0f}"
+                size = f"{kind} effective sample size of {name} is {s[f'ess_{kind}']:.0f}"
+                return f"too few draws: {size}, below {ESS_LIMIT:.0f}"
     return OK
 
 
 def effective(draws: np.ndarray) -> float:
-    """The smaller of bulk and tail effective sample sizes of draws, shape (chain, draw)."""
+    """Return the smaller of the bulk and the tail effective sample size of draws, (chain, draw)."""
     return min(ess_bulk(draws), ess_tail(draws))
 
 
 def saved(posterior: Posterior) -> bytes:
-    """Draws, log likelihood and sample statistics as ArviZ reads them (netCDF); made in memory, for HDF5 ends the
-    process where a disk is full."""
+    """Return draws, log likelihood and sample statistics as a netCDF file for ArviZ.
+
+    The file is written in memory, because HDF5 ends the process where a disk is full.
+    """
     from arviz_base import from_dict
 
     groups = {n: posterior.draws[:, :, i] for i, n in enumerate(posterior.names)}
@@ -180,7 +180,7 @@ def saved(posterior: Posterior) -> bytes:
         }
     )
     content = io.BytesIO()
-    # On a worker of Dask xarray takes the cluster's lock of a file by its name, and memory has none.
+    # On a worker of Dask, xarray locks a file by its name, and a file in memory has none.
     dask = sys.modules.get("dask")
     with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
         data.to_netcdf(content, engine="h5netcdf")

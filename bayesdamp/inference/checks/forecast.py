@@ -1,4 +1,4 @@
-"""The second half of a record as draws from what the first half says carry it on."""
+"""The second half of a record, predicted from its first half."""
 
 from __future__ import annotations
 
@@ -11,18 +11,23 @@ from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.types import Forecast, Refusal
 
 DRAWS = 50
-"""Of Laplace's approximation, and at a time: what they add to the interval's width is good to a tenth of itself."""
+"""Draws of Laplace's approximation, and draws in a batch: they give their part of the width within a tenth."""
 TOGETHER = 2_000_000
-"""Residuals that are held at a time."""
+"""Largest number of residuals in memory."""
 INTERVAL = 1.959963984540054
 """Half-width of a central 95 % interval in sds."""
 
 
 @dataclass(frozen=True)
 class Ahead:
-    """The second half of a record.
+    """The prediction of the second half of a record, at each of its m samples.
 
-    error, sd: the record minus its predictive mean, and the predictive sd, noise included, at each sample, shape (m,).
+    Attributes
+    ----------
+    error : ndarray, shape (m,)
+        The record minus its predictive mean.
+    sd : ndarray, shape (m,)
+        The predictive sd, noise included.
     """
 
     error: np.ndarray
@@ -30,7 +35,7 @@ class Ahead:
 
     @property
     def rms(self) -> float:
-        """Of the error, in the unit of the record."""
+        """Root mean square error, in the unit of the record."""
         return float(np.sqrt(np.mean(self.error**2)))
 
     @property
@@ -45,10 +50,24 @@ class Ahead:
 
 
 def carried_on(likelihood: Likelihood, draws: np.ndarray, half: int) -> Ahead:
-    """Return what draws of the scores, (m, d), from the first `half` samples say of those after them.
+    """Predict the samples after the first `half` ones from draws of the scores given these.
 
-    likelihood: of the whole record. Of noise, the interval has the mean square of the residuals of the first half,
-    whatever its law: it does not use that neighbouring samples may err together. Raises Refusal where no draw goes on.
+    The variance of the noise is the mean square of the residuals of the first half, whatever the noise model. The
+    interval ignores that neighbouring samples may have correlated errors.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        Of the whole record.
+    draws : ndarray, shape (m, d)
+        Of the scores given the first half.
+    half : int
+        Number of samples in the first half.
+
+    Raises
+    ------
+    Refusal
+        Where no draw has a finite motion over the second half.
     """
     n = likelihood.y.size
     count, total, square, first = 0, np.zeros(n - half), np.zeros(n - half), 0.0
@@ -66,22 +85,28 @@ def carried_on(likelihood: Likelihood, draws: np.ndarray, half: int) -> Ahead:
 
 
 def forecast(
-    whole: Likelihood,
-    first: Likelihood,
-    z: np.ndarray,
-    factor: np.ndarray,
-    log_predictive: float,
-    seed: int,
+    whole: Likelihood, first: Likelihood, z: np.ndarray, factor: np.ndarray, log_predictive: float, seed: int
 ) -> Forecast | None:
-    """What the first half of a record says of the rest, by Laplace's approximation; None where it says nothing.
+    """Forecast the second half of a record from the first by Laplace's approximation; None where that fails.
 
-    first: of the first half, its scale held at 1; z: the mode there, (d,); factor @ factor.T: its covariance.
+    Parameters
+    ----------
+    whole, first : Likelihood
+        Of the whole record, and of its first half with the shared scale fixed at 1.
+    z : ndarray, shape (d,)
+        The mode on the first half.
+    factor : ndarray, shape (d, d)
+        Cholesky factor of the covariance there.
+    log_predictive : float
+        Log density of the second half given the first, in nats.
+    seed : int
+        Of the draws.
     """
     if not (np.isfinite(log_predictive) and np.all(np.isfinite(factor))):
         return None
     try:
         draws = near(first, z, factor).draw(np.random.default_rng(seed), DRAWS)
         ahead = carried_on(whole, draws, first.y.size)
-    except (np.linalg.LinAlgError, Refusal):  # too stiff to be drawn from, or no draw goes on
+    except (np.linalg.LinAlgError, Refusal):  # too stiff to draw from, or no draw has a finite motion
         return None
     return Forecast(ahead.rms, ahead.expected, ahead.coverage, log_predictive)

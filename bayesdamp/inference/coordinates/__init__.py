@@ -1,1 +1,1 @@
-"""Coordinates in which a posterior is close to a normal distribution."""
+"""Coordinates in which a posterior is round, and distributions that approximate it."""

@@ -13,8 +13,14 @@ DEGREES = 7.0
 class ReflectedT:
     """A multivariate Student t, reflected onto the non-negative side of some directions.
 
-    centre: (d,), or one for each of n draws, (n, d); factor: Cholesky factor of the scale, (d, d); reflected: (d,) of
-    bool.
+    Parameters
+    ----------
+    centre : ndarray, shape (d,)
+        Before it is reflected.
+    factor : ndarray, shape (d, d)
+        Cholesky factor of the scale.
+    reflected : ndarray of bool, shape (d,)
+        Which directions are reflected.
     """
 
     def __init__(self, centre: np.ndarray, factor: np.ndarray, reflected: np.ndarray) -> None:
@@ -28,18 +34,17 @@ class ReflectedT:
         )
         index = np.flatnonzero(reflected)
         self._signs = np.ones((2**index.size, d))
-        for row, signs in zip(self._signs, product((1.0, -1.0), repeat=index.size)):
-            row[index] = signs
+        self._signs[:, index] = list(product((1.0, -1.0), repeat=index.size))
 
     def draw(self, rng: np.random.Generator | np.random.RandomState, n: int) -> np.ndarray:
-        """Draws, shape (n, d)."""
+        """Return independent draws, (n, d)."""
         normal = rng.standard_normal((n, self.factor.shape[0]))
         scale = np.sqrt(DEGREES / rng.chisquare(DEGREES, n))[:, None]
         z = self.centre + (normal * scale) @ self.factor.T
         return np.where(self.reflected, np.abs(z), z)
 
     def log_density(self, y: np.ndarray) -> np.ndarray:
-        """Log density at reflected points y, shape (n, d): the sum over all mirror images."""
+        """Return the log density at reflected points y, (n, d): the sum over all mirror images."""
         d = self.factor.shape[0]
         images = (y[None] * self._signs[:, None] - self.centre).reshape(-1, d)
         white = np.linalg.solve(self.factor, images.T)
@@ -48,6 +53,6 @@ class ReflectedT:
 
 
 def fitted(y: np.ndarray, reflected: np.ndarray) -> ReflectedT:
-    """A reflected t with the mean and covariance of draws on the reflected side, shape (n, d)."""
+    """Return the reflected t with the mean and covariance of draws on the reflected side, (n, d)."""
     covariance = np.atleast_2d(np.cov(y.T, ddof=1)) * (DEGREES - 2) / DEGREES
     return ReflectedT(y.mean(axis=0), np.linalg.cholesky(covariance), reflected)

@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.inference.coordinates.whitening import FAR, truncated_moments
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
@@ -16,13 +15,17 @@ from bayesdamp.types import Refusal
 H = 0.01
 """Whitened units to each side over which gradients are compared for the Hessian."""
 RARE = 0.02
-"""Share inside the walls below which rejection gives way to importance resampling."""
+"""Share inside the walls below which importance resampling replaces rejection."""
+MOMENT_DRAWS = 20_000
+"""Draws of a normal distribution between walls, for its moments."""
+FAR = 8.0
+"""A wall this many sds away has no effect."""
 
 
 class TruncatedNormal:
     """N(mean, covariance), shapes (d,) and (d, d), where the reflected scores, (d,) of bool, are not negative.
 
-    walls: indices of the reflected scores that are near enough to zero for this to matter.
+    `walls` has the indices of the reflected scores that are near enough to zero for this to matter.
     """
 
     def __init__(self, mean: np.ndarray, covariance: np.ndarray, reflected: np.ndarray) -> None:
@@ -31,36 +34,72 @@ class TruncatedNormal:
 
     @cached_property
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (d,) and the Cholesky factor of the covariance (d, d) of what is left."""
+        """Mean (d,) and the Cholesky factor of the covariance (d, d) of the part inside the walls."""
         none = np.zeros(self.mean.size)
         return truncated_moments(np.linalg.inv(self.covariance), none, self.mean, self.walls)
 
     def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
-        """Independent draws, shape (n, d)."""
+        """Return independent draws, (n, d)."""
         factor = np.linalg.cholesky(self.covariance)
-        kept = np.empty((0, self.mean.size))
-        while len(kept) < n:
+        draws = np.empty((0, self.mean.size))
+        while len(draws) < n:
             z = self.mean + rng.standard_normal((max(n, 1000), self.mean.size)) @ factor.T
             inside = np.all(z[:, self.walls] >= 0, axis=1)
             if np.mean(inside) < RARE:
                 return draw(rng, self.mean, factor, self.walls, n)
-            kept = np.concatenate([kept, z[inside]])
-        return kept[:n]
+            draws = np.concatenate([draws, z[inside]])
+        return draws[:n]
 
     def log_density(self, z: np.ndarray) -> np.ndarray:
-        """Log density at scores z, (n, d), up to a constant; −∞ beyond a wall."""
+        """Return the log density at scores z, (n, d), up to a constant; −∞ beyond a wall."""
         white = np.linalg.solve(np.linalg.cholesky(self.covariance), (z - self.mean).T)
         inside = np.all(z[:, self.walls] >= 0, axis=1)
         return np.where(inside, -0.5 * np.sum(white**2, axis=0), -np.inf)
 
 
+def truncated_moments(
+    information: np.ndarray, gradient: np.ndarray, at: np.ndarray, reflected: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the moments of a normal distribution that ends at zero in the reflected scores.
+
+    Parameters
+    ----------
+    information : ndarray, shape (d, d)
+        Inverse of its covariance.
+    gradient : ndarray, shape (d,)
+        Gradient of its log density at `at`.
+    at : ndarray, shape (d,)
+        A point.
+    reflected : ndarray of int
+        Indices of the reflected scores.
+
+    Returns
+    -------
+    mean, factor : ndarray, shapes (d,) and (d, d)
+        The mean, and the Cholesky factor of the covariance.
+    """
+    covariance = np.linalg.inv(information)
+    covariance = 0.5 * (covariance + covariance.T)
+    mean = at + covariance @ gradient
+    reflected = reflected[mean[reflected] < FAR * np.sqrt(np.diag(covariance)[reflected])]
+    if reflected.size:
+        inner = covariance[np.ix_(reflected, reflected)]
+        rng, places = np.random.default_rng(0), np.arange(reflected.size)  # it only shapes coordinates
+        inside = draw(rng, mean[reflected], np.linalg.cholesky(inner), places, MOMENT_DRAWS)
+        # The other scores follow the reflected ones linearly.
+        follow = covariance[:, reflected] @ np.linalg.inv(inner)
+        mean = mean + follow @ (inside.mean(axis=0) - mean[reflected])
+        covariance = covariance + follow @ (np.cov(inside.T, ddof=1).reshape(inner.shape) - inner) @ follow.T
+    return mean, np.linalg.cholesky(0.5 * (covariance + covariance.T))
+
+
 def about(mode: Mode) -> TruncatedNormal:
-    """Return the normal with the mode's covariance and the log posterior's gradient there, cut off."""
+    """Return the truncated normal with the mode's covariance and the log posterior's gradient there."""
     return near(mode.near, mode.z, mode.factor)
 
 
 def near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
-    """Return the normal with the covariance factor @ factor.T and the log posterior's gradient at z, (d,), cut off."""
+    """Return the truncated normal with covariance factor @ factor.T and the log posterior's gradient at z, (d,)."""
     reflected = likelihood.target.reflected
     at = np.where(reflected, np.abs(z), z)
     slope = likelihood.gradient(at)[1]
@@ -69,12 +108,16 @@ def near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> Truncated
 
 
 def laplace(target: Target, mode: Mode) -> TruncatedNormal:
-    """The normal with the log posterior's gradient and whole Hessian at the mode, cut off; of the scales that
-    coefficients may share, with the one that stands for all near the mode.
+    """Return the truncated normal with the log posterior's gradient and whole Hessian at the mode.
 
-    The Hessian by differences of gradients, from a point that is moved off a wall so far that none crosses it. A mode
-    at zero, where the gradient is not zero, makes a normal with its mean beyond the wall.
-    Raises Refusal where the Hessian is not positive definite.
+    The Hessian is a difference of gradients, from a point that is moved away from a wall so far that none crosses it. A
+    mode at zero, where the gradient is not zero, gives a normal with its mean beyond the wall. One shared scale of the
+    coefficients represents all scales near the mode.
+
+    Raises
+    ------
+    Refusal
+        Where the Hessian is not positive definite.
     """
     reflected, factor = target.reflected, mode.factor
     at = np.where(reflected, np.maximum(np.abs(mode.z), 2 * H * mode.sd()), mode.z)

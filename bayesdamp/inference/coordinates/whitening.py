@@ -1,33 +1,268 @@
-"""Coordinates in which a posterior is round, also one that ends at zero."""
+"""Coordinates in which a posterior is round: its curved ridge is straightened, and it is whitened.
+
+Two shears straighten a ridge without changing volumes: one of the motion's parameters, one of correlated noise.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.special import ndtr
 
-from bayesdamp.inference.coordinates.shear import Shear
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.coordinates.truncated_normal import truncated_moments
+from bayesdamp.inference.fit.mode import Mode, maximise
 from bayesdamp.inference.model.target import Target
-from bayesdamp.numerics.orthant import draw
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.priors import LogNormal, LogUniform
+from bayesdamp.types import Refusal
 
+WIDE = 2
+"""Number of scores along which a ridge may run."""
+REACH = 1.5
+"""Distance from the mode, in posterior sds, at which the ridge is measured."""
+VISIBLE = 0.02
+"""Distance of the ridge from its tangent at one sd, in whitened units, from which it is worth straightening."""
 H = 0.3
-"""Whitened units over which second differences are taken: they reach 0.6 sds from the centre, and the mean of
-a distribution that is cut off is an sd or more from the wall."""
+"""Step of second differences in whitened units: they reach 0.6 sds from the centre, and the mean of a truncated
+distribution is an sd or more from the wall."""
 FLATTEST = 0.1
-"""Least curvature that is believed, in units of the Gauss–Newton one."""
-DRAWS = 20_000
-"""Of a normal distribution between walls, behind its moments."""
-FAR = 8.0
-"""A wall so many sds away cuts nothing off."""
+"""Smallest curvature that is believed, in units of the Gauss–Newton one."""
+
+
+@dataclass(frozen=True)
+class NoiseShear:
+    """A shear of the scores, for noise of which the data determine a ratio of one parameter to a power of another.
+
+    As the second parameter changes, the score of the first one is shifted so that the ratio stays the same. The
+    Jacobian is one, and at the mode the shear is flat. The second parameter has a log-uniform prior, whose logarithm
+    changes with its score z as Φ(z) does.
+
+    Attributes
+    ----------
+    moved : ndarray, shape (d,)
+        Size of the shear, zero except for the first parameter.
+    along : int
+        Index of the second parameter.
+    centre : float
+        Its score at the mode.
+    """
+
+    moved: np.ndarray
+    along: int
+    centre: float
+
+    @classmethod
+    def none(cls, d: int) -> NoiseShear:
+        """Return the identity."""
+        return cls(np.zeros(d), 0, 0.0)
+
+    @classmethod
+    def of(cls, target: Target, mode: Mode) -> NoiseShear:
+        """Return the shear of the target's noise: the identity without tied parameters, or under other priors."""
+        tied = NOISES.get(target.noise).tied
+        if tied is None or not {tied.first, tied.second} <= set(target.names):
+            return cls.none(mode.z.size)
+        first, second = target.priors[tied.first], target.priors[tied.second]
+        if not (isinstance(first, LogNormal) and isinstance(second, LogUniform)):
+            return cls.none(mode.z.size)
+        moved, along = np.zeros(mode.z.size), target.names.index(tied.second)
+        moved[target.names.index(tied.first)] = tied.power * np.log(second.high / second.low) / first.sigma
+        return cls(moved, along, float(mode.z[along]))
+
+    def sheared(self, level: np.ndarray) -> np.ndarray:
+        """Return the scores of level ones, both (..., d)."""
+        return level + self._height(level) * self.moved if self._any else level
+
+    def level(self, scores: np.ndarray) -> np.ndarray:
+        """Return the level scores of scores, both (..., d)."""
+        return scores - self._height(scores) * self.moved if self._any else scores
+
+    def slope(self, level: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the scores by the level ones, (..., d, d), at level scores (..., d)."""
+        slope = np.zeros((*level.shape, level.shape[-1])) + np.eye(level.shape[-1])
+        if not self._any:
+            return slope
+        steepness = _density(level[..., self.along]) - _density(self.centre)
+        slope[..., self.along] += steepness[..., None] * self.moved
+        return slope
+
+    @cached_property
+    def _any(self) -> bool:
+        """Whether any score is moved at all."""
+        return bool(np.any(self.moved))
+
+    def _height(self, z: np.ndarray) -> np.ndarray:
+        own = z[..., self.along, None]
+        return ndtr(own) - ndtr(self.centre) - _density(self.centre) * (own - self.centre)
+
+
+def _density(z: np.ndarray | float) -> np.ndarray:
+    return np.exp(-0.5 * np.square(z)) / np.sqrt(2 * np.pi)
+
+
+@dataclass(frozen=True)
+class Shear:
+    """Two shears whose Jacobians are one, and which mirror images share.
+
+    Scores are `straight` ones plus a quadratic form of their wide components, and then the shear of the noise. The
+    quadratic form changes neither the wide nor the reflected scores.
+
+    Attributes
+    ----------
+    centre : ndarray, shape (d,)
+        Where the form is flat.
+    wide : ndarray of int, shape (k,)
+        Indices of the wide scores.
+    curve : ndarray, shape (d, k, k)
+        The quadratic form, zero for the wide and the reflected scores.
+    noise : NoiseShear
+        The shear of the noise.
+
+    References
+    ----------
+    The twisted normal of Haario, Saksman and Tamminen, 1999; a coupling of Dinh, 2014.
+    """
+
+    centre: np.ndarray
+    wide: np.ndarray
+    curve: np.ndarray
+    noise: NoiseShear
+
+    @classmethod
+    def none(cls, d: int) -> Shear:
+        """Return the identity."""
+        wide = np.arange(min(WIDE, d))
+        return cls(np.zeros(d), wide, np.zeros((d, wide.size, wide.size)), NoiseShear.none(d))
+
+    @classmethod
+    def of_noise(cls, target: Target, mode: Mode) -> Shear:
+        """Return the shear of the noise alone."""
+        return replace(cls.none(mode.z.size), noise=NoiseShear.of(target, mode))
+
+    def scores(self, straight: np.ndarray) -> np.ndarray:
+        """Return the scores of straightened ones, both (..., d)."""
+        return self.noise.sheared(self.level(straight))
+
+    def level(self, straight: np.ndarray) -> np.ndarray:
+        """Return the scores of straightened ones before the shear of the noise, both (..., d)."""
+        return straight + self._shift(straight) if self._curved else straight
+
+    def straight(self, scores: np.ndarray) -> np.ndarray:
+        """Return straightened scores, both (..., d)."""
+        level = self.noise.level(scores)
+        return level - self._shift(level) if self._curved else level
+
+    def slope(self, straight: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the scores by the straightened ones, (d, d), at one point (d,)."""
+        slope = np.eye(straight.size)
+        slope[:, self.wide] += self.curve @ (straight - self.centre)[self.wide]
+        return self.noise.slope(self.level(straight)) @ slope
+
+    @cached_property
+    def _curved(self) -> bool:
+        """Whether any score is moved at all."""
+        return bool(np.any(self.curve))
+
+    def _shift(self, z: np.ndarray) -> np.ndarray:
+        away = z[..., self.wide] - self.centre[self.wide]
+        both = away[..., :, None] * away[..., None, :]
+        size = self.wide.shape[0] ** 2
+        return 0.5 * both.reshape(*both.shape[:-2], size) @ self.curve.reshape(-1, size).T
+
+
+def shear_of(target: Target, mode: Mode) -> Shear | None:
+    """Return the shear that straightens a posterior's ridge; None where the ridge is straight.
+
+    The ridge is the line of highest posterior at given wide scores, those that determine each other least. Its second
+    differences are taken at `REACH` posterior sds. A product of two parameters of which the data determine only one
+    direction has such a ridge, as gravity and spring of the horizontal pendulum do.
+    """
+    reflected, d = target.reflected, mode.z.size
+    covariance = mode.factor @ mode.factor.T
+    moving = [n in target.oscillator.parameters for n in target.names]
+    wide = _widest(covariance, np.flatnonzero(~reflected & moving))
+    others = np.setdiff1d(np.arange(d), wide)
+    if wide.size < min(WIDE, d) or np.all(reflected[others]):
+        return None
+    root = np.linalg.cholesky(covariance[np.ix_(wide, wide)])
+    k = wide.size
+    curve = np.zeros((d, k, k))
+    try:
+        top = _ridge(target, mode, wide, others, np.zeros(k))
+        for a in range(k):
+            for b in range(a + 1):
+                step = REACH * (root[:, a] + root[:, b]) / (2 if a == b else np.sqrt(2))
+                ends = [_ridge(target, mode, wide, others, sign * step) for sign in (1, -1)]
+                curve[others, a, b] = curve[others, b, a] = (ends[0] + ends[1] - 2 * top) / REACH**2
+    except Refusal:
+        return None
+    curve[reflected] = 0.0
+    # The difference along (e_a + e_b)/√2 is half the sum of both second derivatives plus the mixed one.
+    for a in range(k):
+        for b in range(a):
+            mixed = curve[:, a, b] - 0.5 * (curve[:, a, a] + curve[:, b, b])
+            curve[:, a, b] = curve[:, b, a] = mixed
+    sheared = np.linalg.solve(mode.factor, curve.reshape(d, -1))
+    if 0.5 * np.max(np.abs(sheared)) < VISIBLE:
+        return None
+    inverse = np.linalg.inv(root)
+    curve = np.einsum("jab,ac,bd->jcd", curve, inverse, inverse)
+    return Shear(mode.z.copy(), wide, curve, NoiseShear.of(target, mode))
+
+
+def _widest(covariance: np.ndarray, among: np.ndarray) -> np.ndarray:
+    """Return the indices of the scores with the largest sds, each given the ones before it."""
+    left, widest = covariance.copy(), []
+    for _ in range(min(WIDE, among.size)):
+        i = among[int(np.argmax(np.diag(left)[among]))]
+        if left[i, i] <= 1e-12:
+            break
+        widest.append(int(i))
+        left = left - np.outer(left[:, i], left[:, i]) / left[i, i]
+    return np.array(widest, int)
+
+
+def _ridge(target: Target, mode: Mode, wide: np.ndarray, others: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Return the `others`, (d − k,), that are highest where the wide scores are moved by `step`, (k,).
+
+    Raises Refusal where the posterior is not finite there.
+    """
+    whole = mode.z.copy()
+    whole[wide] += step
+
+    def at(inner: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        z = whole.copy()
+        z[others] = inner
+        value, gradient, information = mode.near.curvature(z)
+        return value, gradient[others], information[np.ix_(others, others)]
+
+    information = np.linalg.inv(mode.factor @ mode.factor.T)
+    inner = information[np.ix_(others, others)]
+    start = mode.z[others] - np.linalg.solve(inner, information[np.ix_(others, wide)] @ step)
+    top = maximise(at, target.reflected[others], start, limit=20)
+    if not np.isfinite(top.value):
+        raise Refusal("the ridge ends")
+    return top.x
 
 
 @dataclass(frozen=True)
 class Whitening:
-    """Straightened scores (`shear`) are centre + factor @ u; u has mean about 0 and covariance about the identity.
+    """Straightened scores are centre + factor @ u, where u has mean about 0 and covariance about the identity.
 
-    centre: (d,); factor: (d, d); lacking: what the curvature of the linearised trajectory lacks at the
-    centre, (d, d); good: whether it could be measured.
+    Attributes
+    ----------
+    centre : ndarray, shape (d,)
+        Straightened scores at u = 0.
+    factor : ndarray, shape (d, d)
+        As above.
+    lacking : ndarray, shape (d, d)
+        Curvature that the linearised motion lacks at the centre.
+    good : bool
+        Whether the curvature could be measured.
+    shear : Shear
+        Straightens scores.
     """
 
     centre: np.ndarray
@@ -37,19 +272,28 @@ class Whitening:
     shear: Shear
 
     def scores(self, u: np.ndarray) -> np.ndarray:
-        """Scores at coordinates u, both (..., d)."""
+        """Return scores at coordinates u, both (..., d)."""
         return self.shear.scores(self.centre + u @ self.factor.T)
 
     def whitened(self, z: np.ndarray) -> np.ndarray:
-        """Coordinates of scores z, both (m, d)."""
+        """Return coordinates of scores z, both (m, d)."""
         return np.linalg.solve(self.factor, (self.shear.straight(z) - self.centre).T).T
 
 
 def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whitening:
-    """The frame of a posterior from its mode, and the gradient and the whole curvature beside it.
+    """Return the coordinates of a posterior from its mode, and the gradient and the whole curvature near it.
 
-    shear: the shear of its ridge, where that is to be straightened; else that of its noise. Where laws may hold
-    approximately the posterior is a mixture, wider than its mode: the frame is that of the linear model's draws.
+    Where laws may hold approximately, the posterior is a mixture that is wider than its mode. The coordinates are then
+    those of the linear model's draws.
+
+    Parameters
+    ----------
+    target : Target
+        Whose posterior it is.
+    mode : Mode
+        Its mode.
+    shear : Shear, optional
+        Of its ridge, where that is to be straightened; by default that of its noise alone.
     """
     d = mode.z.size
     shear = Shear.of_noise(target, mode) if shear is None else shear
@@ -65,7 +309,7 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
 
     information = np.linalg.inv(mode.factor @ mode.factor.T)
     centre, factor = truncated_moments(information, slope(at), at, reflected)
-    whole, linear = _curvatures(target, mode, centre, factor, shear)
+    whole, linear = _curvatures(mode, centre, factor, shear)
     if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(linear))):
         return Whitening(centre, factor, np.zeros((d, d)), False, shear)
     values, vectors = np.linalg.eigh(whole)
@@ -76,8 +320,10 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
 
 
 def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
-    """The frame of a posterior given a combination of hyperparameters of its deviations: that of the normal
-    distribution about the mode, cut off where a damping is zero."""
+    """Return the coordinates of a posterior given a combination of hyperparameters of its deviations.
+
+    They are those of the truncated normal about the mode.
+    """
     reflected, d = mode.likelihood.target.reflected, mode.z.size
     at = np.where(reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
     _, gradient, information = mode.near.under(combination).curvature(at)
@@ -85,49 +331,25 @@ def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
     return Whitening(shear.straight(centre), factor, np.zeros((d, d)), True, shear)
 
 
-def truncated_moments(
-    information: np.ndarray, gradient: np.ndarray, at: np.ndarray, reflected: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and covariance's factor of the normal distribution with this information and, at `at`, this
-    gradient, cut off at zero in the reflected scores."""
-    covariance = np.linalg.inv(information)
-    covariance = 0.5 * (covariance + covariance.T)
-    mean = at + covariance @ gradient
-    reflected = reflected[mean[reflected] < FAR * np.sqrt(np.diag(covariance)[reflected])]
-    if reflected.size:
-        inner = covariance[np.ix_(reflected, reflected)]
-        rng, places = np.random.default_rng(0), np.arange(reflected.size)  # it only shapes coordinates
-        inside = draw(rng, mean[reflected], np.linalg.cholesky(inner), places, DRAWS)
-        # The other scores follow the reflected ones linearly.
-        follow = covariance[:, reflected] @ np.linalg.inv(inner)
-        mean = mean + follow @ (inside.mean(axis=0) - mean[reflected])
-        covariance = covariance + follow @ (np.cov(inside.T, ddof=1).reshape(inner.shape) - inner) @ follow.T
-    return mean, np.linalg.cholesky(0.5 * (covariance + covariance.T))
-
-
 def _curvatures(
-    target: Target, mode: Mode, at: np.ndarray, factor: np.ndarray, shear: Shear
+    mode: Mode, at: np.ndarray, factor: np.ndarray, shear: Shear
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return −∂² of the log posterior and of that with the motion linearised, in units of factor, both (d, d).
-
-    By second differences.
-    """
+    """Return −∂² of the log posterior and of that with the motion linearised, in units of factor, both (d, d)."""
     d = at.size
     pairs = [(i, j) for i in range(d) for j in range(i, d)]
     corners = np.array(
         [[a * np.eye(d)[i] + b * np.eye(d)[j] for a in (1, -1) for b in (1, -1)] for i, j in pairs]
     )
     away = H * corners.reshape(-1, d) @ factor.T
-    near = mode.near
-    line = near.line(shear.scores(at))
+    line = mode.near.line(shear.scores(at))
 
     def hessian(values: list[float]) -> np.ndarray:
         f = np.array(values).reshape(-1, 4)
-        found = np.zeros((d, d))
+        curvature = np.zeros((d, d))
         for (i, j), v in zip(pairs, -(f[:, 0] - f[:, 1] - f[:, 2] + f[:, 3]) / (4 * H * H), strict=True):
-            found[i, j] = found[j, i] = v
-        return found
+            curvature[i, j] = curvature[j, i] = v
+        return curvature
 
-    whole = hessian([near.log_posterior(z) for z in shear.scores(at + away)])
-    straight = shear.noise.sheared(shear.level(at) + away)
-    return whole, hessian([near.log_posterior_along(line, z) for z in straight])
+    whole = hessian([mode.near.log_posterior(z) for z in shear.scores(at + away)])
+    level = shear.noise.sheared(shear.level(at) + away)
+    return whole, hessian([mode.near.log_posterior_along(line, z) for z in level])

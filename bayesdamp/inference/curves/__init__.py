@@ -1,1 +1,1 @@
-"""Quantities that follow from draws."""
+"""Quantities computed from posterior draws."""

@@ -1,6 +1,6 @@
-"""Quantities that follow from a posterior's draws: a row each in `QUANTITIES`.
+"""Quantities derived from a posterior's draws, one for each row of `QUANTITIES`.
 
-| name | unit | what |
+| name | unit | meaning |
 |---|---|---|
 | natural_frequency | rad/s | ω_n = √F′_rest at the equilibrium |
 | damping_ratio | 1 | F′_damp/(2ω_n) at the equilibrium, of the terms that are linear there (friction has none) |
@@ -14,9 +14,10 @@
 | coulomb_torque | N m | inertia · μ_c (N for a translation) |
 | quadratic_coefficient | N m s² | inertia · μ_q (N s²/m² for a translation) |
 
-E and ΔE are those of the undamped motion at an amplitude and of the damping force's work along it, by quadrature
-with the model's own restoring law. Amplitudes follow dA/dn = −ΔE/(dE/dA) a cycle n (averaging to first order; of a
-linear oscillator with viscous damping the half-life is exact, the decrement within half the ratio squared).
+E is the energy of the undamped motion at an amplitude, and ΔE the work of the damping force along it, both by
+quadrature with the model's own restoring law. Amplitudes follow dA/dn = −ΔE/(dE/dA) a cycle n (averaging to first
+order). For a linear oscillator with viscous damping the half-life is exact, and the decrement right within half the
+ratio squared.
 """
 
 from __future__ import annotations
@@ -32,18 +33,28 @@ from bayesdamp.physics.orbit import Cycle, cycle, rest_position
 from bayesdamp.physics.oscillator import Oscillator
 
 SLOW = 1e-170
-"""A velocity, rad/s, whose square is zero in double precision: what is not linear at rest has no slope there."""
+"""A velocity in rad/s whose square is zero in double precision, so that only linear terms have a slope there."""
 CURVE_DRAWS = 1000
-"""Draws behind a band over amplitudes: its edges are good to a tenth of an sd."""
+"""Number of draws for a band over amplitudes: its edges are right within a tenth of an sd."""
 _HALVING = np.polynomial.legendre.leggauss(6)
 
 
 @dataclass(frozen=True)
 class Motions:
-    """The motions that draws stand for.
+    """The motions of an oscillator under posterior draws of its parameters.
 
-    values: every parameter of the oscillator, scalars or arrays of one shape; near: where the equilibrium is looked
-    for, amplitude: the reference amplitude (both rad or m); inertia in kg m² (kg), None where it is not known.
+    Attributes
+    ----------
+    osc : Oscillator
+        Its damping terms and restoring law.
+    values : mapping of str to float or ndarray
+        Every parameter of the oscillator, scalars or arrays of one shape.
+    near : float
+        Where the search for the equilibrium starts, rad or m.
+    amplitude : float
+        The reference amplitude, rad or m.
+    inertia : float or None
+        In kg m² (kg for a displacement), None where it is not known.
     """
 
     osc: Oscillator
@@ -61,12 +72,12 @@ class Motions:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the draws."""
+        """Shape of the draws."""
         return next(iter(self._numbers.values())).shape
 
     @cached_property
     def _rest(self) -> np.ndarray:
-        """The equilibria, rad or m."""
+        """Equilibria, rad or m."""
         return rest_position(self.osc, self._numbers, self.near)
 
     @cached_property
@@ -77,7 +88,7 @@ class Motions:
 
     @cached_property
     def damping_ratio(self) -> np.ndarray | None:
-        """F′_damp/(2ω_n) at the equilibrium, of the terms that do not switch; None where none is linear there."""
+        """F′_damp/(2ω_n) at the equilibrium, of the smooth terms; None where none of them is linear there."""
         smooth = [t for t in self.osc.terms if not t.switches]
         if not smooth:
             return None
@@ -91,10 +102,9 @@ class Motions:
         return slopes / (2.0 * self.frequency) if np.any(slopes) else None
 
     def at(self, amplitude: np.ndarray | float) -> Cycle:
-        """The cycle at an amplitude, one for all or one for each draw."""
-        return cycle(
-            self.osc, self._numbers, np.broadcast_to(np.asarray(amplitude, float), self.shape), self.near
-        )
+        """Return the cycle at an amplitude, which may differ between draws."""
+        amplitudes = np.broadcast_to(np.asarray(amplitude, float), self.shape)
+        return cycle(self.osc, self._numbers, amplitudes, self.near)
 
     @cached_property
     def cycle(self) -> Cycle:
@@ -112,16 +122,25 @@ class Motions:
         return time
 
     def coefficient(self, name: str, factor: float = 1.0) -> np.ndarray | None:
-        """A factor times a coefficient times the inertia; None where one of the two is not there."""
+        """Return a factor times a coefficient times the inertia; None where one of them is missing."""
         if self.inertia is None or name not in self.osc.coefficients:
             return None
         return factor * (self.inertia * np.broadcast_to(np.asarray(self.values[name], float), self.shape))
 
 
 @dataclass(frozen=True)
-class Quantity:
-    """One derived quantity. angular, linear: its unit for an angle in rad and for a displacement in m; of: its value
-    for each draw, None where the model or what is known has no such thing."""
+class DerivedQuantity:
+    """One derived quantity.
+
+    Attributes
+    ----------
+    name : str
+        As in results.
+    angular, linear : str
+        Its unit for an angle in rad and for a displacement in m.
+    of : callable
+        Computes its value for each draw, None where it does not apply.
+    """
 
     name: str
     angular: str
@@ -130,44 +149,58 @@ class Quantity:
 
 
 QUANTITIES = (
-    Quantity("natural_frequency", "rad/s", "rad/s", lambda m: m.frequency),
-    Quantity("damping_ratio", "1", "1", lambda m: m.damping_ratio),
-    Quantity(
+    DerivedQuantity("natural_frequency", "rad/s", "rad/s", lambda m: m.frequency),
+    DerivedQuantity("damping_ratio", "1", "1", lambda m: m.damping_ratio),
+    DerivedQuantity(
         "quality_factor", "1", "1", lambda m: None if m.damping_ratio is None else 0.5 / m.damping_ratio
     ),
-    Quantity("equivalent_ratio", "1", "1", lambda m: _ratio(m.cycle)),
-    Quantity("log_decrement", "1", "1", lambda m: _decrement(m.cycle, m.amplitude)),
-    Quantity("half_life", "s", "s", lambda m: m.half_life),
-    Quantity("energy_fraction", "1", "1", lambda m: np.asarray(m.cycle.lost / m.cycle.energy)),
-    Quantity(
+    DerivedQuantity("equivalent_ratio", "1", "1", lambda m: _ratio(m.cycle)),
+    DerivedQuantity("log_decrement", "1", "1", lambda m: _decrement(m.cycle, m.amplitude)),
+    DerivedQuantity("half_life", "s", "s", lambda m: m.half_life),
+    DerivedQuantity("energy_fraction", "1", "1", lambda m: np.asarray(m.cycle.lost / m.cycle.energy)),
+    DerivedQuantity(
         "energy_lost", "J", "J", lambda m: None if m.inertia is None else m.inertia * np.asarray(m.cycle.lost)
     ),
-    Quantity("viscous_coefficient", "N m s", "N s/m", lambda m: m.coefficient("zeta", 2.0)),
-    Quantity("coulomb_torque", "N m", "N", lambda m: m.coefficient("mu_c")),
-    Quantity("quadratic_coefficient", "N m s²", "N s²/m²", lambda m: m.coefficient("mu_q")),
+    DerivedQuantity("viscous_coefficient", "N m s", "N s/m", lambda m: m.coefficient("zeta", 2.0)),
+    DerivedQuantity("coulomb_torque", "N m", "N", lambda m: m.coefficient("mu_c")),
+    DerivedQuantity("quadratic_coefficient", "N m s²", "N s²/m²", lambda m: m.coefficient("mu_q")),
 )
 
 
 def derive(motions: Motions) -> dict[str, np.ndarray]:
-    """Every derived quantity that the model has, of the draws' shape; nan or infinite where a draw has none.
+    """Compute every derived quantity that the model has, of the draws' shape; nan or infinite where a draw has none.
 
-    The natural frequency is left out where no draw changes it.
+    The natural frequency is left out where it is the same for all draws.
     """
-    found = {q.name: q.of(motions) for q in QUANTITIES}
+    quantities = {q.name: q.of(motions) for q in QUANTITIES}
     fixed = all(np.ndim(motions.values[n]) == 0 for n in motions.osc.law.parameters)
-    return {n: v for n, v in found.items() if v is not None and not (fixed and n == "natural_frequency")}
+    return {n: v for n, v in quantities.items() if v is not None and not (fixed and n == "natural_frequency")}
 
 
 def units(displacement: str) -> dict[str, str]:
-    """Unit of each derived quantity where displacements are in rad or in m."""
+    """Return the unit of each derived quantity, where displacements are in "rad" or in "m"."""
     return {q.name: q.angular if displacement == "rad" else q.linear for q in QUANTITIES}
 
 
 def against_amplitude(
     motions: Motions, amplitudes: np.ndarray, levels: Sequence[float] = (0.025, 0.5, 0.975)
 ) -> dict[str, np.ndarray]:
-    """Quantiles of the logarithmic decrement and of the equivalent ratio at amplitudes (rad or m, shape (m,)): name to
-    a row for each level, shape (levels, m), the median and central 95 % by default. From some 1,000 of the draws."""
+    """Compute quantiles of the logarithmic decrement and of the equivalent ratio against the amplitude.
+
+    Parameters
+    ----------
+    motions : Motions
+        Draws, of which some 1,000 are used.
+    amplitudes : ndarray, shape (m,)
+        rad or m.
+    levels : sequence of float
+        Levels of the quantiles; by default the median and the central 95 %.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (levels, m)
+        By name of the quantity.
+    """
     every = max(1, int(np.prod(motions.shape)) // CURVE_DRAWS)
     few = {n: v if np.ndim(v) == 0 else np.ravel(v)[::every] for n, v in motions.values.items()}
     thinned = Motions(motions.osc, few, motions.near, motions.amplitude)

@@ -13,7 +13,7 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Linear, condensed, normals
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit, fit, nonnegative
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.inference.model.defaults import default_prior
+from bayesdamp.inference.model.target import default_prior
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import ALL, NONE

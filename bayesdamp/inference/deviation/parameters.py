@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.inference.model.scores import Scores
+from bayesdamp.inference.model.target import Scores
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.priors import Prior, log_prior_of

@@ -1,4 +1,4 @@
-"""Which damping sum the evidence names, one power of the amplitude instead, and sums that no envelope tells apart."""
+"""Which damping sum the evidence names, one power of the amplitude instead, and sums that no envelope distinguishes."""
 
 from __future__ import annotations
 
@@ -15,22 +15,105 @@ from bayesdamp.inference.envelope.sums import Sum, sums_on, weighed
 from bayesdamp.physics.amplitude.laws import POWERS
 
 ALONG = 65
-"""Amplitudes, evenly in their logarithm."""
+"""Amplitudes, evenly spaced in their logarithm."""
 SAME = 1e-4
 """Root mean square difference of two relative losses that no record shows."""
 EXCLUDED = 7.0
 """Nats behind the most probable sum at which the other's parameters are where their priors exclude them."""
+LEAST, MOST = 0.0, 3.0
+"""Range of the exponent of a power law."""
+GRID = 3001
+"""Values of the exponent."""
+NEGLIGIBLE = 1e-5
+"""Weight in a mixture, relative to the largest, that is ignored."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """Damping sums on a record and their weights.
+
+    Attributes
+    ----------
+    sums, candidates
+        The sums, and all of their candidates.
+    log_evidence
+        Log evidence of each sum plus its log prior, the law's deviation integrated out, (sums,).
+    log_exact
+        The part of it under laws that hold exactly, with their prior probability, (sums,).
+    """
+
+    sums: tuple[Sum, ...]
+    candidates: tuple[Candidate, ...]
+    log_evidence: np.ndarray
+    log_exact: np.ndarray
+
+    @property
+    def probability(self) -> np.ndarray:
+        """Probability of each sum."""
+        weights = np.exp(self.log_evidence - self.log_evidence.max())
+        return weights / weights.sum()
+
+    @property
+    def best(self) -> Sum:
+        """The most probable sum."""
+        return self.sums[int(np.argmax(self.log_evidence))]
+
+    @property
+    def best_exact(self) -> Sum:
+        """The most probable sum under laws that hold exactly."""
+        return self.sums[int(np.argmax(self.log_exact))]
+
+    @property
+    def fitted(self) -> Candidate:
+        """The most probable candidate of the most probable sum."""
+        own = (c for c in self.candidates if c.name == self.best.name)
+        return max(own, key=lambda c: c.total + c.log_share)
+
+    @property
+    def exact(self) -> float:
+        """Probability that the law holds exactly."""
+        return float(np.exp(np.logaddexp.reduce(self.log_exact) - np.logaddexp.reduce(self.log_evidence)))
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Terms of all sums, the paper's first."""
+        terms = dict.fromkeys(term for s in self.sums for term in s.terms)
+        return tuple(sorted(terms, key=lambda term: (*POWERS, *terms).index(term)))
+
+    @property
+    def by_sum(self) -> dict[str, float]:
+        """Probability of each sum by name."""
+        return {s.name: float(p) for s, p in zip(self.sums, self.probability, strict=True)}
+
+    @property
+    def by_term(self) -> dict[str, float]:
+        """Probability of each term, over all sums that have it."""
+        each = list(zip(self.sums, self.probability, strict=True))
+        return {term: float(sum(p for s, p in each if term in s.terms)) for term in self.terms}
+
+
+def ranked(sums: Sequence[Sum], candidates: Sequence[Candidate]) -> Ranking:
+    """Rank sums by all of their candidates."""
+
+    def by_sum(logs: Sequence[float]) -> np.ndarray:
+        """Return ln of the sum over each sum's candidates."""
+        own = [[z for z, c in zip(logs, candidates, strict=True) if c.name == s.name] for s in sums]
+        return np.array([np.logaddexp.reduce(each) for each in own])
+
+    log_evidence = by_sum([c.total + c.log_share for c in candidates])
+    log_exact = by_sum([c.total_exact + c.log_share for c in candidates])
+    return Ranking(tuple(sums), tuple(candidates), log_evidence, log_exact)
 
 
 def untold(ranking: Ranking) -> tuple[tuple[str, str], ...]:
-    """Pairs of sums, the most probable one among them, of which the first loses as the second does.
+    """Return pairs of sums, with the most probable one among them, of which the first loses as the second does.
 
-    The first has parameters beside coefficients and is no simpler than the second: priors alone choose between them. A
-    simpler law within a wider one is told by its evidence.
+    The first has further parameters besides coefficients and is not simpler than the second: only the priors choose
+    between them. A simpler law within a wider one is distinguished by its evidence.
     """
     best, most = ranking.best, ranking.log_evidence.max()
-    near = [one for one, z in zip(ranking.sums, ranking.log_evidence, strict=True) if z > most - EXCLUDED]
-    pairs = [(best, one) for one in near] + [(one, best) for one in near]
+    near = [s for s, z in zip(ranking.sums, ranking.log_evidence, strict=True) if z > most - EXCLUDED]
+    pairs = [(best, s) for s in near] + [(s, best) for s in near]
     return tuple((a.name, b.name) for a, b in pairs if _loses_as(ranking, a, b))
 
 
@@ -46,43 +129,43 @@ def _loses_as(ranking: Ranking, a: Sum, b: Sum) -> bool:
     return True
 
 
-LEAST, MOST = 0.0, 3.0
-GRID = 3001
-"""Values of the exponent."""
-NEGLIGIBLE = 1e-5
-"""Of the largest weight in a mixture."""
-
-
 @dataclass(frozen=True)
-class PowerLaw:
-    """exponent: p of dA/dt = -cA^p; odds: log Bayes factor against the mixture of sums."""
+class PowerFit:
+    """The power law dA/dt = -cA^p: the exponent p, and the log Bayes factor against the mixture of sums (`odds`)."""
 
     exponent: Quantity
     odds: float
 
 
-def power_law(decay: Decay, ranking: Ranking) -> PowerLaw:
-    """On a decay whose sums are ranked."""
+def power_law(decay: Decay, ranking: Ranking) -> PowerFit:
+    """Weigh a power law on a decay whose sums are ranked."""
     log_z, mean, variance = weigh_power(decay.blocks, decay.noises, decay.inverse)
-    prior = np.logaddexp.reduce([one.log_prior for one in ranking.sums])
+    prior = np.logaddexp.reduce([s.log_prior for s in ranking.sums])
     odds = float(np.logaddexp.reduce(log_z) - np.logaddexp.reduce(ranking.log_evidence) + prior)
-    return PowerLaw(mixture_range(log_z, mean, variance, LEAST, MOST), odds)
+    return PowerFit(mixture_range(log_z, mean, variance, LEAST, MOST), odds)
 
 
 def by_power(decay: Decay) -> list[Candidate]:
-    """One power of the velocity, as a term."""
+    """Weigh one power of the velocity, as a damping term."""
     from bayesdamp.physics.amplitude.loss import Scale
 
     b = decay.blocks
-    return weighed(
-        b, sums_on([("power",)], Scale(), b.ends[0], float(b.x.min())), decay.noises, decay.inverse
-    )
+    sums = sums_on([("power",)], Scale(), b.ends[0], float(b.x.min()))
+    return weighed(b, sums, decay.noises, decay.inverse)
 
 
 def mixture_range(
     log_weight: np.ndarray, mean: np.ndarray, variance: np.ndarray, least: float, most: float
 ) -> Quantity:
-    """Median and 95 % interval of a mixture of normals cut off at both ends; each array (n,)."""
+    """Return median and 95 % interval of a mixture of normals that is truncated at both ends.
+
+    Parameters
+    ----------
+    log_weight, mean, variance : ndarray, shape (n,)
+        Of the normals.
+    least, most : float
+        The ends.
+    """
     weight = np.exp(log_weight - log_weight.max())
     grid = np.linspace(least, most, GRID)
     density = np.zeros_like(grid)
@@ -90,87 +173,8 @@ def mixture_range(
         if w > NEGLIGIBLE:
             density += w / np.sqrt(v) * np.exp(-0.5 * (grid - m) ** 2 / v)
     total = np.cumsum(density)
-    if not total[-1] > 0:  # narrower than the grid, or beyond an end of it
+    if not total[-1] > 0:  # narrower than the grid, or beyond one of its ends
         centre, cell = float(np.clip(weight @ mean / weight.sum(), least, most)), (most - least) / (GRID - 1)
         return Quantity(centre, max(centre - 0.5 * cell, least), min(centre + 0.5 * cell, most))
     low, middle, high = (float(q) for q in np.interp([0.025, 0.5, 0.975], total / total[-1], grid))
     return Quantity(middle, low, high)
-
-
-@dataclass(frozen=True, eq=False)
-class Ranking:
-    """Damping sums on a record and what weighs them.
-
-    log_evidence, log_exact: of each sum with its odds before, (sums,), the law's deviation integrated out, and given
-    that it holds exactly times that prior.
-    """
-
-    sums: tuple[Sum, ...]
-    candidates: tuple[Candidate, ...]
-    log_evidence: np.ndarray
-    log_exact: np.ndarray
-
-    @property
-    def probability(self) -> np.ndarray:
-        """Of each sum."""
-        found = np.exp(self.log_evidence - self.log_evidence.max())
-        return found / found.sum()
-
-    @property
-    def best(self) -> Sum:
-        """The most probable sum."""
-        return self.sums[int(np.argmax(self.log_evidence))]
-
-    @property
-    def best_exact(self) -> Sum:
-        """The most probable sum of those that hold exactly."""
-        return self.sums[int(np.argmax(self.log_exact))]
-
-    @property
-    def fitted(self) -> Candidate:
-        """Its most probable candidate."""
-        own = (c for c in self.candidates if c.name == self.best.name)
-        return max(own, key=lambda c: c.total + c.log_share)
-
-    @property
-    def exact(self) -> float:
-        """Probability that the law holds exactly."""
-        return float(np.exp(np.logaddexp.reduce(self.log_exact) - np.logaddexp.reduce(self.log_evidence)))
-
-    @property
-    def terms(self) -> tuple[str, ...]:
-        """Of all sums, the paper's first."""
-        there = dict.fromkeys(term for one in self.sums for term in one.terms)
-        return tuple(sorted(there, key=lambda term: (*POWERS, *there).index(term)))
-
-    @property
-    def by_sum(self) -> dict[str, float]:
-        """Probability of each sum by name."""
-        return {one.name: float(p) for one, p in zip(self.sums, self.probability, strict=True)}
-
-    @property
-    def by_term(self) -> dict[str, float]:
-        """Probability of each term, over all sums that have it."""
-        each = list(zip(self.sums, self.probability, strict=True))
-        return {term: float(sum(p for one, p in each if term in one.terms)) for term in self.terms}
-
-
-def ranked(sums: Sequence[Sum], candidates: Sequence[Candidate]) -> Ranking:
-    """Of sums by all of their candidates."""
-    names = [one.name for one in sums]
-    return Ranking(
-        tuple(sums),
-        tuple(candidates),
-        _by_sum(names, candidates, [c.total + c.log_share for c in candidates]),
-        _by_sum(names, candidates, [c.total_exact + c.log_share for c in candidates]),
-    )
-
-
-def _by_sum(names: Sequence[str], candidates: Sequence[Candidate], logs: Sequence[float]) -> np.ndarray:
-    """ln of the sum over each sum's candidates."""
-    return np.array(
-        [
-            np.logaddexp.reduce([one for one, c in zip(logs, candidates, strict=True) if c.name == name])
-            for name in names
-        ]
-    )

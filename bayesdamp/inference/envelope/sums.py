@@ -1,4 +1,10 @@
-"""Damping sums on a record, those with parameters beside coefficients too, and their evidence."""
+"""Damping sums: which of them an envelope can distinguish, their laws on a record, and their evidence.
+
+The posterior of parameters besides the coefficients is represented by points, from adaptive importance sampling. Rounds
+of points, each from a normal fitted to the earlier ones, are weighted against the mixture of all of these
+(J.-M. Cornuet, J.-M. Marin, A. Mira and C. P. Robert, Scand. J. Stat. 39, 798 (2012)). A low-discrepancy sequence
+replaces random numbers.
+"""
 
 from __future__ import annotations
 
@@ -8,37 +14,79 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import ndtri
 
+from bayesdamp.inference.deviation.gaussian.hyperparameters import EXACT, MEAN_G
 from bayesdamp.inference.envelope.candidates import Blocks, Candidate, fit_rates, weigh
-from bayesdamp.inference.envelope.further import Explored, explore
 from bayesdamp.inference.envelope.noise import Noise
-from bayesdamp.odds import odds
-from bayesdamp.physics.amplitude.laws import POWERS, SUMS, ClosedForm, Law, Shape, Tabled
+from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
+from bayesdamp.odds import FURTHER_TERM, odds
+from bayesdamp.physics.amplitude.laws import ClosedForm, Law, Shape, Tabled
+from bayesdamp.physics.amplitude.laws import POWERS, SUMS
+from bayesdamp.physics.damping import TERMS, DampingTerm
+from bayesdamp.priors import SHARED_SCALES
+from bayesdamp.records.envelope.decay import ABOVE_FLOOR
+from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
     from bayesdamp.physics.amplitude.loss import Scale
-    from bayesdamp.physics.damping import DampingTerm
 
 HOPELESS = 25.0
-"""Nats behind the best with the first noise at which a sum is not weighed with the others: those are worth few."""
-STAND_FOR = 24
-"""Points that the posterior of a sum's further parameters is shown by."""
+"""A sum this many nats behind the best with the first noise is not weighed with the others: they change it by a few."""
+POINTS = 24
+"""Points that represent the posterior of a sum's further parameters."""
 FIRST_ROUNDS = 6
-"""Rounds of points among which the fit of a sum with further parameters is sought."""
+"""Rounds of points in the search for the fit of a sum with further parameters."""
 SMALL = 0.01
-"""Of its largest on the record a loss at the reference amplitude at least, where its rate is told there."""
+"""Smallest loss at the reference amplitude that determines a rate there, as a share of the largest on the record."""
 STEEP = 3.0
-"""The largest power of the amplitude that a loss goes with among the terms that ship."""
+"""Largest power of the amplitude in the loss of the terms that ship."""
 BEYOND = 1.0
-"""Of ln A beyond the readings that a law is known for."""
+"""Range of ln A beyond the readings for which a law is tabulated."""
+ROUND = 16
+"""Points in a round."""
+ROUNDS = 12
+"""Largest number of rounds: a parameter that is known to a thousandth of its prior takes eight."""
+ENOUGH = 32.0
+"""Effective points at which sampling ends."""
+WIDER = 1.5
+"""Variance of a round's normal relative to that of the points before."""
+FLATTER = 0.8
+"""Power by which weights are flattened in each step."""
+REACH = 5.0
+"""Largest score: a normal exceeds it once in a million."""
+LONGEST = 3
+"""Largest number of terms in a sum: a decay cannot distinguish more."""
+ASSUMED = (
+    "Each term's equivalent damping ratio at the amplitude in the middle of the fall in dB has a half-normal prior. "
+    "Its scale is unknown and the same for all terms of a sum: all orders of magnitude between "
+    f"{SHARED_SCALES[0]:g} and {SHARED_SCALES[-1]:g} are equally probable. Where the frequency is not known, the "
+    "rates have the same prior, with the middle of its scales at one over the duration of the decay.",
+    f"Prior odds of a sum: 1 for a single term, times {FURTHER_TERM:g} for each further term.",
+    f"The law holds exactly with probability {EXACT:g}. Otherwise its rate is multiplied by 1 + g, where g has the sd "
+    f"τ, which has an exponential prior with mean {MEAN_G:g}.",
+    f"Every rate is known to {100 * SENSOR:g} % (sd) at best (detector, clock). Readings in dB may also contain "
+    f"{DRIFT:g} dB of drift or nonlinearity of the detector over half of the decay.",
+    f"Readings down to {ABOVE_FLOOR:g} dB above the noise floor are used. The quoted Q and rate are those of the law, "
+    "averaged over the first half of the fall in dB; the values at three amplitudes include the deviation.",
+)
+Sums = tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
 class Sum:
     """A damping sum on one record.
 
-    start, low: ln(A/A_ref) at the start and of the lowest reading. each: the registered terms, () where the sum is of
-    viscous, Coulomb and quadratic damping alone; scale: what the parameters of these are relative to.
+    Attributes
+    ----------
+    terms
+        Names of the damping terms.
+    start, low
+        ln(A/A_ref) at the start, and of the lowest reading.
+    each
+        The registered terms, () where the sum has only viscous, Coulomb and quadratic damping.
+    scale
+        What the parameters of the registered terms are relative to.
     """
 
     terms: tuple[str, ...]
@@ -54,33 +102,36 @@ class Sum:
 
     @property
     def log_prior(self) -> float:
-        """ln of the odds before."""
+        """ln of the prior odds."""
         return float(np.log(odds(self.terms)))
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Further parameters of each term."""
+        """Number of further parameters of each term."""
         return tuple(len(term.inferred) for term in self.each)
 
     @property
     def count(self) -> int:
-        """Further parameters."""
+        """Number of further parameters."""
         return sum(self.counts)
 
     def own(self, scores: Sequence[float], term: int) -> tuple[float, ...]:
-        """A term's scores among those of all."""
+        """Return a term's scores from those of all terms."""
         first = sum(self.counts[:term])
         return tuple(float(z) for z in scores[first : first + self.counts[term]])
 
     def law(self, scores: Sequence[float] = ()) -> Law:
-        """At scores of the further parameters."""
+        """Return the law at scores of the further parameters."""
         if not self.each:
             return ClosedForm(self.terms)
         shapes = tuple(self._shape(i, self.own(scores, i)) for i in range(len(self.each)))
         return Tabled(self.terms, shapes, self.low - BEYOND, self.start + BEYOND)
 
     def unit_rate(self, term: int, scores: tuple[float, ...], scale: Scale | None = None) -> float:
-        """ln of the rate in 1/s of a coefficient of 1 at the reference amplitude. scale: in place of the sum's."""
+        """Return ln of the rate in 1/s of a coefficient of 1 at the reference amplitude.
+
+        `scale` replaces that of the sum.
+        """
         from bayesdamp.physics.amplitude.loss import log_loss
 
         loss = log_loss(self.each[term], scores, scale or self.scale)  # type: ignore[arg-type]
@@ -97,57 +148,60 @@ class Sum:
 def sums_on(
     asked: Sequence[tuple[str, ...]], scale: Scale | None, start: float, low: float
 ) -> tuple[Sum, ...]:
-    """Sums of terms by name on a record; see `Sum`."""
-    found = []
-    for terms in asked:
-        if all(term in POWERS for term in terms):
-            found.append(Sum(terms, start, low))
-        else:
-            from bayesdamp.physics.damping import TERMS
+    """Return sums of terms by name on a record.
 
-            found.append(Sum(terms, start, low, tuple(map(TERMS.get, terms)), scale))
-    return tuple(found)
+    Parameters
+    ----------
+    asked : sequence of tuple of str
+        Names of the terms of each sum.
+    scale, start, low
+        As in `Sum`.
+    """
+    plain = Sum((), start, low)
+    return tuple(
+        replace(plain, terms=terms)
+        if all(term in POWERS for term in terms)
+        else replace(plain, terms=terms, each=tuple(map(TERMS.get, terms)), scale=scale)
+        for terms in asked
+    )
 
 
 def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[Law, float, np.ndarray]:
-    """A law that leaves as little of a record as any of these sums does, ln A at its start, and its rates.
+    """Return a law that fits a record as well as any of these sums, ln A at its start, and its rates.
 
-    It has viscous, Coulomb and quadratic damping with it, so that what it may leave is none of theirs; where the loss
-    is steeper than all of these, the third power of the amplitude too.
+    The law includes viscous, Coulomb and quadratic damping, so that its residuals contain none of these. Where the loss
+    is steeper than all of these, it also includes the third power of the amplitude.
     """
     steep = Tabled(("steep",), (_power(STEEP),), float(b.x.min()) - BEYOND, b.ends[0] + BEYOND)
-    found = [_squares(b, law, inverse) for law in (ClosedForm(SUMS[-1]), steep)]
-    found += [_fitted(b, one, inverse) for one in sums if one.each]
-    law, x0, rates, _ = min(found, key=lambda one: one[3])
+    fits = [_least_squares(b, law, inverse) for law in (ClosedForm(SUMS[-1]), steep)]
+    fits += [_fit_sum(b, s, inverse) for s in sums if s.each]
+    law, x0, rates, _ = min(fits, key=lambda fit: fit[3])
     if law.terms == SUMS[-1]:
         return law, x0, rates
     assert isinstance(law, Tabled)
     more = tuple(term for term in SUMS[-1] if term not in law.terms)
     shapes = tuple(_power(POWERS[term]) for term in more)
-    return (
-        replace(law, terms=law.terms + more, each=law.each + shapes),
-        x0,
-        np.append(rates, np.zeros(len(more))),
-    )
+    law = replace(law, terms=law.terms + more, each=law.each + shapes)
+    return law, x0, np.append(rates, np.zeros(len(more)))
 
 
-def _fitted(b: Blocks, one: Sum, inverse: np.ndarray) -> tuple[Law, float, np.ndarray, float]:
-    """As `_squares`, a sum's further parameters sought too."""
+def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[Law, float, np.ndarray, float]:
+    """Return the same as `_least_squares` at the best scores of a sum's further parameters."""
 
     @cache
     def at(scores: tuple[float, ...]) -> tuple[Law, float, np.ndarray, float]:
-        return _squares(b, one.law(scores), inverse)
+        return _least_squares(b, s.law(scores), inverse)
 
-    if not one.count:
+    if not s.count:
         return at(())
-    explored = explore(lambda z: -0.5 * at(z)[3], one.count, FIRST_ROUNDS)
+    explored = explore(lambda z: -0.5 * at(z)[3], s.count, FIRST_ROUNDS)
     return min((at(tuple(z)) for z in explored.points.tolist()), key=lambda fit: fit[3])
 
 
-def _squares(b: Blocks, law: Law, inverse: np.ndarray) -> tuple[Law, float, np.ndarray, float]:
-    """A law, its start and rates at the least squares, and these squares."""
-    found = fit_rates(b, law, inverse)
-    return law, float(found.values[-1]), found.values[:-1], found.squares
+def _least_squares(b: Blocks, law: Law, inverse: np.ndarray) -> tuple[Law, float, np.ndarray, float]:
+    """Return a law with its start and rates at the least squares, and these squares."""
+    fit = fit_rates(b, law, inverse)
+    return law, float(fit.values[-1]), fit.values[:-1], fit.squares
 
 
 def _power(power: float) -> Shape:
@@ -157,42 +211,222 @@ def _power(power: float) -> Shape:
 def weighed(
     b: Blocks, sums: Sequence[Sum], noises: Sequence[tuple[Noise, np.ndarray]], inverse: np.ndarray
 ) -> list[Candidate]:
-    """Every sum, with the first noise; with all of them those that it does not rule out. A sum with further parameters
-    is as many candidates as points stand for these."""
+    """Weigh every sum with the first noise, and with all noises those that the first one does not rule out.
+
+    A sum with further parameters gives one candidate for each distinct point that represents these.
+
+    Parameters
+    ----------
+    b : Blocks
+        The readings.
+    sums : sequence of Sum
+        The sums.
+    noises : sequence of (Noise, ndarray)
+        Possible noises, each with the covariance of the readings.
+    inverse : ndarray, shape (n, n)
+        Inverse triangle of the covariance under which fits are made.
+    """
     first = [
-        explore(_evidence(b, one, noises, inverse), one.count)
-        if one.count
-        else weigh(b, one.law(), noises[:1], inverse)
-        for one in sums
+        explore(_evidence(b, s, noises, inverse), s.count)
+        if s.count
+        else weigh(b, s.law(), noises[:1], inverse)
+        for s in sums
     ]
-    totals = [one.log_integral if isinstance(one, Explored) else one.total for one in first]
+    totals = [known.log_integral if isinstance(known, Explored) else known.total for known in first]
     most = max(totals)
-    found = []
-    for one, known, total in zip(sums, first, totals, strict=True):
+    candidates = []
+    for s, known, total in zip(sums, first, totals, strict=True):
         tried = noises if total > most - HOPELESS else noises[:1]
         if isinstance(known, Candidate):
-            found.append(weigh(b, known.law, tried, inverse, known, log_share=one.log_prior))
+            candidates.append(weigh(b, known.law, tried, inverse, known, log_share=s.log_prior))
             continue
-        points, times = np.unique(known.resampled(STAND_FOR), axis=0, return_counts=True)
+        points, times = np.unique(known.resampled(POINTS), axis=0, return_counts=True)
         for scores, count in zip(map(tuple, points.tolist()), times, strict=True):
-            law = one.law(scores)
+            law = s.law(scores)
             alone = weigh(b, law, noises[:1], inverse)
-            # Each stands for its share of the integral; its evidence says how much more it is with the other noises.
-            share = total - alone.total + np.log(count / STAND_FOR) + one.log_prior
-            found.append(weigh(b, law, tried, inverse, alone, scores, float(share)))
-    return found
+            # Each point has its share of the integral; its evidence gives the change of this by the other noises.
+            share = total - alone.total + np.log(count / POINTS) + s.log_prior
+            candidates.append(weigh(b, law, tried, inverse, alone, scores, float(share)))
+    return candidates
 
 
 def _evidence(
-    b: Blocks, one: Sum, noises: Sequence[tuple[Noise, np.ndarray]], inverse: np.ndarray
+    b: Blocks, s: Sum, noises: Sequence[tuple[Noise, np.ndarray]], inverse: np.ndarray
 ) -> Callable[[tuple[float, ...]], float]:
-    """ln of a sum's evidence with the first noise, of its further parameters' scores."""
+    """Return ln of a sum's evidence with the first noise as a function of its further parameters' scores."""
     rates: np.ndarray | None = None
 
     def at(scores: tuple[float, ...]) -> float:
         nonlocal rates
-        found = weigh(b, one.law(scores), noises[:1], inverse, begin=rates)
-        rates = np.maximum(found.rates, 1e-3 * b.mean_rate)  # from where the next fit is near
-        return found.total
+        candidate = weigh(b, s.law(scores), noises[:1], inverse, begin=rates)
+        rates = np.maximum(candidate.rates, 1e-3 * b.mean_rate)  # from where the next fit is near
+        return candidate.total
 
     return at
+
+
+@dataclass(frozen=True)
+class Explored:
+    """Points of a density: scores (n, e), and log weights, (n,), whose exponentials sum to the integral."""
+
+    points: np.ndarray
+    log_weight: np.ndarray
+
+    @property
+    def log_integral(self) -> float:
+        """ln of the integral of the density."""
+        return float(np.logaddexp.reduce(self.log_weight))
+
+    @property
+    def best(self) -> np.ndarray:
+        """The point of the largest weight, (e,)."""
+        return self.points[int(np.argmax(self.log_weight))]
+
+    def resampled(self, count: int) -> np.ndarray:
+        """Return points of equal weight, (count, e), spread evenly through the posterior."""
+        weight = _normalised(self.log_weight)
+        off = self.points - weight @ self.points
+        widest = np.linalg.eigh((off.T * weight) @ off)[1][:, -1]
+        order = np.argsort(self.points @ widest)
+        cumulative = np.cumsum(_normalised(self.log_weight[order]))
+        at = np.searchsorted(cumulative, (np.arange(count) + 0.5) / count)
+        return self.points[order][np.minimum(at, len(order) - 1)]
+
+
+def explore(
+    log_likelihood: Callable[[tuple[float, ...]], float], count: int, rounds: int = ROUNDS
+) -> Explored:
+    """Sample the density of `count` scores: a standard normal prior times a likelihood of them.
+
+    Parameters
+    ----------
+    log_likelihood : callable
+        Maps scores to nats.
+    count : int
+        Number of scores.
+    rounds : int
+        Largest number of rounds.
+    """
+    prior = (np.zeros(count), np.eye(count))
+    proposals = [prior]
+    points, logs = np.empty((0, count)), np.empty(0)
+    while True:
+        mean, triangle = proposals[-1]
+        drawn = np.clip(ndtri(_even(len(points), count)) @ triangle.T + mean, -REACH, REACH)
+        points = np.vstack([points, drawn])
+        logs = np.append(logs, [log_likelihood(tuple(z)) for z in drawn.tolist()])
+        mixture = np.logaddexp.reduce([_log_normal(points, *proposal) for proposal in proposals], axis=0)
+        log_weight = logs + _log_normal(points, *prior) - mixture - np.log(ROUND)
+        if _effective(log_weight) >= ENOUGH or len(proposals) >= rounds:
+            return Explored(points, log_weight)
+        proposals.append(_fitted(points, log_weight, 2.0 + 2.0 * count))
+
+
+def _fitted(points: np.ndarray, log_weight: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean (e,) and triangle (e, e) of a normal fitted to the weighted points.
+
+    Weights are flattened until they are worth `least` points.
+    """
+    power = 1.0
+    while _effective(power * log_weight) < least:
+        power *= FLATTER
+    weight = _normalised(power * log_weight)
+    mean = weight @ points
+    off = points - mean
+    covariance = WIDER * (off.T * weight) @ off
+    covariance += 1e-10 * np.eye(mean.size) + 1e-4 * np.diag(np.diag(covariance))
+    return mean, np.linalg.cholesky(covariance)
+
+
+def _even(first: int, count: int) -> np.ndarray:
+    """Return the next ROUND points, (ROUND, count), of an additive recurrence that fills the unit cube evenly.
+
+    Its steps are powers of the root of x^(count + 1) = x + 1 (M. Roberts 2018, after the golden ratio).
+    """
+    root = 2.0
+    for _ in range(40):
+        root = (1.0 + root) ** (1.0 / (count + 1))
+    steps = root ** -np.arange(1.0, count + 1)
+    return (0.5 + np.arange(first + 1, first + ROUND + 1)[:, None] * steps) % 1.0
+
+
+def _effective(log_weight: np.ndarray) -> float:
+    weight = _normalised(log_weight)
+    return float(1.0 / (weight @ weight))
+
+
+def _normalised(log_weight: np.ndarray) -> np.ndarray:
+    weight = np.exp(log_weight - log_weight.max())
+    return weight / weight.sum()
+
+
+def _log_normal(points: np.ndarray, mean: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+    z = np.linalg.solve(triangle, (points - mean).T)
+    log_det = np.log(np.diag(triangle)).sum()
+    return -0.5 * np.sum(z * z, axis=0) - log_det - 0.5 * mean.size * np.log(2 * np.pi)
+
+
+def further_terms(sums: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+    """Return the terms other than viscous, Coulomb and quadratic damping."""
+    return tuple(dict.fromkeys(t for terms in sums for t in terms if t not in POWERS))
+
+
+def assumed(sums: Sequence[tuple[str, ...]], left_out: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the assumptions of an answer under these sums, a sentence each.
+
+    Parameters
+    ----------
+    sums : sequence of tuple of str
+        Terms of each sum.
+    left_out : sequence of str
+        Sentences on sums that are left out.
+    """
+    weighed = () if tuple(sums) == SUMS else (f"Damping sums compared: {', '.join(map('+'.join, sums))}.",)
+    inferred = [p for name in further_terms(sums) for p in TERMS.get(name).inferred]
+    each = ", ".join(f"{p.name} {p.prior(1.0, 1.0).describe()}" for p in inferred)
+    further = (
+        "Further parameters of terms have the terms' own priors, here in units of the amplitude at the start and the "
+        f"angular frequency: {each}.",
+    )
+    return (*weighed, *left_out, *(further if inferred else ()), *ASSUMED)
+
+
+def weighable(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[str, ...]]:
+    """Return the sums that an envelope can distinguish, and a sentence on each sum that is left out.
+
+    Two terms have the same envelope if they lose the same at every amplitude.
+
+    Raises
+    ------
+    InputError
+        Where a sum is too long, or no sum is left.
+    """
+    if set(sums) == set(SUMS):
+        return SUMS, ()
+    from bayesdamp.physics.amplitude.loss import alike, log_loss
+
+    for asked in sums:
+        if len(asked) > LONGEST:
+            raise InputError(
+                f"damping {'+'.join(asked)}: a sum for an envelope has at most {LONGEST} terms; leave one out"
+            )
+    terms = list(dict.fromkeys([*POWERS, *(t for asked in sums for t in asked)]))
+    for name in terms:
+        if not TERMS.get(name).inferred:
+            log_loss(TERMS.get(name))
+    first = {t: next(u for u in terms if u == t or alike(TERMS.get(u), TERMS.get(t))) for t in terms}
+    weighed: dict[frozenset[str], tuple[str, ...]] = {}
+    left_out = []
+    for asked in dict.fromkeys(sums):
+        distinct, name = frozenset(first[t] for t in asked), "+".join(asked)
+        if len(distinct) < len(asked):
+            twins = " and ".join(t for t in asked if sum(first[u] == first[t] for u in asked) > 1)
+            left_out.append(f"{name} is left out: {twins} lose the same at every amplitude.")
+        elif distinct in weighed:
+            same = "+".join(weighed[distinct])
+            left_out.append(f"{name} is left out: it loses the same as {same} at every amplitude.")
+        else:
+            weighed[distinct] = asked
+    if not weighed:
+        raise InputError(f"damping {left_out[0]} Name other sums")
+    return tuple(weighed.values()), tuple(left_out)

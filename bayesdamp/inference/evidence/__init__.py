@@ -1,4 +1,4 @@
-"""Model evidence: its methods, found by name, and how far what they say may be trusted."""
+"""Model evidence: its methods, found by name, and how far to trust their results."""
 
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.plugins import Registry

@@ -1,4 +1,4 @@
-"""What a method for the evidence is."""
+"""The base class of the methods for the evidence, and the draws that they may start from."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bayesdamp.types import OK, Evidence
 class Draws:
     """Posterior draws as scores, shape (chain, draw, d), reflected ones at or above zero.
 
-    outcome: whether the sampler trusts them, `ok` or a sentence.
+    `outcome` is `ok`, or the sampler's sentence on why not to trust them.
     """
 
     z: np.ndarray
@@ -32,10 +32,10 @@ class Draws:
 
 
 class EvidenceMethod(ABC):
-    """log ∫ prior · likelihood of one target, in nats.
+    """A method that computes log ∫ prior · likelihood of one target, in nats.
 
-    needs_draws: whether it starts from draws of the posterior; approximate: whether it is only right for a normal
-    posterior, and gives no error.
+    `needs_draws` states whether it starts from draws of the posterior, and `approximate` whether it is only right for a
+    normal posterior and gives no error.
     """
 
     name: str
@@ -46,9 +46,20 @@ class EvidenceMethod(ABC):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """The log evidence with its standard error and the diagnostic by which it may be trusted.
+        """Return the log evidence with its standard error and a diagnostic of its quality.
 
-        draws: of this posterior, where there are some; a method that needs draws takes its own where there are none.
+        Parameters
+        ----------
+        model : str
+            Name of the model.
+        target : Target
+            The model on its record.
+        mode : Mode
+            Its mode.
+        seed : int
+            Of the random numbers.
+        draws : Draws, optional
+            Of this posterior. A method that needs draws makes its own where there are none.
         """
 
     def timed(
@@ -56,5 +67,5 @@ class EvidenceMethod(ABC):
     ) -> Evidence:
         """Return the same with the seconds that it took."""
         began = time.perf_counter()
-        found = self.evidence(model, target, mode, seed, draws)
-        return replace(found, seconds=time.perf_counter() - began)
+        evidence = self.evidence(model, target, mode, seed, draws)
+        return replace(evidence, seconds=time.perf_counter() - began)

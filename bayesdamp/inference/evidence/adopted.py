@@ -1,9 +1,10 @@
-"""Which of several log evidences of one model counts, and when nested sampling is called to decide."""
+"""Which of several log evidences of one model counts, and when nested sampling decides."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -11,53 +12,48 @@ from bayesdamp.types import OK, Evidence
 
 NESTED_CHECK = "nested"
 APART = 3.0
-"""Combined standard errors by which two methods may differ."""
+"""Largest difference of two methods, in combined standard errors."""
 COMBINED = "combined"
 """Name, as a method, of the log evidence that counts."""
 
 
-def disagreement(found: Sequence[Evidence]) -> str:
-    """Why a referee is needed, in words; nothing where all methods are trusted and agree."""
-    poor = [e.method for e in found if e.outcome != OK]
+def disagreement(evidences: Sequence[Evidence]) -> str:
+    """Return why nested sampling has to decide, in words; nothing where all methods are trusted and agree."""
+    poor = [e.method for e in evidences if e.outcome != OK]
     if poor:
         return f"the diagnostic of {' and '.join(poor)} is poor"
-    for i, one in enumerate(found):
-        for other in found[i + 1 :]:
-            apart = standard_errors(one, other)
-            if not apart < APART:
-                return f"{one.method} and {other.method} are {apart:.1f} standard errors apart"
+    for first, second in combinations(evidences, 2):
+        error = float(np.hypot(first.stderr, second.stderr))
+        apart = abs(first.log_evidence - second.log_evidence) / error if error > 0 else np.inf
+        if not apart < APART:
+            return f"{first.method} and {second.method} are {apart:.1f} standard errors apart"
     return ""
 
 
-def standard_errors(one: Evidence, other: Evidence) -> float:
-    """How far two log evidences are apart, in standard errors of their difference."""
-    error = float(np.hypot(one.stderr, other.stderr))
-    return abs(one.log_evidence - other.log_evidence) / error if error > 0 else np.inf
+def adopted(evidences: Sequence[Evidence]) -> Evidence:
+    """Return the log evidence that counts, from one or more of one model.
 
-
-def adopted(found: Sequence[Evidence]) -> Evidence:
-    """The log evidence that counts: the referee's where it was called and is trusted; else, of the methods that are
-    trusted, the mean by inverse variance. Where none is, or these disagree, the outcome says so.
-
-    found: one or more, of one model.
+    It is that of nested sampling where this was used and is trusted, or else the mean of the trusted methods by inverse
+    variance. The outcome says where no method is trusted, or where these disagree.
     """
-    if not any(np.isfinite(e.log_evidence) for e in found):
-        return replace(found[0], method=COMBINED)
-    why = disagreement([e for e in found if e.method != NESTED_CHECK])
-    for e in found:
+    if not any(np.isfinite(e.log_evidence) for e in evidences):
+        return replace(evidences[0], method=COMBINED)
+    others = [e for e in evidences if e.method != NESTED_CHECK]
+    why = disagreement(others)
+    for e in evidences:
         if e.method == NESTED_CHECK and e.outcome == OK:
-            said = f"nested sampling counts: {why}" if why else "nested sampling counts"
-            return replace(e, method=COMBINED, diagnostic=said)
-    trusted = [e for e in found if e.outcome == OK and e.method != NESTED_CHECK]
+            reason = f"nested sampling counts: {why}" if why else "nested sampling counts"
+            return replace(e, method=COMBINED, diagnostic=reason)
+    trusted = [e for e in others if e.outcome == OK]
     if not trusted:
-        best = min(found, key=lambda e: e.stderr if np.isfinite(e.stderr) else np.inf)
+        best = min(evidences, key=lambda e: e.stderr if np.isfinite(e.stderr) else np.inf)
         return replace(best, method=COMBINED, diagnostic=why, outcome=f"not settled: {why}")
     weights = np.array([e.stderr**-2 for e in trusted])
     names = " and ".join(e.method for e in trusted)
-    outcome = OK if len(trusted) < 2 or not (split := disagreement(trusted)) else f"not settled: {split}"
-    one = trusted[0]
+    split = disagreement(trusted) if len(trusted) > 1 else ""
+    outcome = f"not settled: {split}" if split else OK
     return replace(
-        one,
+        trusted[0],
         method=COMBINED,
         log_evidence=float(weights @ [e.log_evidence for e in trusted] / weights.sum()),
         stderr=float(weights.sum() ** -0.5),

@@ -1,4 +1,4 @@
-"""The Savage–Dickey ratio: a nested pair of models weighed by the posterior of the larger one alone."""
+"""The Savage–Dickey ratio: the Bayes factor of two nested models from the posterior of the larger one alone."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from bayesdamp.priors import SHARED_SIGMAS, HalfNormal, Prior, SharedHalfNormal,
 from bayesdamp.types import NestedRatio
 
 FARTHEST = 5.0
-"""Log Bayes factor beyond which draws say too little of the density at zero."""
+"""Log Bayes factor beyond which draws do not determine the density at zero."""
 DEGREE = 3
 LOWER = 0.5
-"""Share of the draws, the smallest, to whose density the curve is fitted: the other flank says nothing of zero."""
+"""Share of the draws, the smallest, whose density the curve is fitted to: the other flank is irrelevant at zero."""
 FAR_FROM_ZERO = 0.5
-"""The smallest draw, in medians, above which nothing is known at zero."""
+"""If the smallest draw exceeds this, in medians, the density at zero is not determined."""
 NODES = 400
 STEPS = 100
 
@@ -30,24 +30,26 @@ def savage_dickey(
 ) -> NestedRatio:
     """Return the log Bayes factor of the model without a coefficient to the one with it.
 
-    It is the log of posterior to prior density of the coefficient at zero, on the reflected axis. Where the coefficient
-    shares an unknown scale with others, the prior of these given that it is zero is not their prior in the smaller
-    model; the posterior is then weighed by the ratio of the two, a function of the others' sum of squares.
+    It is the log of the ratio of posterior to prior density of the coefficient at zero, on the reflected axis. Where
+    the coefficient shares an unknown scale with others, the prior of these given that it is zero differs from their
+    prior in the smaller model. The posterior is then weighted by the ratio of the two, which depends on the others' sum
+    of squares.
 
     Parameters
     ----------
-    priors
-        Of the parameters of the larger model, by name.
-    name
-        The coefficient. Its prior must be a half-normal, of a given or of a shared scale.
-    scores
-        Posterior draws of the parameters' scores, by name, shape (chain, draw) each.
-    scales
-        Scales in scores that coefficients may share, (s,).
+    priors : mapping of str to Prior
+        Of the parameters of the larger model.
+    name : str
+        The coefficient. Its prior must be a half-normal with a given or a shared scale.
+    scores : mapping of str to ndarray
+        Posterior draws of the parameters' scores, shape (chain, draw) each.
+    scales : array_like, shape (s,)
+        Scales in scores that coefficients may share.
 
     Returns
     -------
-    The ratio, valid while it is within 5 nats: farther out no draw is near zero.
+    NestedRatio
+        It applies within 5 nats: farther out no draw is near zero.
 
     References
     ----------
@@ -65,9 +67,8 @@ def savage_dickey(
         log_ratios = smaller - shared_log_density(squares, len(others) + 1, scales)
     top = float(log_ratios.max())
     weights = np.exp(log_ratios - top)
-    log_density, error = density_at_zero(
-        draws.ravel(), diagnostics.effective_mean(draws), weights.ravel() / weights.mean()
-    )
+    size = diagnostics.effective_mean(draws)
+    log_density, error = density_at_zero(draws.ravel(), size, weights.ravel() / weights.mean())
     ratio = log_density + top + float(np.log(weights.mean()))
     if not (abs(ratio) < FARTHEST and error < 1.0):
         return NestedRatio(ratio, error, "not applicable: beyond 5 nats, or too few draws near zero")
@@ -77,11 +78,24 @@ def savage_dickey(
 def density_at_zero(
     x: np.ndarray, effective: float, weights: np.ndarray | None = None
 ) -> tuple[float, float]:
-    """Log density at 0 of draws x ≥ 0, shape (n,), and its standard error; effective: draws they are worth; weights: of
-    mean 1, (n,), equal by default.
+    """Estimate the log density at 0 of draws.
 
-    The density is the exponential of a cubic on [0, median], by maximum likelihood: a cut-off normal is one, and
-    nothing is smoothed across zero.
+    The density is the exponential of a cubic on [0, median], fitted by maximum likelihood. A truncated normal has this
+    form, and nothing is smoothed across zero.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Draws, not negative.
+    effective : float
+        Their effective number.
+    weights : ndarray, shape (n,), optional
+        With mean 1; equal by default.
+
+    Returns
+    -------
+    log_density, stderr : float
+        The log density and its standard error.
     """
     top = float(np.quantile(x, LOWER))
     low = x <= top
@@ -122,8 +136,7 @@ def density_at_zero(
         log_total, mean, covariance = trial
     # log f(0) = log share − log_total − log top; its gradient by c is −mean, c's covariance the inverse of the basis'.
     share = float(w.sum()) / x.size
-    variance = mean @ np.linalg.solve(covariance, mean) / (share * effective) + (1 - share) / (
-        share * effective
-    )
+    size = share * effective
+    variance = mean @ np.linalg.solve(covariance, mean) / size + (1 - share) / size
     error = float(np.sqrt(variance)) if variance > 0 else float("inf")
     return float(np.log(share) - log_total - np.log(top)), error

@@ -1,4 +1,4 @@
-"""The highest mode that seeds reach, where searches start, and which modes they found."""
+"""The search for the highest mode: where climbs start, and which modes they reach."""
 
 from __future__ import annotations
 
@@ -8,19 +8,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bayesdamp.inference.fit.maximise import ROUGHLY, maximise_posterior
-from bayesdamp.inference.fit.mode import LocalSearch, Mode, settle
+from bayesdamp.inference.fit.mode import ROUGHLY, LocalSearch, Mode, maximise_posterior, settle
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import Status
 from bayesdamp.types import Refusal, Seed
 
 SAME_MODE = 1.0
-"""Posterior sds within which two ends are one mode."""
+"""Two ends within this many posterior sds are one mode."""
+COARSEST = 1.0
+"""Largest error of a motion in a search, in standard errors of the mean of all samples."""
+MOST_LEFT = 1.5
+"""Largest residual of a mode, in standard deviations of the record. A motion out of step leaves √2; more is left where
+slow noise replaces a shift of the zero."""
+IN_STEP = 0.3
+"""Largest residual of a motion that keeps step with the record, in the same unit; a little more than the noise is
+allowed too."""
+FEWEST = 8
+"""Smallest number of samples in a window."""
+SAME_START = 1e-4
+"""Starts within this many scores of each other are one start."""
 
 
 def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[str, float]]:
-    """Draws from the prior: parameter values in natural units."""
+    """Draw starts from the prior: parameter values in natural units."""
     draws = target.prior_draws(count, np.random.default_rng(seed))
     return {
         Seed(f"prior {i + 1}", drawn=True): {n: float(v) for n, v in target.values(z).items()}
@@ -28,22 +39,20 @@ def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[st
     }
 
 
-def reached(climb: LocalSearch) -> bool:
-    """Whether a climb ended at a maximum of finite height."""
-    return climb.converged and bool(np.isfinite(climb.end))
-
-
 def basins(mode: Mode) -> tuple[list[tuple[LocalSearch, float]], list[int | None]]:
-    """Tell the modes that the seeds reached, the highest first, and which of them each climb ended in (None: in none).
+    """Group the climbs of a search by the modes that they reached.
 
-    Of each mode: the climb to it, and its share of the posterior's mass by Laplace's approximation.
+    Returns
+    -------
+    modes : list of (LocalSearch, float)
+        The climb to each mode, the highest first, and its share of the posterior's mass by Laplace's approximation.
+    where : list of int or None
+        Index of the mode that each climb reached, None where it reached none.
     """
-    order = sorted(
-        (i for i, c in enumerate(mode.searches) if reached(c)), key=lambda i: -mode.searches[i].end
-    )
+    reached = [i for i, c in enumerate(mode.searches) if c.converged and np.isfinite(c.end)]
     tops: list[int] = []
     where: list[int | None] = [None] * len(mode.searches)
-    for i in order:
+    for i in sorted(reached, key=lambda i: -mode.searches[i].end):
         for number, top in enumerate(tops):
             away = mode.searches[i].z - mode.searches[top].z
             if away @ mode.information @ away < SAME_MODE**2:
@@ -60,17 +69,18 @@ def basins(mode: Mode) -> tuple[list[tuple[LocalSearch, float]], list[int | None
     return [(mode.searches[i], float(share)) for i, share in zip(tops, shares, strict=True)], where
 
 
-COARSEST = 1.0
-"""Largest error of a motion in a search, in standard errors of the mean of all samples."""
-MOST_LEFT = 1.5
-"""What a mode may leave of a record, in standard deviations of that; a motion out of step leaves √2, and more
-is left where slow noise stands in for another zero."""
-IN_STEP = 0.3
-"""What a trajectory that keeps step leaves at most, in the same unit, or a little more than the noise."""
-FEWEST = 8
-"""Samples that a window must have."""
-SAME = 1e-4
-"""Scores within which what grew from two seeds is one start."""
+class _Start(NamedTuple):
+    """A start of a climb.
+
+    Its seeds; its scores, (d,), with the noise of the residuals there; the likelihood near it; the log posterior; and
+    the root mean square of the residuals.
+    """
+
+    seeds: list[Seed]
+    z: np.ndarray
+    likelihood: Likelihood
+    value: float
+    left: float
 
 
 def find_mode(
@@ -81,155 +91,149 @@ def find_mode(
     period: float | None = None,
     thrifty: bool = False,
 ) -> Mode:
-    """The highest mode that the seeds reach.
+    """Find the highest mode that climbs from the seeds reach.
 
-    seeds: each with its parameter values in natural units. noise_level: the record's roughness, which
-    sets how well trajectories are first computed. period: the oscillation's, s; with one, where no seed leads to a
-    motion that keeps step with the record, the search goes on over a window that grows from two cycles. thrifty:
-    seeds are climbed from only until one leads to such a motion: those that keep step already, then the others over
-    growing windows, then these as they are.
-    Raises Refusal where no seed reaches a finite posterior with a curvature, or the noise takes the motion's place in
-    all that do.
+    Parameters
+    ----------
+    target : Target
+        Whose posterior it is.
+    seeds : mapping of Seed to mapping of str to float
+        Parameter values of each seed, in natural units.
+    noise_level : float
+        The record's roughness, which sets how finely motions are first solved.
+    period : float, optional
+        Period of the oscillation in s. With it, where no seed leads to a motion that keeps step with the record, the
+        search goes on over a window that grows from two cycles.
+    thrifty : bool
+        Whether to stop at the first motion that keeps step. Seeds are then tried in this order: those that keep step
+        already, the others over growing windows, the others as they are.
+
+    Raises
+    ------
+    Refusal
+        Where no seed reaches a finite posterior with a curvature, or where the noise model replaces the motion in all
+        that do.
     """
-    # A first guess; `settle` measures what the solution's error does to the likelihood.
+    # A first guess; `settle` measures the effect of the solution's error on the likelihood.
     tolerance = COARSEST * noise_level / np.sqrt(target.signal.t.size)
     size = float(np.std(target.signal.y))
     in_step = max(IN_STEP * size, 1.5 * noise_level)
     searches: list[LocalSearch] = []
     ends: list[tuple[float, np.ndarray]] = []
-    displaced = False
-    begun: list[_Begun] = []
-    keeps = False
+    starts: list[_Start] = []
+    displaced = keeps_step = False
 
-    def begin() -> Iterator[_Begun]:
-        """The seeds in turn, each planned when it is asked for."""
-        for alike, z in _distinct(target, seeds):
-            begun.append(_begun(target, alike, z, tolerance))
-            yield begun[-1]
+    def planned() -> Iterator[_Start]:
+        """Plan each start when it is asked for."""
+        for same, z in _distinct(target, seeds):
+            starts.append(_start(target, same, z, tolerance))
+            yield starts[-1]
 
-    def stages() -> Iterator[Iterable[_Begun]]:
+    def stages() -> Iterator[Iterable[_Start]]:
         if thrifty:
-            yield (one for one in begin() if one.left < in_step)
+            yield (start for start in planned() if start.left < in_step)
         else:
-            yield begin()
-        yield _grown(target, begun, tolerance, period)
+            yield planned()
+        yield _grown(target, starts, tolerance, period)
         if thrifty:
-            yield (one for one in begun if not one.left < in_step)
+            yield (start for start in starts if not start.left < in_step)
 
     for stage in stages():
-        if keeps:  # and nothing of the next stage is computed
+        if keeps_step:  # and nothing of the next stage is computed
             break
-        for (seed, *same), z0, likelihood, start, _ in stage:
+        for (seed, *same), z0, likelihood, height, _ in stage:
             top = maximise_posterior(likelihood, z0, retract=target.followed)
             volume = -0.5 * float(np.linalg.slogdet(top.information)[1])
+            cost = top.evaluations
             searches.append(
-                LocalSearch(
-                    seed,
-                    tuple(same),
-                    start,
-                    top.value,
-                    top.evaluations,
-                    z0,
-                    top.x,
-                    volume,
-                    top.converged,
-                )
+                LocalSearch(seed, tuple(same), height, top.value, cost, z0, top.x, volume, top.converged)
             )
             if not np.isfinite(top.value):
                 continue
-            left = _size(likelihood.residual(top.x))
+            left = _rms(likelihood.residual(top.x))
             if left > MOST_LEFT * size:
                 displaced = True
                 continue
             ends.append((top.value, top.x))
-            keeps = keeps or left < in_step
-            if thrifty and keeps:
+            keeps_step = keeps_step or left < in_step
+            if thrifty and keeps_step:
                 break
     if not ends and displaced:
         raise Refusal(
             Status.PRUNED.because(
-                "noise takes the motion's place: the likeliest trajectory is farther from the record than its mean is"
+                "the noise model replaces the motion: the most probable motion is farther from the record than the "
+                "record's mean is"
             )
         )
-    said = Refusal("no starting point leads to a trajectory with a finite likelihood")
+    failure = Refusal("no starting point leads to a motion with a finite likelihood")
     for _, z in sorted(ends, key=lambda end: -end[0]):
         try:
             return settle(target, z, tolerance, tuple(searches))
         except Refusal as refusal:
-            said = refusal
-    raise said
+            failure = refusal
+    raise failure
 
 
-class _Begun(NamedTuple):
-    """The seeds of a start, its scores (d,) with the noise that they leave, the likelihood near it, the log posterior
-    and the root mean square of what is left of the record."""
-
-    seeds: list[Seed]
-    z: np.ndarray
-    likelihood: Likelihood
-    value: float
-    left: float
-
-
-def _begun(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -> _Begun:
+def _start(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -> _Start:
+    """Return a start at scores z, (d,), its noise parameters estimated from the residuals there."""
     likelihood = Likelihood.near(target, z, tolerance)
     r = likelihood.residual(z)
-    z = _with_noise(target, z, r)
-    value = likelihood.held(1.0).log_noise(r, z) + float(likelihood.held(1.0).log_prior(z))
-    return _Begun(seeds, z, likelihood, value, _size(r))
+    if np.all(np.isfinite(r)):
+        noise = target.noise_model
+        estimate = target.scores(noise.start(r, np.diff(target.signal.t)))
+        z = np.asarray([estimate[i] if n in noise.parameters else z[i] for i, n in enumerate(target.names)])
+    one_scale = likelihood.held(1.0)
+    return _Start(seeds, z, likelihood, one_scale.log_noise(r, z) + float(one_scale.log_prior(z)), _rms(r))
 
 
 def _grown(
-    target: Target, begun: Sequence[_Begun], tolerance: float, period: float | None
-) -> Iterator[_Begun]:
-    """Each seed taken along a window that grows from two cycles to the whole record: a frequency that is a little off
-    loses step over many cycles, and a likelihood knows no way back from there."""
+    target: Target, starts: Sequence[_Start], tolerance: float, period: float | None
+) -> Iterator[_Start]:
+    """Take each start along a window that grows from two cycles to the whole record.
+
+    A motion whose frequency is slightly off loses step over many cycles, and no climb leads back from there.
+    """
     if period is None:
         return
     t, y = target.signal.t, target.signal.y
-    found: list[np.ndarray] = []
-    for one in begun:
-        z, window = one.z, 2.0 * period
+    grown: list[np.ndarray] = []
+    for start in starts:
+        z, window = start.z, 2.0 * period
         while window < t[-1]:
-            keep = int(np.searchsorted(t, window))
+            count = int(np.searchsorted(t, window))
             window *= 2
-            if keep < FEWEST:  # a gap
+            if count < FEWEST:  # a gap
                 continue
-            part = replace(target, signal=replace(target.signal, t=t[:keep], y=y[:keep]))
-            there = _begun(part, one.seeds, z, tolerance)
-            top = maximise_posterior(there.likelihood, there.z, retract=part.followed, close=ROUGHLY)
+            part = replace(target, signal=replace(target.signal, t=t[:count], y=y[:count]))
+            first = _start(part, start.seeds, z, tolerance)
+            top = maximise_posterior(first.likelihood, first.z, retract=part.followed, close=ROUGHLY)
             z = top.x
             if not np.isfinite(top.value):
                 break
         else:
-            if not any(np.max(np.abs(z - other)) < SAME for other in found):
-                found.append(z)
-                yield _begun(target, [replace(seed, grown=True) for seed in one.seeds], z, tolerance)
+            if not any(np.max(np.abs(z - other)) < SAME_START for other in grown):
+                grown.append(z)
+                yield _start(target, [replace(seed, grown=True) for seed in start.seeds], z, tolerance)
 
 
-def _size(r: np.ndarray) -> float:
+def _rms(r: np.ndarray) -> float:
     return float(np.sqrt(np.mean(r**2)))
 
 
 def _distinct(
     target: Target, seeds: Mapping[Seed, Mapping[str, float]]
 ) -> Sequence[tuple[list[Seed], np.ndarray]]:
-    """Scores, (d,), each with the seeds that start there: refined estimates that agree are climbed once."""
-    found: list[tuple[list[Seed], np.ndarray]] = []
+    """Return the distinct starts, each as its seeds and its scores, (d,).
+
+    Refined estimates that agree are climbed from once.
+    """
+    starts: list[tuple[list[Seed], np.ndarray]] = []
     for seed, values in seeds.items():
         z = target.scores(values)
-        there = next((alike for alike, other in found if np.max(np.abs(z - other)) <= 1e-6), None)
-        if there is None:
-            found.append(([seed], z))
+        for same, other in starts:
+            if np.max(np.abs(z - other)) <= 1e-6:
+                same.append(seed)
+                break
         else:
-            there.append(seed)
-    return found
-
-
-def _with_noise(target: Target, z: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """Scores (d,) with the noise parameters read from the residuals (n,) there."""
-    noise = target.noise_model
-    if not np.all(np.isfinite(r)):
-        return z
-    start = target.scores(noise.start(r, np.diff(target.signal.t)))
-    return np.asarray([start[i] if n in noise.parameters else z[i] for i, n in enumerate(target.names)])
+            starts.append(([seed], z))
+    return starts

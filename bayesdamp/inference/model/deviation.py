@@ -1,8 +1,8 @@
-"""Deviations of the laws as a part of the likelihood: they are integrated out of it.
+"""The likelihood with the deviations of the laws integrated out.
 
-Motions are exact in the parameters. Deviations act on them linearly, by their tangents at the mode, so that under each
-combination of hyperparameters they add a covariance of low rank to the noise's; the likelihood is the mixture over all
-combinations. Without any knots it is that of exact laws under white noise of a known variance.
+Motions are exact in the parameters. Deviations act on them linearly, by their tangents at the mode. Under each
+combination of hyperparameters they therefore add a covariance of low rank to that of the noise, and the likelihood is
+the mixture over all combinations. Without knots it is the likelihood of exact laws under white noise of known variance.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from bayesdamp.types import Refusal
 
 @dataclass(frozen=True, eq=False)
 class Deviation(NoiseModel):
-    """Distribution of record minus motion: white noise of a known variance, and the deviations' effect on the record.
+    """Distribution of record minus motion: white noise of known variance plus the effect of the deviations.
 
     Attributes
     ----------
     motions : Trajectories
-        Motions with the deviations held as they are at the mode.
+        Motions with the deviations of the mode.
     variance : float
-        Of the noise, in the record's unit squared.
+        Variance of the noise, in the record's unit squared.
     samples : float
-        Number of independent samples that the record stands for.
+        Number of independent samples that the record is worth.
     basis : ndarray, shape (m, k)
-        Orthonormal basis of what deviations do to the record's m values.
+        Orthonormal basis of the changes that deviations make to the record's m values.
     shift : ndarray, shape (m,)
-        What those of the mode do.
+        Change by the deviations of the mode.
     log_prior : ndarray, shape (c,)
         Log prior masses of the combinations of hyperparameters.
     maps : ndarray, shape (c, k, k)
-        From standard normal numbers to log g and h at the knots.
+        Maps from standard normal numbers to log g and h at the knots.
     effects : ndarray, shape (c, k, k)
-        What these do, in standard deviations of the noise along the basis.
+        Their effects along the basis, in standard deviations of the noise.
     probabilities : ndarray, shape (c,)
-        Of the combinations near the mode, for the curvature.
+        Probabilities of the combinations near the mode, which weight the curvature.
     """
 
     motions: Trajectories
@@ -61,16 +61,21 @@ class Deviation(NoiseModel):
 
     @cached_property
     def _whitening(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the inverse factors of the covariances along the basis, one below the other, (c k, k), and the log of
-        each one's prior mass over the root of its determinant, (c,)."""
+        """Return the inverse factors of the covariances along the basis, and the log normalisation of each.
+
+        The factors are stacked, (c k, k). The normalisation is the prior mass over the root of the determinant, (c,).
+        """
         k = self.effects.shape[1]
         lower = np.linalg.cholesky(np.eye(k) + self.effects @ np.swapaxes(self.effects, 1, 2))
         log_scale = np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
         return np.linalg.inv(lower).reshape(len(lower) * k, k), self.log_prior - log_scale
 
     def _parts(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return residuals (m,) along the basis in sds of the noise, (k,), and across it, (m,); the first whitened
-        under each combination, (c, k), and the log weight of each, (c,)."""
+        """Split residuals (m,) into their parts along and across the basis.
+
+        Returns the part along the basis in sds of the noise, (k,), the part across it, (m,), the first one whitened
+        under each combination, (c, k), and the log weight of each combination, (c,).
+        """
         left = (r + self.shift) / np.sqrt(self.variance)
         along = left @ self.basis
         whitening, log_mass = self._whitening
@@ -79,19 +84,19 @@ class Deviation(NoiseModel):
         return along, left - self.basis @ along, white, each
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log density of residuals (m,), deviations integrated out."""
+        """Return the log density of residuals (m,), with the deviations integrated out."""
         _, across, _, each = self._parts(r)
         constant = 0.5 * self.samples * np.log(2 * np.pi * self.variance)
         return np.asarray(np.logaddexp.reduce(each) - 0.5 * float(across @ across) - constant)
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return its derivative by each residual, (m,)."""
+        """Return the derivative of the log density by each residual, (m,)."""
         _, across, white, each = self._parts(r)
         pull = (np.exp(each - np.logaddexp.reduce(each))[:, None] * white).ravel() @ self._whitening[0]
         return -(self.basis @ pull + across) / np.sqrt(self.variance)
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return R v for shifts (..., m), with the probabilities of the combinations as they are near the mode."""
+        """Return R v for shifts (..., m), under the probabilities of the combinations near the mode."""
         v = v / np.sqrt(self.variance)
         along = v @ self.basis
         white = along @ self._whitening[0].T * np.repeat(np.sqrt(self.probabilities), along.shape[-1])
@@ -99,42 +104,42 @@ class Deviation(NoiseModel):
 
     def combination_given(self, r: np.ndarray, rng: np.random.Generator) -> int:
         """Draw a combination of hyperparameters given residuals (m,)."""
-        return _drawn(self._parts(r)[-1], rng)
+        return _draw_index(self._parts(r)[-1], rng)
 
     def under(self, combination: int) -> Deviation:
-        """Return the same with the hyperparameters held at one combination."""
-        one = slice(combination, combination + 1)
+        """Return the same with the hyperparameters fixed at one combination."""
+        own = slice(combination, combination + 1)
         return replace(
             self,
-            log_prior=self.log_prior[one],
-            maps=self.maps[one],
-            effects=self.effects[one],
+            log_prior=self.log_prior[own],
+            maps=self.maps[own],
+            effects=self.effects[own],
             probabilities=np.ones(1),
         )
 
     def draw_given(self, r: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Draw log g and h at the knots, (k,), given residuals (m,)."""
         along, _, _, each = self._parts(r)
-        c = _drawn(each, rng)
+        c = _draw_index(each, rng)
         inverse, effect = self._conditional[c], self.effects[c]
         return self.maps[c] @ (inverse.T @ (inverse @ (effect.T @ along) + rng.standard_normal(along.size)))
 
     @cached_property
     def _conditional(self) -> np.ndarray:
-        """The inverse factors, (c, k, k), of the deviations' information given the motion."""
+        """Inverse factors, (c, k, k), of the information about the deviations given the motion."""
         information = np.swapaxes(self.effects, 1, 2) @ self.effects + np.eye(self.effects.shape[1])
         return np.linalg.inv(np.linalg.cholesky(information))
 
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return none: nothing of it is a parameter."""
+        """Return no priors: this model has no parameters."""
         return {}
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Return nothing."""
+        """Return no values: this model has no parameters."""
         return {}
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return scores under the likeliest combination, (m,)."""
+        """Return scores, (m,), under the most probable combination."""
         _, across, white, each = self._parts(r)
         return across + self.basis @ white[int(np.argmax(each))]
 
@@ -143,5 +148,5 @@ class Deviation(NoiseModel):
         raise Refusal("samples are independent only given the deviations")
 
 
-def _drawn(log_weights: np.ndarray, rng: np.random.Generator) -> int:
+def _draw_index(log_weights: np.ndarray, rng: np.random.Generator) -> int:
     return int(rng.choice(log_weights.size, p=np.exp(log_weights - np.logaddexp.reduce(log_weights))))

@@ -1,7 +1,7 @@
 """The log density of a record at scores of a target's parameters, its gradient and its curvature.
 
-All of it comes from the compiled kernel: the motion, and its derivatives by the parameters from the kernel's
-variational equations. The noise's own parameters enter through few numbers; derivatives by them are differences.
+The compiled kernel computes the motion, and its derivatives by the parameters from the variational equations. The
+noise's own parameters are few; derivatives by them are finite differences.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.priors import log_prior_of
 
 WIDE = 1e-2
-"""Scores over which second differences by the noise's parameters are taken."""
+"""Step, in scores, of second differences by the noise's parameters."""
 HALF_LOG_2PI = 0.5 * float(np.log(2 * np.pi))
 
 
 @dataclass(frozen=True)
 class Line:
-    """The motion as a straight line in the values of its parameters.
+    """The motion as a linear function of its parameters.
 
     Attributes
     ----------
     residual : ndarray, shape (n,)
-        Record minus motion where the line begins.
+        Record minus motion at the point of expansion.
     slopes : ndarray, shape (k, n)
-        Derivatives of the motion by the inferred parameters that move it.
+        Derivatives of the motion by the inferred parameters that change it.
     at : ndarray, shape (k,)
-        Values of these parameters there.
+        Values of these parameters at the point of expansion.
     """
 
     residual: np.ndarray
@@ -51,11 +51,11 @@ class Likelihood:
     target : Target
         The record, its model and priors.
     reference : mapping of str to float
-        Values of all parameters near those that are asked for, for the scales of the solver.
+        Values of all parameters near those of later calls; they set the scales of the solver.
     tolerance : float
         Error of a motion, in the unit of the record.
     part : slice
-        Samples that count; the motion starts at the record's first.
+        Samples that count. The motion starts at the record's first sample.
     scales : tuple of float
         Scales that coefficients may share, in scores, all equally probable.
     """
@@ -68,25 +68,25 @@ class Likelihood:
 
     @classmethod
     def near(cls, target: Target, z: np.ndarray, tolerance: float, part: slice = slice(None)) -> Self:
-        """Return the log density of a target near scores z, (d,), motions solved within `tolerance`."""
+        """Return the log density of a target near scores z, (d,), with motions solved within `tolerance`."""
         return cls(target, target.all_values(z), tolerance, part, target.scales)
 
     def held(self, scale: float) -> Likelihood:
-        """Return the same with the scale that coefficients share held at one value, in scores."""
+        """Return the same with the scale that coefficients share fixed at one value, in scores."""
         return replace(self, scales=(float(scale),))
 
     def under(self, combination: int) -> Likelihood:
-        """Return the same with the hyperparameters of the deviations held at one combination."""
+        """Return the same with the hyperparameters of the deviations fixed at one combination."""
         assert self.target.deviation is not None
         deviation = self.target.deviation.under(combination)
         return replace(self, target=replace(self.target, deviation=deviation))
 
-    def of(self, part: slice) -> Likelihood:
+    def on(self, part: slice) -> Likelihood:
         """Return the same for a part of the samples."""
         return replace(self, part=part)
 
     def within(self, tolerance: float) -> Likelihood:
-        """Return the same with motions of another error, in the unit of the record."""
+        """Return the same with motions solved within another error, in the unit of the record."""
         return replace(self, tolerance=tolerance)
 
     @cached_property
@@ -96,12 +96,12 @@ class Likelihood:
 
     @cached_property
     def gaps(self) -> np.ndarray:
-        """Times between them in s, (n − 1,)."""
+        """Times between the samples in s, (n − 1,)."""
         return np.diff(self.target.signal.t[self.part])
 
     @cached_property
     def motions(self) -> Trajectories:
-        """Motions at the record's samples up to the last that counts."""
+        """Motions at the record's samples, up to the last that counts."""
         if self.target.deviation is not None:
             return self.target.deviation.motions
         signal = self.target.signal
@@ -118,17 +118,16 @@ class Likelihood:
 
     def residuals(self, z: np.ndarray) -> np.ndarray:
         """Return the same at many scores, (m, d): shape (m, n)."""
-        return np.stack([self.residual(one) for one in z])
+        return np.stack([self.residual(row) for row in z])
 
     def _prior(self, z: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the log density of scores z, (d,), as `log_prior` does, and its gradient, (d,)."""
-        target, gradient = self.target, -z
-        shared = target.shared_places
-        if not shared.size:
-            return -0.5 * float(z @ z) - z.size * HALF_LOG_2PI, gradient
+        shared, gradient = self.target.shared, -z
         own = z[shared]
+        if not own.size:
+            return -0.5 * float(z @ z) - z.size * HALF_LOG_2PI, gradient
         squares, scales = float(own @ own), np.asarray(self.scales)
-        each = -0.5 * squares / scales**2 - shared.size * np.log(scales)
+        each = -0.5 * squares / scales**2 - own.size * np.log(scales)
         top = each.max()
         weights = np.exp(each - top)
         total = weights.sum()
@@ -137,18 +136,18 @@ class Likelihood:
         return float(value), gradient
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
-        """Return the log density of scores z, (..., d), shape (...); of reflected ones as if of either sign."""
+        """Return the log density of scores z, (..., d), shape (...), as if reflected ones could have either sign."""
         none = np.zeros(z.shape[-1], bool)
         return log_prior_of(z, none, self.target.shared, np.asarray(self.scales))
 
     def log_noise(self, residual: np.ndarray, z: np.ndarray) -> float:
-        """Return the log density of residuals (n,) at scores z, (d,), in nats; −∞ where there is none."""
+        """Return the log density of residuals (n,) at scores z, (d,), in nats; −∞ where it is not finite."""
         return self._log_density(residual, self.target.noise_values(z))
 
     def _log_density(self, residual: np.ndarray, p: Mapping[str, float]) -> float:
         with np.errstate(all="ignore"):  # scores far out, where a noise model may overflow
-            found = float(self.target.noise_model.log_likelihood(residual, self.gaps, p))
-        return found if np.isfinite(found) else -np.inf
+            value = float(self.target.noise_model.log_likelihood(residual, self.gaps, p))
+        return value if np.isfinite(value) else -np.inf
 
     def log_likelihood(self, z: np.ndarray) -> float:
         """Return the log density of the record at scores z, (d,), in nats; −∞ where the motion escapes."""
@@ -156,7 +155,7 @@ class Likelihood:
 
     def log_likelihoods(self, z: np.ndarray) -> np.ndarray:
         """Return the same at many scores, (m, d): shape (m,)."""
-        return np.array([self.log_likelihood(one) for one in z])
+        return np.array([self.log_likelihood(row) for row in z])
 
     def log_posterior(self, z: np.ndarray) -> float:
         """Return log prior plus log likelihood at scores z, (d,); −∞ where the motion escapes."""
@@ -164,16 +163,18 @@ class Likelihood:
 
     def log_posteriors(self, z: np.ndarray) -> np.ndarray:
         """Return the same at many scores, (m, d): shape (m,)."""
-        # Motions with deviations take long enough for several threads to gain time.
+        # Motions with deviations take so long that several threads save time.
         return np.array(list((map if self.target.deviation is None else at_once)(self.log_posterior, z)))
 
     def folded(self, z: np.ndarray) -> np.ndarray:
-        """Return the log posterior at scores, (m, d), of which the reflected ones are not negative: shape (m,). They
-        have all the mass of both mirror images on one side, log 2 more each."""
+        """Return the log posterior, (m,), at scores, (m, d), whose reflected ones are not negative.
+
+        Each reflected score has the mass of both mirror images on one side, which adds log 2.
+        """
         return self.log_posteriors(z) + np.sum(self.target.reflected) * np.log(2.0)
 
     def line(self, z: np.ndarray) -> Line:
-        """Return the motion's straight line at scores z, (d,)."""
+        """Return the motion linearised at scores z, (d,)."""
         p = self.target.all_values(z)
         motion, slopes = self._solved(p)
         return Line(self.y - motion, slopes, np.array([p[n] for n in self._moving_names]))
@@ -183,7 +184,7 @@ class Likelihood:
         return self._gradient(self.line(z), z)
 
     def log_posterior_along(self, line: Line, z: np.ndarray) -> float:
-        """Return the log posterior at scores z, (d,), with the motion replaced by a straight line."""
+        """Return the log posterior at scores z, (d,), with a linearised motion."""
         return self.log_noise(self._moved(line, z).residual, z) + self._prior(z)[0]
 
     def gradient_along(self, line: Line, z: np.ndarray) -> np.ndarray:
@@ -202,12 +203,10 @@ class Likelihood:
         information = np.diag(self.target.prior_precision(z, self.scales))
         if not np.isfinite(value):
             return value, gradient, information
-        moving = self.target.moving
-        noise = self.target.noise_model
+        moving, still = self.target.moving, self.target.still
         tangents = self.target.rates(z)[moving, None] * line.slopes
-        roots = noise.information_root(tangents, self.gaps, self.target.noise_values(z))
+        roots = self.target.noise_model.information_root(tangents, self.gaps, self.target.noise_values(z))
         information[np.ix_(moving, moving)] += roots @ roots.T
-        still = self.target.still
         if still.size:
             information[np.ix_(still, still)] += self._noise_information(line.residual, z)
         return value, gradient, information
@@ -217,17 +216,19 @@ class Likelihood:
         return self.target.noise_model.whiten(residual, self.gaps, self.target.noise_values(z))
 
     def information(self, change: np.ndarray, z: np.ndarray) -> float:
-        """Return the noise's Fisher information about a shift of the record by `change`, (n,), at scores z, (d,): a
-        shift by it is worth half as many nats."""
+        """Return the noise's Fisher information about a shift of the record by `change`, (n,), at scores z, (d,).
+
+        The shift changes the log likelihood by half of this, in nats.
+        """
         root = self.target.noise_model.information_root(change, self.gaps, self.target.noise_values(z))
         return float(np.sum(root**2))
 
     def log_likelihood_of(self, p: Mapping[str, float]) -> float:
-        """Return the log density of the record at parameters by name; the prior has no say."""
+        """Return the log density of the record at parameters by name, without the prior."""
         return self._log_density(self.y - self.motions.record(p)[self.part.start :], p)
 
     def slopes_of(self, p: Mapping[str, float]) -> tuple[float, np.ndarray]:
-        """Return the same and its derivatives by the inferred parameters, (d,); these are 0 where it is −∞."""
+        """Return the same and its derivatives by the inferred parameters, (d,), which are 0 where it is −∞."""
         motion, slopes = self._solved(p)
         value = self._log_density(self.y - motion, p)
         if not np.isfinite(value):
@@ -238,16 +239,16 @@ class Likelihood:
         self, residual: np.ndarray, slopes: np.ndarray, p: Mapping[str, float]
     ) -> np.ndarray:
         """Return the derivatives, (d,), of the log density of residuals (n,); slopes: of the motion, (k, n)."""
-        found, noise = np.zeros(len(self.target.names)), self.target.noise_model
-        found[self.target.moving] = -(slopes @ noise.slope(residual, self.gaps, p))
-        if self.target.still.size:
+        target, noise = self.target, self.target.noise_model
+        derivatives = np.zeros(len(target.names))
+        derivatives[target.moving] = -(slopes @ noise.slope(residual, self.gaps, p))
+        if target.still.size:
             by_name = noise.parameter_slopes(residual, self.gaps, p)
-            for i in self.target.still:
-                found[i] = by_name[self.target.names[i]]
-        return found
+            derivatives[target.still] = [by_name[target.names[i]] for i in target.still]
+        return derivatives
 
     def _solved(self, p: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the motion, (n,), and its derivatives by the inferred parameters that move it, (k, n)."""
+        """Return the motion, (n,), and its derivatives by the inferred parameters that change it, (k, n)."""
         motion, slopes = self.motions.with_slopes(p, self._moving_names)
         return motion[self.part.start :], slopes[:, self.part.start :]
 
@@ -267,15 +268,14 @@ class Likelihood:
 
     def _noise_information(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return minus the second derivatives by the noise's scores, (s, s), without negative curvature."""
-        steps = np.zeros((self.target.still.size, z.size))
-        steps[np.arange(self.target.still.size), self.target.still] = WIDE
-        found = np.zeros((len(steps), len(steps)))
+        steps = WIDE * np.eye(z.size)[self.target.still]
+        information = np.zeros((len(steps), len(steps)))
         for i, a in enumerate(steps):
             for j, b in enumerate(steps[: i + 1]):
-                corners = [self.log_noise(residual, z + one) for one in (a + b, a - b, b - a, -a - b)]
+                corners = [self.log_noise(residual, z + step) for step in (a + b, a - b, b - a, -a - b)]
                 bend = (corners[0] - corners[1] - corners[2] + corners[3]) / (4 * WIDE**2)
-                found[i, j] = found[j, i] = -bend
-        if not np.all(np.isfinite(found)):
-            return np.zeros_like(found)
-        values, axes = np.linalg.eigh(found)
+                information[i, j] = information[j, i] = -bend
+        if not np.all(np.isfinite(information)):
+            return np.zeros_like(information)
+        values, axes = np.linalg.eigh(information)
         return (axes * np.maximum(values, 0.0)) @ axes.T

@@ -20,10 +20,10 @@ rounding and truncation are equally large."""
 
 @dataclass(frozen=True)
 class Tied:
-    """The data determine the parameter `one` divided by a power of the parameter `other`."""
+    """The data determine the parameter `first` divided by a power of the parameter `second`."""
 
-    one: str
-    other: str
+    first: str
+    second: str
     power: float
 
 
@@ -68,12 +68,12 @@ class NoiseModel(ABC):
 
     def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
         """Return the derivatives of the log likelihood of residuals (n,) by the parameters, by central differences."""
-        found = {}
+        slopes = {}
         for name in self.parameters:
             step = DIFFERENCE * abs(p[name])
             above, below = (self.log_likelihood(r, gaps, {**p, name: p[name] + s}) for s in (step, -step))
-            found[name] = float(above - below) / (2 * step)
-        return found
+            slopes[name] = float(above - below) / (2 * step)
+        return slopes
 
     @abstractmethod
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
@@ -85,12 +85,14 @@ class NoiseModel(ABC):
 
     @abstractmethod
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log density of each residual given all others, shape (..., n), for leave-one-out
-        cross-validation."""
+        """Return the log density of each residual given all others, shape (..., n).
+
+        Leave-one-out cross-validation uses it.
+        """
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
         """Draw the noise of one record, shape (n,). Raises Refusal where the model cannot be drawn from."""
-        raise Refusal(f"noise {self.name!r} does not say how it is drawn")
+        raise Refusal(f"noise {self.name!r} cannot be drawn from")
 
 
 class IndependentNoise(NoiseModel):

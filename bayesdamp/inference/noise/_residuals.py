@@ -13,11 +13,11 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Signal
 
 STEP = 0.02
-"""Scores over which second differences are taken."""
+"""Step of second differences, in scores."""
 SHIFT = 0.3
 """Shift for the observed information, in median absolute residuals (conventional)."""
 LEAST_INFORMATION = 0.3
-"""Observed information at least, as a share of the expected one: by chance it can be negative (conventional)."""
+"""Smallest observed information, as a share of the expected one: by chance it can be negative (conventional)."""
 FARTHEST = 6.0
 """Largest score at which a search for the noise's parameters starts."""
 
@@ -41,7 +41,7 @@ class FittedNoise:
     log_evidence: float = float("nan")
 
     def variance(self, residual: np.ndarray, direction: np.ndarray, gaps: np.ndarray) -> float:
-        """Compute the variance of white Gaussian noise that tells as much about a shift of the record.
+        """Compute the variance of white Gaussian noise that gives as much information about a shift of the record.
 
         For a shift that oscillates at one frequency, least squares under white noise of this variance is as good as
         generalised least squares (U. Grenander, Ann. Math. Stat. 25, 252 (1954)). The information is the observed one,
@@ -99,9 +99,9 @@ def fit_noise(
     residual : ndarray, shape (n,)
         Record minus motion.
     signal : Signal
-        The record that they are of.
+        The record of the residuals.
     features : Features
-        Its features, which default priors depend on.
+        Features of the record; default priors depend on them.
     known, priors : mapping, optional
         Values and priors of the noise's parameters in place of the default priors.
 

@@ -71,8 +71,11 @@ class Correlated(NoiseModel):
         return self.whiten(v, gaps, p)
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the conditional densities from the precision matrix K⁻¹: given all others, r_i is normal with mean
-        r_i − (K⁻¹ r)_i / K⁻¹_ii and variance 1/K⁻¹_ii (Bürkner, Gabry and Vehtari, Comput. Stat. 36, 2021)."""
+        """Return the conditional densities from the precision matrix K⁻¹.
+
+        Given all others, r_i is normal with mean r_i − (K⁻¹ r)_i / K⁻¹_ii and variance 1/K⁻¹_ii (Bürkner, Gabry and
+        Vehtari, Comput. Stat. 36, 2021).
+        """
         sd = by_sample(p)["noise_sd"]
         lost, fresh = _decay(gaps, by_sample(p))
         ratio = np.square((1 - lost) / fresh)

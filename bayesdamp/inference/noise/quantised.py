@@ -43,12 +43,13 @@ class Quantised(IndependentNoise):
         return np.sign(r) * hazard * np.expm1(-step * np.abs(r) / sd**2) * np.exp(-log_share) / sd
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Divide by √(σ² + step²/12), with Sheppard's correction for the information that rounding takes."""
-        return v / _scatter(p)
+        """Divide by √(σ² + step²/12), with Sheppard's correction (1898) for the information that rounding takes."""
+        p = by_sample(p)
+        return v / np.sqrt(p["noise_sd"] ** 2 + p["noise_step"] ** 2 / 12)
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Divide by √(σ² + step²/12) (Sheppard 1898)."""
-        return r / _scatter(p)
+        """Divide by √(σ² + step²/12) too."""
+        return self.information_root(r, gaps, p)
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
         """Draw normal noise, rounded where the motion is anywhere within a step."""
@@ -66,11 +67,6 @@ def _log_probability(r: np.ndarray, sd: np.ndarray, step: np.ndarray) -> tuple[n
     top = log_ndtr((0.5 * step - np.abs(r)) / sd)
     bottom = log_ndtr((-0.5 * step - np.abs(r)) / sd)
     return top, np.log(-np.expm1(bottom - top))
-
-
-def _scatter(p: Mapping[str, ArrayLike]) -> np.ndarray:
-    p = by_sample(p)
-    return np.sqrt(p["noise_sd"] ** 2 + p["noise_step"] ** 2 / 12)
 
 
 PLUGIN = Quantised()

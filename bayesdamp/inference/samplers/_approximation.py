@@ -1,4 +1,4 @@
-"""From an approximation of a posterior to draws that say how good it is."""
+"""From an approximation of a posterior to draws with a measure of their quality."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from bayesdamp.inference.curves import weighted
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Settings
+from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.types import OK, Posterior
 
 K_LIMIT = 0.7
@@ -18,7 +19,7 @@ K_LIMIT = 0.7
 2024)."""
 
 MEAN_LIMIT, SD_LIMIT = 0.3, 1.25
-"""How far importance weights may move a mean, in sds, or an sd, by a factor."""
+"""Largest change of a mean by the importance weights, in sds, and of an sd, as a factor."""
 
 
 def approximate_posterior(
@@ -30,23 +31,39 @@ def approximate_posterior(
     settings: Settings,
     more: Mapping[str, object] | None = None,
 ) -> Posterior:
-    """Independent draws of an approximation as they are, and their importance weights against the posterior.
+    """Return independent draws of an approximation as they are, with their importance weights.
 
-    z: scores, (chains · draws, d); log_density: the approximation's, up to a constant, (chains · draws,). What the
-    weights say goes into the diagnostics: Pareto shape, and the effective number of draws, which stands for both
-    effective sample sizes; the draws themselves are not reweighted. The outcome says where the shape is poor, or where
-    the weights, then to be trusted, move a mean or an sd too far.
+    The diagnostics contain the Pareto shape of the weights and the effective number of draws, which is used for both
+    effective sample sizes. The draws are not reweighted. The outcome says where the shape is poor, or where weights
+    that can be trusted change a mean or an sd too much.
+
+    Parameters
+    ----------
+    sampler : str
+        Name of the sampler.
+    target : Target
+        Whose posterior is approximated.
+    mode : Mode
+        Its mode.
+    z : ndarray, shape (chains · draws, d)
+        Draws of the scores.
+    log_density : ndarray, shape (chains · draws,)
+        Log density of the approximation at z, up to a constant.
+    settings : Settings
+        Number of chains and draws.
+    more : mapping, optional
+        Further diagnostics.
     """
     likelihood, prior = mode.likelihood.log_likelihoods(z), mode.likelihood.log_prior(z)
     weights = np.where(np.isfinite(likelihood), likelihood + prior, -np.inf) - log_density
-    shape = diagnostics.pareto_k(weights)
+    shape = pareto_k(weights)
     size = weighted.effective(weights)
     grid = (settings.chains, settings.draws)
     values = {n: v.reshape(grid) for n, v in target.values(z).items()}
     outcome = OK
     if not shape < K_LIMIT:
-        said = f"Pareto shape of its importance weights is {shape:.2f}, above {K_LIMIT}"
-        outcome = f"a poor approximation: {said} ({size:.0f} effective of {weights.size} draws)"
+        poor = f"Pareto shape of its importance weights is {shape:.2f}, above {K_LIMIT}"
+        outcome = f"a poor approximation: {poor} ({size:.0f} effective of {weights.size} draws)"
     elif moved := _moved(values, weighted.shares(weights)):
         outcome = f"a poor approximation: {moved}"
     return Posterior(
@@ -65,7 +82,7 @@ def approximate_posterior(
 
 
 def _moved(values: Mapping[str, np.ndarray], weights: np.ndarray) -> str:
-    """What the weights, (n,), say of the first parameter whose mean or sd they move too far; nothing where none."""
+    """Return a sentence on the first parameter whose mean or sd the weights, (n,), change too much, or nothing."""
     for name, draws in values.items():
         x = draws.reshape(-1)
         mean = float(weights @ x)

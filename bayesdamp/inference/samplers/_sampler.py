@@ -1,4 +1,4 @@
-"""What a sampler is."""
+"""The base class of the samplers, and their settings."""
 
 from __future__ import annotations
 
@@ -19,8 +19,19 @@ WARMUP = 50
 
 @dataclass(frozen=True)
 class Settings:
-    """How long to sample: chains, draws to warm up and to keep in each; the seed of all random numbers. grows: whether
-    a sampler adds draws where these are too few."""
+    """How long to sample.
+
+    Attributes
+    ----------
+    chains : int
+        Number of chains.
+    warmup, draws : int
+        Draws of each chain that are discarded, and that are returned.
+    seed : int
+        Of all random numbers.
+    grows : bool
+        Whether a sampler adds draws where these are too few.
+    """
 
     chains: int = 4
     warmup: int = 500
@@ -29,14 +40,14 @@ class Settings:
     grows: bool = True
 
     def warmup_of(self, mode: Mode) -> int:
-        """Return the draws to warm up: few where chains start with draws of the linear model, as nothing is adapted."""
+        """Return the warm-up: short where chains start with draws of the linear model, as nothing is adapted."""
         return self.warmup if mode.linear is None else min(self.warmup, WARMUP)
 
 
 class Sampler(ABC):
     """Draws from the posterior of a target, started and whitened at its mode.
 
-    approximate: whether the draws are independent ones of a distribution that only resembles the posterior.
+    `approximate` states whether the draws are independent ones of a distribution that only resembles the posterior.
     """
 
     name: str
@@ -44,22 +55,24 @@ class Sampler(ABC):
 
     @abstractmethod
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Draws in natural units with their diagnostics; the outcome says where not to trust them.
+        """Return draws in natural units with their diagnostics; the outcome says where not to trust them.
 
         Raises Refusal where the method cannot work on this target.
         """
 
     def summarised(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Sample, and add the seconds that it took and, where the sampler has none, a summary of each parameter and the
-        verdict of these."""
+        """Sample, and add the seconds that it took.
+
+        Where the sampler gives no summaries, a summary of each parameter is added, and the outcome of these.
+        """
         began = time.perf_counter()
-        found = self.sample(target, mode, settings)
-        found = replace(found, seconds=time.perf_counter() - began)
-        if found.summaries or not found.draws.size:
-            return found
-        columns = zip(found.names, np.moveaxis(found.draws, -1, 0), strict=True)
-        summary = {n: diagnostics.summarise(x, found.ensembles, found.effective) for n, x in columns}
-        judged = found.outcome == OK and found.effective is None
-        return replace(
-            found, summaries=summary, outcome=diagnostics.verdict(summary) if judged else found.outcome
-        )
+        posterior = self.sample(target, mode, settings)
+        posterior = replace(posterior, seconds=time.perf_counter() - began)
+        if posterior.summaries or not posterior.draws.size:
+            return posterior
+        columns = zip(posterior.names, np.moveaxis(posterior.draws, -1, 0), strict=True)
+        ensembles, effective = posterior.ensembles, posterior.effective
+        summaries = {n: diagnostics.summarise(x, ensembles, effective) for n, x in columns}
+        judged = posterior.outcome == OK and effective is None
+        outcome = diagnostics.verdict(summaries) if judged else posterior.outcome
+        return replace(posterior, summaries=summaries, outcome=outcome)

@@ -14,16 +14,16 @@ from bayesdamp.inference.samplers._sampler import Settings
 from bayesdamp.types import ChainStart, Seed
 
 SPREAD = 1.5
-"""Sds of the scatter around a seed: starts are wider than the posterior also where all seeds agree."""
+"""Sds of the scatter around a seed: starts are wider than the posterior even where all seeds agree."""
 REACH = 5.0
-"""Nats for each parameter below the centre from which a chain still finds its way."""
+"""Nats per parameter below the centre from which a chain still reaches the mode."""
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0)
-"""Shares of the way from the centre to a seed at which a start is tried; the farthest within reach is taken."""
+"""Shares of the way from the centre to a seed at which a start is tried; the farthest one within reach is used."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """One chain's start: the seed it is taken from; how far from the centre that is and the start is, in sds."""
+    """One chain's start: its seed, and the distances of the seed and of the start from the centre, in sds."""
 
     seed: Seed
     seed_distance: float
@@ -33,12 +33,34 @@ class Start:
 def seeded_starts(
     target: Target, mode: Mode, at: Whitening, count: int, settings: Settings
 ) -> tuple[np.ndarray, np.ndarray, list[Start]]:
-    """Starts in whitened coordinates, shape (count, d), their log posterior, (count,), and the seed each is from.
+    """Return starts of chains or walkers.
 
-    Each is a seed's own start, scattered by more than the posterior's sd and, where it is out of reach, moved
-    towards the centre until it is not. Seeds are taken in turn, those farthest from each other first, so that few
+    Each is the start of a seed's climb, scattered by more than the posterior's sd. Where that is out of reach, it is
+    moved towards the centre until it is within reach. Seeds that are farthest from each other come first, so that few
     chains cover their spread; one of the first two is a draw from the prior where there is one. Where laws may hold
-    approximately they are draws of the linear model.
+    approximately, starts are draws of the linear model.
+
+    Parameters
+    ----------
+    target : Target
+        Whose posterior is sampled.
+    mode : Mode
+        Its mode, with the climbs that led to it.
+    at : Whitening
+        Its coordinates.
+    count : int
+        Number of starts.
+    settings : Settings
+        With the seed of the random numbers.
+
+    Returns
+    -------
+    u : ndarray, shape (count, d)
+        The starts in whitened coordinates.
+    height : ndarray, shape (count,)
+        Their log posterior.
+    starts : list of Start
+        Where each is from.
     """
     rng = np.random.default_rng(settings.seed)
     if mode.linear is not None:
@@ -53,50 +75,51 @@ def seeded_starts(
     order = _spread_out(seeds, [seed.drawn for seed in given])
     scatter = SPREAD * rng.standard_normal((count, seeds.shape[1]))
     chosen = [order[i % len(order)] for i in range(count)]
-    # Scatter alone is the last resort but one, the centre itself the last.
-    tries = np.concatenate(
-        [
-            np.stack([share * seeds[chosen] + scatter for share in SHARES]),
-            0.3 * scatter[None],
-            np.zeros((1, *scatter.shape)),
-        ]
+    # The last resort but one is the scatter alone, and the last one is the centre.
+    tries = np.stack(
+        [*(share * seeds[chosen] + scatter for share in SHARES), 0.3 * scatter, np.zeros_like(scatter)]
     )
     z = at.scores(tries)
     z = np.where(reflected, np.abs(z), z)
     height = mode.likelihood.log_posteriors(z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
     good = height > height[-1, 0] - REACH * z.shape[-1]
     good[-1] = True
-    first = np.argmax(good, axis=0)
-    each = np.arange(count)
+    first, each = np.argmax(good, axis=0), np.arange(count)
     u = at.whitened(z[first, each])
-    found = [
+    starts = [
         Start(given[c], float(np.linalg.norm(seeds[c])), float(np.linalg.norm(x)))
         for c, x in zip(chosen, u, strict=True)
     ]
-    return u, height[first, each], found
+    return u, height[first, each], starts
 
 
 def _spread_out(seeds: np.ndarray, drawn: Sequence[bool]) -> list[int]:
-    """Indices of the seeds (m, d): the first two are the farthest from the centre and one of the prior.
+    """Return the order of seeds, (m, d): first the farthest from the centre, then one from the prior, then the others.
 
     drawn: whether the prior gave each.
     """
     size = np.linalg.norm(np.nan_to_num(seeds, nan=0.0, posinf=1e6, neginf=-1e6), axis=1)
-    prior = [i for i, one in enumerate(drawn) if one]
-    own = [i for i, one in enumerate(drawn) if not one]
-    order: list[int] = []
-    for i in sorted(own, key=lambda i: -size[i])[:1] + prior[:1]:
-        order.append(i)
+    prior = [i for i, from_prior in enumerate(drawn) if from_prior]
+    own = [i for i, from_prior in enumerate(drawn) if not from_prior]
+    order = sorted(own, key=lambda i: -size[i])[:1] + prior[:1]
     rest = [i for i in range(len(drawn)) if i not in order]
     while rest:
         gaps = np.linalg.norm(seeds[rest][:, None] - seeds[order][None], axis=2).min(axis=1)
-        nearest = int(np.argmax(np.nan_to_num(gaps, nan=-1.0)))
-        order.append(rest.pop(nearest))
+        farthest = int(np.argmax(np.nan_to_num(gaps, nan=-1.0)))
+        order.append(rest.pop(farthest))
     return order
 
 
 def agreement(starts: Sequence[Start], draws: np.ndarray) -> tuple[ChainStart, ...]:
-    """What each chain made of its start. draws: of one chain a start, shape (chains, draws, d), in natural units."""
+    """Return each chain's start with the largest shift of its means from those of all chains, in sds.
+
+    Parameters
+    ----------
+    starts : sequence of Start
+        One for each chain.
+    draws : ndarray, shape (chains, draws, d)
+        In natural units.
+    """
     sd = np.maximum(draws.std(axis=(0, 1)), 1e-300)
     shift = np.abs(draws.mean(axis=1) - draws.mean(axis=(0, 1))) / sd
     return tuple(

@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.coordinates.reflected_t import ReflectedT
-from bayesdamp.inference.coordinates.whitening import Whitening, whitening_of
+from bayesdamp.inference.coordinates.whitening import whitening_of
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
@@ -19,20 +19,9 @@ from bayesdamp.types import OK, Posterior
 ENSEMBLES = 2
 BLOCK = 200
 NOWHERE = -1e300
-"""Log density outside the support: emcee subtracts them, and infinities would not cancel."""
+"""Log density outside the support: emcee takes differences, and those of infinities are not numbers."""
 LONGEST = 40
-"""Blocks of sampling after which an ensemble that is not resolved says so."""
-
-
-def _independent(proposal: ReflectedT, at: Whitening):
-    """Proposals drawn anew from the heavy-tailed Laplace fit, with their Metropolis–Hastings factors."""
-
-    def propose(u: np.ndarray, rng: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
-        old, new = at.scores(u), proposal.draw(rng, len(u))
-        moved = at.whitened(new)
-        return moved, proposal.log_density(old) - proposal.log_density(new)
-
-    return propose
+"""Largest number of blocks of sampling."""
 
 
 class Emcee(Sampler):
@@ -42,31 +31,36 @@ class Emcee(Sampler):
     wherever that is regular; differential evolution and stretch moves serve where it is not. (emcee's snooker move, up
     to its release 3.1.6, does not leave the posterior as it is: alone it makes a normal's sd a fifth too small.)
 
-    Runs two independent ensembles, each of `chains` or more walkers, until each parameter has 1,000
-    effective draws and the series is fifty autocorrelation times long, or says that it did not get there. Where draws
-    are not to be added, each walker takes those that are asked for.
+    It runs two independent ensembles, each of `chains` or more walkers, until each parameter has 1,000 effective draws
+    and the series is fifty autocorrelation times long, or says that it did not get there. Where draws are not to be
+    added, each walker makes the number of draws that was asked for.
     """
 
     name = "emcee"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Walkers about the mode by affine-invariant moves (Goodman and Weare 2010), with draws added where too
-        few."""
+        """Move walkers about the mode by affine-invariant moves (Goodman and Weare 2010), until draws suffice."""
         d, warmup = mode.z.size, settings.warmup_of(mode) // 2
         walkers = 4 * max(d + 2, 8, settings.chains)
         reflected = target.reflected
         at = whitening_of(target, mode)
         proposal = ReflectedT(at.centre, at.factor, reflected)
 
-        # Reflected scores are kept on their non-negative side: walkers do not get caught in mirror modes.
+        # Reflected scores stay on their non-negative side, so that walkers do not get caught in mirror modes.
         def log_probability(u: np.ndarray) -> np.ndarray:
             z = at.scores(u)
             values = mode.likelihood.log_posteriors(z)
             inside = np.isfinite(values) & np.all((z >= -1e-9) | ~reflected, axis=1)
             return np.where(inside, values, NOWHERE)
 
+        def propose(u: np.ndarray, rng: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
+            """Draw from the heavy-tailed Laplace fit, and return the Metropolis–Hastings factors too."""
+            old, new = at.scores(u), proposal.draw(rng, len(u))
+            moved = at.whitened(new)
+            return moved, proposal.log_density(old) - proposal.log_density(new)
+
         moves = [
-            (emcee.moves.MHMove(_independent(proposal, at)), 0.5),
+            (emcee.moves.MHMove(propose), 0.5),
             (emcee.moves.DEMove(), 0.3),
             (emcee.moves.StretchMove(), 0.2),
         ]
@@ -91,21 +85,19 @@ class Emcee(Sampler):
         thin = max(1, draws.shape[0] * draws.shape[1] // 40_000) if settings.grows else 1
         energy = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
         z = at.scores(draws[:, ::thin])
-        values, full = (target.values(at.scores(u)) for u in (draws[:, ::thin], draws))
+        values, full = target.values(z), target.values(at.scores(draws))
         summaries = {n: diagnostics.summarise(v, ensembles=ENSEMBLES) for n, v in full.items()}
         outcome = diagnostics.verdict(summaries)
         if outcome == OK and not resolved:
             short = "fewer than 50 autocorrelation times or 1,000 effective draws"
             outcome = f"not resolved after {draws.shape[1]} steps: {short}"
+        acceptance = np.concatenate([s.acceptance_fraction for s, _ in ensembles])[:, None]
         return Posterior(
             sampler=self.name,
             names=target.names,
             draws=np.stack(list(values.values()), axis=-1),
             log_likelihood=energy - mode.likelihood.log_prior(z),
-            stats={
-                "acceptance_rate": np.concatenate([s.acceptance_fraction for s, _ in ensembles])[:, None]
-                * np.ones(z.shape[1])
-            },
+            stats={"acceptance_rate": acceptance * np.ones(z.shape[1])},
             diagnostics={"walkers": walkers, "thinned_by": thin},
             outcome=outcome,
             summaries=summaries,

@@ -13,17 +13,25 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._approximation import approximate_posterior
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
+from bayesdamp.physics.kernel.solve import QUANTITIES
 from bayesdamp.priors import Prior
 from bayesdamp.types import Posterior, Refusal
 
 HALF_NORMAL = (math.sqrt(2 / math.pi), math.sqrt(1 - 2 / math.pi))
 """Mean and sd of a reflected score under its prior."""
+PASSES = 20
+SETTLED = 0.01
+"""Shift of the final mean between two passes, in its sds, at which restarting ends."""
+SHOWN = 300
+"""Number of times at which a running estimate is stored."""
 
 
 @dataclass(frozen=True)
 class Online:
-    """What the filter held after each sample: means and sds of the k moving scores, (n, k), and the last
-    covariance, (k, k)."""
+    """The filter's estimates of the k moving scores.
+
+    Means and sds after each sample, (n, k), and the last covariance, (k, k).
+    """
 
     means: np.ndarray
     sds: np.ndarray
@@ -31,23 +39,22 @@ class Online:
 
 
 def filter_online(target: Target, mode: Mode) -> Online:
-    """One pass from the priors, each sample used once and in its turn.
+    """Run the filter once from the priors, with each sample used once and in its turn.
 
-    The state is (scores, θ, θ̇) with no process noise; its sigma points, 2(k + 2) at √(k + 2) sds with equal weights
-    (Julier and Uhlmann's with κ = 0), are drawn anew after each sample and moved to the next by the kernel.
-    A reflected score starts with mean and
-    sd of a half-normal: about zero the filter would see no slope. A scale that coefficients share is held at 1, a
-    damping ratio of 0.1. From the mode comes the sd of the noise.
+    The state is (scores, θ, θ̇) without process noise. Its sigma points, 2(k + 2) at √(k + 2) sds with equal weights
+    (Julier and Uhlmann's with κ = 0), are drawn again after each sample and moved to the next one by the kernel. A
+    reflected score starts with mean and sd of a half-normal: about zero the filter would see no slope. A scale that
+    coefficients share is fixed at 1, a damping ratio of 0.1. The sd of the noise is that of the mode.
     """
     index, signal = target.moving, target.signal
-    k, order = index.size, ("angle", "velocity", "acceleration").index(signal.quantity)
+    k, order = index.size, QUANTITIES.index(signal.quantity)
     reflected = target.reflected[index]
     mean = np.where(reflected, HALF_NORMAL[0], 0.0)
     sd = np.where(reflected, HALF_NORMAL[1], 1.0)
     noise, z, motions = target.all_values(mode.z)["noise_sd"], mode.z.copy(), mode.likelihood.motions
 
     def values(u: np.ndarray) -> dict[str, float]:
-        z[index] = u  # the noise's own scores are held at the mode
+        z[index] = u  # the noise's own scores stay at the mode
         return target.all_values(z)
 
     def moved(x: np.ndarray, gap: float) -> tuple[np.ndarray, float]:
@@ -62,10 +69,10 @@ def filter_online(target: Target, mode: Mode) -> Online:
     covariance = (points - mean).T @ (points - mean) / (2 * k)
     means, sds = np.empty((signal.t.size, k)), np.empty((signal.t.size, k))
     for i, (y, gap) in enumerate(zip(signal.y.tolist(), np.r_[0.0, np.diff(signal.t)].tolist(), strict=True)):
-        pairs = [moved(x, gap) for x in _spread(mean, covariance)]
-        points, seen = np.array([x for x, _ in pairs]), np.array([v for _, v in pairs])
-        mean, expected = points.mean(axis=0), float(seen.mean())
-        about, off = points - mean, seen - expected
+        pairs = [moved(x, gap) for x in _sigma_points(mean, covariance)]
+        points, predicted = np.array([x for x, _ in pairs]), np.array([v for _, v in pairs])
+        mean, expected = points.mean(axis=0), float(predicted.mean())
+        about, off = points - mean, predicted - expected
         variance = float(np.mean(off**2)) + noise**2
         gain = about.T @ off / off.size / variance
         mean = mean + gain * (y - expected)
@@ -78,10 +85,10 @@ def filter_online(target: Target, mode: Mode) -> Online:
     return Online(means, sds, covariance[:k, :k])
 
 
-def _spread(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def _sigma_points(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Return sigma points, (2d, d), of a normal distribution with this mean, (d,), and covariance, (d, d).
 
-    By eigenvectors of the correlations: at first θ and θ̇ follow from the scores, and no Cholesky factor exists.
+    They use eigenvectors of the correlations: at first θ and θ̇ follow from the scores, and no Cholesky factor exists.
     """
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     lengths, axes = np.linalg.eigh(covariance / sd[:, None] / sd)
@@ -89,17 +96,13 @@ def _spread(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return np.concatenate([mean + away.T, mean - away.T])
 
 
-PASSES = 20
-SETTLED = 0.01
-"""Shift of the final mean between two passes, in its sds, at which restarting ends."""
-SHOWN = 300
-"""Times at which a running estimate is stored."""
-
-
 @dataclass(frozen=True)
 class Restarted:
-    """The last pass: means (n, k) and covariances (n, k, k) of the moving scores after each sample, as if nothing
-    ended at zero; final: what is known after the whole record; passes: how many it took."""
+    """The last pass of the restarted filter.
+
+    Means (n, k) and covariances (n, k, k) of the moving scores after each sample, without truncation at zero; `final`:
+    the distribution after the whole record; `passes`: their number.
+    """
 
     means: np.ndarray
     covariances: np.ndarray
@@ -108,35 +111,37 @@ class Restarted:
 
 
 class Kalman(Sampler):
-    """Running estimates of static parameters beside θ and θ̇, and the posterior that they end in.
+    """Running estimates of static parameters together with θ and θ̇, and the posterior at their end.
 
-    The first pass is the online one: an unscented Kalman filter from the priors, without process noise. Priors are
-    wide against a record, so what it made of the early samples it cannot correct later: its damping is off by up to
-    several sds. The filter is therefore run again from the priors over the same record with its sigma points, one sd
-    to each side, where the pass before ended, until the final mean settles (iterated posterior linearisation:
+    The first pass is the online one: an unscented Kalman filter from the priors, without process noise. Priors are wide
+    compared with a record, so the filter cannot correct later what it infers from the early samples: its damping is off
+    by up to several sds. The filter is therefore run again from the priors over the same record, with its sigma points
+    one sd to each side of where the pass before ended, until the final mean settles (iterated posterior linearisation:
     García-Fernández, Svensson and Särkkä, IEEE Transactions on Automatic Control 62, 2017). Static parameters and no
     process noise make such a pass a linear Kalman filter whose measurements are the trajectories of the sigma points.
-    Coefficients are reflected at zero: the final normal is cut off there.
+    Coefficients are reflected at zero: the final normal is truncated there.
 
-    The sd of the noise is not filtered: it is the noise model's at the mode, drawn from its Laplace approximation. The
-    scale that the coefficients' priors share is held: in the first pass at a damping ratio of 0.1, in the others where
-    it is most probable given the mode. Else nothing but the length of the solver's steps is taken from the mode. Noise
-    is independent and normal.
+    The sd of the noise is not filtered: it is drawn from its Laplace approximation at the mode. The scale that the
+    coefficients' priors share is fixed: in the first pass at a damping ratio of 0.1, in the others where it is most
+    probable given the mode. Apart from these, only the length of the solver's steps is taken from the mode. Noise is
+    independent and normal.
     """
 
     name = "kalman"
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Draws from an unscented Kalman filter and its restarts. Raises Refusal under exact friction."""
+        """Return draws from an unscented Kalman filter and its restarts. Raises Refusal under exact friction."""
         if target.oscillator.switches and target.known.get("epsilon") == 0.0:
             raise Refusal(
-                "kalman needs ε above 0: its sigma points do not stick; give epsilon, or leave it free"
+                "kalman needs ε above 0, because its sigma points do not stick; give epsilon, or leave it free"
             )
         if target.deviation is not None:
-            raise Refusal('not applicable: kalman takes laws to hold exactly; give deviation "none"')
+            raise Refusal(
+                'not applicable: kalman assumes that laws hold exactly; give deviation "none" to use it'
+            )
         if target.noise != "gaussian":
-            raise Refusal(f"kalman takes noise to be independent and normal, and here it is {target.noise}")
+            raise Refusal(f"kalman assumes independent and normal noise, and here it is {target.noise}")
         online = filter_online(target, mode)
         last = _restart(target, mode, online)
         index = target.moving
@@ -147,22 +152,24 @@ class Kalman(Sampler):
         z, log_density = mode.z + white * sd, -0.5 * white**2
         z[:, index] = last.final.draw(rng, n)
         log_density = np.delete(log_density, index, axis=1).sum(axis=1) + last.final.log_density(z[:, index])
-        names = [target.names[i] for i in index]
-        found = approximate_posterior(
-            self.name, target, mode, z, log_density, settings, more={"passes": last.passes}
-        )
-        return replace(found, running=tuple(names), arrays=_running(target, names, online, last))
+        names = tuple(target.names[i] for i in index)
+        passes = {"passes": last.passes}
+        posterior = approximate_posterior(self.name, target, mode, z, log_density, settings, more=passes)
+        return replace(posterior, running=names, arrays=_running(target, names, online, last))
 
 
 def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
-    """Passes from the priors with sigma points where the pass before ended. Raises Refusal where they do not settle."""
+    """Run passes from the priors with sigma points where the pass before ended.
+
+    Raises Refusal where they do not settle.
+    """
     index = target.moving
     k, y = len(index), target.signal.y
     reflected = target.reflected[index]
     noise = target.all_values(mode.z)["noise_sd"]
-    # Of a scale that coefficients share, the one that stands for all near the mode.
-    held = mode.near.scales[0]
-    prior = np.diag(np.where(target.shared[index], held**-2.0, 1.0))
+    # One shared scale represents all of them near the mode.
+    scale = mode.near.scales[0]
+    prior = np.diag(np.where(target.shared[index], scale**-2.0, 1.0))
     # The first pass may end on the mirrored side of a reflected score.
     side = np.where(reflected & (online.means[-1] < 0), -1.0, 1.0)
     if not (np.all(np.isfinite(online.means[-1])) and np.all(np.diag(online.covariance) > 0)):
@@ -172,10 +179,10 @@ def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
         mean, factor = now.moments
         points = np.tile(mode.z, (2 * k + 1, 1))
         points[:, index] = np.concatenate([mean[None], mean + factor.T, mean - factor.T])
-        seen = y - mode.likelihood.residuals(points)
-        if not np.all(np.isfinite(seen)):
+        motions = y - mode.likelihood.residuals(points)
+        if not np.all(np.isfinite(motions)):
             raise Refusal("the restarted filter met a motion that escapes")
-        expected, slope, variance = _regression(seen, factor)
+        expected, slope, variance = _regression(motions, factor)
         weight = 1.0 / (noise**2 + variance)
         pull = np.cumsum((weight * (y - expected + slope @ mean))[:, None] * slope, axis=0)
         gathered = np.cumsum(weight[:, None, None] * slope[:, :, None] * slope[:, None, :], axis=0)
@@ -188,13 +195,13 @@ def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
     raise Refusal(f"the restarted filter did not settle in {PASSES} passes")
 
 
-def _regression(seen: np.ndarray, factor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Each sample as a linear function of the scores, from sigma points at 0 and ±1 sd, seen (2k + 1, n).
+def _regression(motions: np.ndarray, factor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return each sample as a linear function of the scores, from motions at sigma points at 0 and ±1 sd, (2k + 1, n).
 
-    Its expected value (n,), its slope (n, k), and the variance that the line leaves over (n,).
+    The function has an expected value (n,), a slope (n, k), and a residual variance (n,).
     """
     k = factor.shape[0]
-    middle, above, below = seen[0], seen[1 : k + 1], seen[k + 1 :]
+    middle, above, below = motions[0], motions[1 : k + 1], motions[k + 1 :]
     expected = middle + 0.5 * np.sum(above + below - 2 * middle, axis=0)
     rise = 0.5 * (above - below)
     whole = 0.5 * np.sum((above - expected) ** 2 + (below - expected) ** 2, axis=0)
@@ -202,23 +209,25 @@ def _regression(seen: np.ndarray, factor: np.ndarray) -> tuple[np.ndarray, np.nd
     return expected, np.linalg.solve(factor.T, rise).T, np.maximum(left, 0.0)
 
 
-def _running(target: Target, names: list[str], online: Online, last: Restarted) -> dict[str, np.ndarray]:
-    """Means and sds in natural units against time, (m, k), of the first pass and of the last.
+def _running(
+    target: Target, names: tuple[str, ...], online: Online, last: Restarted
+) -> dict[str, np.ndarray]:
+    """Return means and sds in natural units against time, (m, k), of the first pass and of the last.
 
-    A coefficient is cut off at zero on its own here, whatever it is correlated with.
+    Each coefficient is truncated at zero on its own here, regardless of correlations.
     """
     at = np.unique(np.linspace(0, target.signal.t.size - 1, SHOWN).astype(int))
     sds = np.sqrt(np.diagonal(last.covariances, axis1=1, axis2=2))
-    found = {"running/t": target.signal.t[at]}
+    arrays = {"running/t": target.signal.t[at]}
     for label, means, spread in (("online", online.means, online.sds), ("restarted", last.means, sds)):
         pairs = [natural(target.priors[n], means[at, i], spread[at, i]) for i, n in enumerate(names)]
-        found[f"running/{label}/mean"] = np.stack([m for m, _ in pairs], axis=1)
-        found[f"running/{label}/sd"] = np.stack([s for _, s in pairs], axis=1)
-    return found
+        arrays[f"running/{label}/mean"] = np.stack([m for m, _ in pairs], axis=1)
+        arrays[f"running/{label}/sd"] = np.stack([s for _, s in pairs], axis=1)
+    return arrays
 
 
 def natural(prior: Prior, mean: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and sd of a parameter whose score is normal, (m,), and, where it is reflected, cut off at zero."""
+    """Return mean and sd of a parameter whose score is normal, (m,), and truncated at zero where it is reflected."""
     x, w = np.polynomial.legendre.leggauss(64)
     mean = np.abs(mean) if prior.reflected else mean
     share = log_ndtr(mean / sd) if prior.reflected else np.zeros(mean.size)

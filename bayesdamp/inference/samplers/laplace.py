@@ -1,4 +1,4 @@
-"""Laplace's approximation: the normal distribution at the mode, cut off where a coefficient is zero."""
+"""Laplace's approximation: the normal distribution at the mode, truncated where a coefficient is zero."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from bayesdamp.types import Posterior
 class Laplace(Sampler):
     """Draws from the normal distribution with the log posterior's gradient and whole Hessian at the mode.
 
-    In scores, and cut off where a reflected one is zero: a mode at zero, where the gradient is not zero, makes a normal
-    with its mean beyond the wall, of which the tail inside is left. Curvature that changes within the posterior's
-    width (between friction and viscous damping, say) it does not see; its importance weights do.
+    It is one of the scores, truncated where a reflected score is zero. A mode at zero, where the gradient is not zero,
+    gives a normal with its mean beyond the wall, of which the tail inside remains. The approximation ignores curvature
+    that changes within the posterior's width (between friction and viscous damping, say), but its importance weights
+    show this.
     """
 
     name = "laplace"
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Independent draws of the normal distribution about the mode, with their importance weights' worth."""
+        """Return independent draws of the normal distribution about the mode, judged by their importance weights."""
         normal = laplace(target, mode)
         z = normal.draw(np.random.default_rng(settings.seed), settings.chains * settings.draws)
         return approximate_posterior(self.name, target, mode, z, normal.log_density(z), settings)

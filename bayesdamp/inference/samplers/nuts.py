@@ -1,7 +1,7 @@
 """The no-U-turn sampler, whitened at the mode, on the compiled kernel.
 
-Its transition (M. D. Hoffman and A. Gelman, JMLR 15, 2014) runs between walls, with multinomial choice among the points
-of a trajectory (M. Betancourt, arXiv:1701.02434, 2017, appendix A.3).
+Its transition (M. D. Hoffman and A. Gelman, JMLR 15, 2014) moves between walls and chooses among the points of a
+trajectory with multinomial probabilities (M. Betancourt, arXiv:1701.02434, 2017, appendix A.3).
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates.shear import shear_of
-from bayesdamp.inference.coordinates.whitening import Whitening, whitening_of, whitening_under
+from bayesdamp.inference.coordinates.whitening import Whitening, shear_of, whitening_of, whitening_under
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood, Line
 from bayesdamp.inference.model.target import Target
@@ -25,7 +24,18 @@ DOUBLINGS = 7
 DIVERGED = 1000.0
 """Rise of the energy that ends a trajectory (conventional)."""
 BOUNCES = 4
-"""Bounces in one step, for each wall; a step that would take more ends outside, where it is refused."""
+"""Bounces in one step, for each wall. A step with more bounces ends outside, where it is rejected."""
+STEP = 1.05
+"""Step in whitened coordinates: a little more than π/3, so that four points of a circle span half a turn, after which a
+trajectory ends. A shorter step makes it twice as long for draws that are no better."""
+POOR = 0.5
+"""Mean acceptance below which steps or force are not good enough."""
+DIVERGING = 0.002
+"""Share of divergences above which they are not good enough; above 1 % the draws are not trusted."""
+STEPS = (1.0, 0.5, 0.25, 0.125)
+"""Shares of the usual step that are tried with the exact force."""
+LONGEST = 3
+"""Draws are added up to this many times the number that was asked for."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +49,7 @@ class Whitened:
     at : Whitening
         Maps coordinates to scores.
     line : Line or None
-        The motion's straight line that the force is taken from; None for the exact gradient.
+        The linearised motion that gives the force; None for the exact gradient.
     walls, offsets : ndarray, shapes (k, d) and (k,)
         walls @ u + offsets ≥ 0 inside.
     """
@@ -52,7 +62,7 @@ class Whitened:
 
     @classmethod
     def of(cls, mode: Mode, at: Whitening, exact: bool) -> Whitened:
-        """Return the posterior of a mode's target; exact: whether the force is its gradient."""
+        """Return the posterior of a mode's target; exact: whether the force is the exact gradient."""
         likelihood = mode.likelihood
         line = None if exact else likelihood.line(at.shear.scores(at.centre))
         reflected = likelihood.target.reflected
@@ -70,7 +80,7 @@ class Whitened:
             straight = at.centre + away
             pull = self.likelihood.gradient(shear.scores(straight))[1] @ shear.slope(straight)
         else:
-            # A straight line stays one: straightened, the ridge is where it has it.
+            # The linearised motion has a straight ridge: only the noise's shear applies to it.
             level = shear.level(at.centre) + away
             along = self.likelihood.gradient_along(self.line, shear.noise.sheared(level))
             pull = along @ shear.noise.slope(level) - at.lacking @ away
@@ -94,8 +104,11 @@ class Point:
 
 @dataclass
 class _Tree:
-    """A part of a trajectory: its ends in time, the point that is chosen of it, the log of the sum of its densities,
-    the sum of its momenta, and whether it goes on."""
+    """A part of a trajectory.
+
+    Its ends in time, the point chosen from it, the log of the sum of its densities, the sum of its momenta, and whether
+    it goes on.
+    """
 
     first: Point
     last: Point
@@ -106,82 +119,78 @@ class _Tree:
 
 
 class Chain:
-    """A Markov chain in a space, with steps of a length."""
+    """A Markov chain in a space, with steps of one length."""
 
     def __init__(self, space: Whitened, step: float, rng: np.random.Generator) -> None:
         self.space, self.step, self.rng = space, step, rng
 
     def sampled(self, u: np.ndarray, height: float, count: int) -> tuple[np.ndarray, ...]:
-        """Return positions (count, d), heights, divergences, steps and acceptance, (count,) each, from a start u, (d,),
-        of this height on."""
-        left = (
-            np.empty((count, u.size)),
-            np.empty(count),
-            np.empty(count, bool),
-            np.empty(count, int),
-            np.empty(count),
-        )
+        """Make `count` transitions from a start u, (d,), of this height.
+
+        Returns positions (count, d), heights, divergences, steps and acceptance, (count,) each.
+        """
+        rows = []
         at = Point(u, np.zeros(u.size), self.space.slope(u), height)
-        for i in range(count):
+        for _ in range(count):
             at, *rest = self.transition(at)
-            for into, value in zip(left, (at.u, at.height, *rest), strict=True):
-                into[i] = value
-        return left
+            rows.append((at.u, at.height, *rest))
+        return tuple(map(np.array, zip(*rows, strict=True)))
 
     def transition(self, at: Point) -> tuple[Point, bool, int, float]:
-        """Return the next point, whether the trajectory diverged, its steps, and the mean acceptance."""
+        """Return the next point, whether the trajectory diverged, its steps, and its mean acceptance."""
         at = Point(at.u, self.rng.standard_normal(at.u.size), at.slope, at.height)
         self._begun, self._steps, self._accepted, self._diverged = at.joint, 0, 0.0, False
         tree = _Tree(at, at, at, at.joint, at.p.copy(), True)
         for doubling in range(DOUBLINGS):
             ahead = bool(self.rng.random() < 0.5)
-            new = self._built(tree.last if ahead else tree.first, 1 if ahead else -1, doubling)
+            new = self._build(tree.last if ahead else tree.first, 1 if ahead else -1, doubling)
             if not new.goes_on:
                 break
             if np.log(self.rng.random()) < new.weight - tree.weight:
                 tree.chosen = new.chosen
-            tree = self._joined(tree, new, ahead, tree.chosen)
+            tree = self._join(tree, new, ahead, tree.chosen)
             if not tree.goes_on:
                 break
         return tree.chosen, self._diverged, self._steps, self._accepted / max(self._steps, 1)
 
-    def _built(self, end: Point, way: int, depth: int) -> _Tree:
+    def _build(self, end: Point, way: int, depth: int) -> _Tree:
         """Return 2^depth further points beyond an end of the trajectory; fewer where it does not go on."""
         if depth == 0:
-            point = self._stepped(end, way)
+            point = self._step(end, way)
             joint = point.joint if np.isfinite(point.height) else -np.inf
             self._steps += 1
             self._accepted += float(np.exp(min(0.0, joint - self._begun)))
             diverged = not joint > self._begun - DIVERGED
             self._diverged = self._diverged or diverged
             return _Tree(point, point, point, joint, point.p, not diverged)
-        near = self._built(end, way, depth - 1)
+        near = self._build(end, way, depth - 1)
         if not near.goes_on:
             return near
-        far = self._built(near.last if way > 0 else near.first, way, depth - 1)
+        far = self._build(near.last if way > 0 else near.first, way, depth - 1)
         if not far.goes_on:
             return far
         share = far.weight - np.logaddexp(near.weight, far.weight)
         chosen = far.chosen if np.log(self.rng.random()) < share else near.chosen
-        return self._joined(near, far, way > 0, chosen)
+        return self._join(near, far, way > 0, chosen)
 
     @staticmethod
-    def _joined(tree: _Tree, new: _Tree, ahead: bool, chosen: Point) -> _Tree:
-        """Return both parts as one; it goes on unless it, or the half of it about the join, turns round."""
-        one, two = (tree, new) if ahead else (new, tree)
-        momentum = one.momentum + two.momentum
+    def _join(tree: _Tree, new: _Tree, ahead: bool, chosen: Point) -> _Tree:
+        """Join two parts; the result goes on unless it, or its half about the join, turns round."""
+        early, late = (tree, new) if ahead else (new, tree)
+        momentum = early.momentum + late.momentum
         goes_on = (
-            _apart(one.first, two.last, momentum)
-            and _apart(one.first, two.first, one.momentum + two.first.p)
-            and _apart(one.last, two.last, two.momentum + one.last.p)
+            _apart(early.first, late.last, momentum)
+            and _apart(early.first, late.first, early.momentum + late.first.p)
+            and _apart(early.last, late.last, late.momentum + early.last.p)
         )
-        return _Tree(
-            one.first, two.last, chosen, float(np.logaddexp(one.weight, two.weight)), momentum, goes_on
-        )
+        weight = float(np.logaddexp(early.weight, late.weight))
+        return _Tree(early.first, late.last, chosen, weight, momentum, goes_on)
 
-    def _stepped(self, at: Point, way: int) -> Point:
-        """Return the point a leapfrog step ahead or back. The force need not be the density's gradient: each kick is a
-        shear of the momenta, whatever it is."""
+    def _step(self, at: Point, way: int) -> Point:
+        """Return the point a leapfrog step ahead or back.
+
+        The force need not be the density's gradient: each kick is a shear of the momenta in any case.
+        """
         size = way * self.step
         u, p = drift(at.u, at.p + 0.5 * size * at.slope, size, self.space.walls, self.space.offsets)
         if not np.all(np.isfinite(u)):
@@ -192,36 +201,43 @@ class Chain:
 
 
 def _apart(first: Point, last: Point, momentum: np.ndarray) -> bool:
-    """Whether both ends still move away from each other."""
+    """Return whether both ends still move away from each other."""
     return float(first.p @ momentum) > 0 and float(last.p @ momentum) > 0
 
 
 def drift(
     u: np.ndarray, p: np.ndarray, time: float, walls: np.ndarray, offsets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return position (d,) and momentum (d,) after `time` of straight flight within walls @ u + offsets ≥ 0.
+    """Return position and momentum after a straight flight between walls.
 
-    At a wall the momentum is mirrored: time can be run backwards and volume is kept, so that a leapfrog step made of it
-    is as good as one without walls (Afshar and Domke, NeurIPS 28, 2015). time may be negative. The position is not a
-    number after more than `BOUNCES` bounces for each wall.
+    At a wall the momentum is mirrored. This is reversible and keeps volume, so that a leapfrog step made of it is as
+    valid as one without walls (Afshar and Domke, NeurIPS 28, 2015).
 
     Parameters
     ----------
-    walls, offsets
-        Shapes (k, d) and (k,).
+    u, p : ndarray, shape (d,)
+        Position and momentum at the start.
+    time : float
+        Duration of the flight, which may be negative.
+    walls, offsets : ndarray, shapes (k, d) and (k,)
+        walls @ u + offsets ≥ 0 inside.
+
+    Returns
+    -------
+    u, p : ndarray, shape (d,)
+        The position is not a number after more than `BOUNCES` bounces for each wall.
     """
     straight = u + time * p
-    if np.all(walls @ straight + offsets >= 0.0):  # nothing in the way between two points inside
+    if np.all(walls @ straight + offsets >= 0.0):  # no wall between two points inside
         return straight, p
     towards = 1.0 if time >= 0 else -1.0
     v, left = towards * p, abs(time)
     for _ in range(BOUNCES * len(walls) + 1):
         closing = -(walls @ v)
-        reach = np.where(
-            closing > 0, np.maximum(walls @ u + offsets, 0.0) / np.where(closing > 0, closing, 1.0), np.inf
-        )
-        first = int(np.argmin(reach)) if reach.size else 0
-        if not reach.size or reach[first] >= left:
+        distance = np.maximum(walls @ u + offsets, 0.0)
+        reach = np.where(closing > 0, distance / np.where(closing > 0, closing, 1.0), np.inf)
+        first = int(np.argmin(reach))
+        if reach[first] >= left:
             return u + left * v, towards * v
         u = u + reach[first] * v
         left -= float(reach[first])
@@ -230,42 +246,42 @@ def drift(
     return np.full_like(u, np.nan), towards * v
 
 
-STEP = 1.05
-"""Step in whitened coordinates: a little more than π/3, so that four points of a circle span half a turn, behind which
-a trajectory ends. A shorter step makes it twice as long for draws that are no better."""
-POOR = 0.5
-"""Mean acceptance below which the force is no good."""
-DIVERGING = 0.002
-"""And the share of divergences above which; a fifth of that from which the draws are not trusted."""
-STEPS = (1.0, 0.5, 0.25, 0.125)
-"""Shares of the usual step that the exact force is tried with."""
-LONGEST = 3
-"""Times the draws that were asked for, from which on none are added."""
-
-
-def poor(found: Posterior) -> bool:
-    """Whether steps or force were not good enough: refusals or divergences."""
-    refused = float(np.mean(found.stats["acceptance_rate"])) < POOR
-    return refused or float(np.mean(found.stats["diverging"])) > DIVERGING
+def poor(posterior: Posterior) -> bool:
+    """Return whether steps or force were not good enough: too many rejections or divergences."""
+    rejected = float(np.mean(posterior.stats["acceptance_rate"])) < POOR
+    return rejected or float(np.mean(posterior.stats["diverging"])) > DIVERGING
 
 
 @dataclass(frozen=True)
-class Run:
-    """The chains of one record, and what they left.
+class ChainRun:
+    """The chains of one record.
 
-    left: positions (chain, warm-up and draw, d), heights, divergences, steps and acceptance, (chain, warm-up and draw).
+    Attributes
+    ----------
+    at : Whitening
+        Coordinates of the chains.
+    exact : bool
+        Whether the force is the exact gradient.
+    warmup : int
+        Draws of each chain that are discarded.
+    starts : list of Start
+        Where each chain started.
+    chains : list of Chain
+        The chains.
+    left : tuple of ndarray
+        Positions (chain, warm-up and draw, d), heights, divergences, steps and acceptance, (chain, warm-up and draw).
     """
 
     at: Whitening
     exact: bool
     warmup: int
-    begun: list[Start]
+    starts: list[Start]
     chains: list[Chain]
     left: tuple[np.ndarray, ...]
 
     @property
     def draws(self) -> int:
-        """How many of each chain are kept, without the warm-up."""
+        """Number of draws of each chain after the warm-up."""
         return self.left[0].shape[1] - self.warmup
 
     def posterior(self, mode: Mode) -> Posterior:
@@ -289,38 +305,35 @@ class Run:
             diagnostics={"exact_force": self.exact, "step": self.chains[0].step},
             outcome=outcome,
             summaries=summaries,
-            starts=agreement(self.begun, draws),
+            starts=agreement(self.starts, draws),
             divergences=divergences,
             evaluations=int(np.sum(steps)),
         )
 
-    def longer(self, count: int) -> Run:
-        """Return the same with count more draws of each chain, from where it ended."""
+    def longer(self, count: int) -> ChainRun:
+        """Return the run with count more draws of each chain, from where it ended."""
         more = [
             chain.sampled(u[-1], float(height[-1]), count)
             for chain, u, height in zip(self.chains, *self.left[:2], strict=True)
         ]
-        whole = tuple(
-            np.concatenate([x, np.stack(y)], axis=1)
-            for x, y in zip(self.left, zip(*more, strict=True), strict=True)
-        )
-        return replace(self, left=whole)
+        added = zip(self.left, zip(*more, strict=True), strict=True)
+        return replace(self, left=tuple(np.concatenate([x, np.stack(y)], axis=1) for x, y in added))
 
 
 class MixtureChain(Chain):
     """A chain in a posterior that is a mixture over hyperparameters of deviations.
 
-    A combination of these is drawn given the position, then a position given the combination (Gibbs sampling). One
-    component may be many times narrower than another, so that no step suits both.
+    It draws a combination of these given the position, then a position given the combination (Gibbs sampling). One
+    component may be many times narrower than another, so that no single step suits both.
 
     Attributes
     ----------
     mode : Mode
-        The posterior's.
+        Mode of the posterior.
     whole : Whitened
-        The coordinates of positions that the chain leaves.
+        Coordinates of the positions that the chain returns.
     given : dict of int to Whitened
-        The posterior given a combination, in coordinates of its own, as far as it was asked for; chains share it.
+        The posterior given each combination that was drawn, in coordinates of its own; chains share it.
     """
 
     def __init__(
@@ -333,12 +346,12 @@ class MixtureChain(Chain):
         """Return the posterior given a combination."""
         if combination not in self.given:
             at = whitening_under(self.mode, combination, self.whole.at.shear)
-            held = replace(self.mode, likelihood=self.mode.likelihood.under(combination))
-            self.given[combination] = Whitened.of(held, at, self.whole.line is None)
+            conditional = replace(self.mode, likelihood=self.mode.likelihood.under(combination))
+            self.given[combination] = Whitened.of(conditional, at, self.whole.line is None)
         return self.given[combination]
 
     def sampled(self, u: np.ndarray, height: float, count: int) -> tuple[np.ndarray, ...]:
-        """Return what `Chain.sampled` does; positions and heights are those of the whole mixture."""
+        """Make transitions as `Chain.sampled` does; positions and heights are those of the whole mixture."""
         likelihood, left = self.mode.likelihood, []
         assert likelihood.target.deviation is not None
         z = self.whole.at.scores(u)
@@ -358,48 +371,54 @@ class MixtureChain(Chain):
 class Nuts(Sampler):
     """Hoffman and Gelman's NUTS (JMLR 15, 2014) in whitened coordinates that end where a damping is zero.
 
-    Energies, which decide on acceptance, are exact. The force that moves a proposal may be any function of
-    the position (leapfrog steps stay reversible and keep volume), so it is that of the linearised
-    trajectory, which costs no tangents. With the whole curvature known the step is too. Draws that are
-    too few are added to; where that does not help, or proposals are refused, they are taken again with a curved
-    ridge straightened, with shorter steps, and with the exact gradient.
+    Energies, which decide on acceptance, are exact. The force that moves a proposal may be any function of the position
+    (leapfrog steps stay reversible and keep volume). It is that of the linearised motion, which needs no tangents. The
+    step follows from the whole curvature. Draws are added where they are too few. Where that does not help, or
+    proposals are rejected, sampling is repeated with a curved ridge straightened, with shorter steps, and with the
+    exact gradient.
     """
 
     name = "nuts"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Chains from the mode's neighbourhood, longer or again with other steps where they are not good enough."""
+        """Run chains from near the mode, longer or again with other steps where they are not good enough."""
         at = whitening_of(target, mode)
-        run, found = self._enough(mode, settings, self.attempt(mode, at, settings, not at.good))
-        if found.outcome != OK or poor(found):
+        run, posterior = self._extend(mode, settings, self.attempt(mode, at, settings, not at.good))
+        if posterior.outcome != OK or poor(posterior):
             ridge = shear_of(target, mode)
             if ridge is not None:
                 at = whitening_of(target, mode, ridge)
-                run, found = self._enough(mode, settings, self.attempt(mode, at, settings, not at.good))
-        # Shorter steps help the cheap force too where the posterior has edges; only then is the force itself doubted.
+                run, posterior = self._extend(mode, settings, self.attempt(mode, at, settings, not at.good))
+        # Where the posterior has edges, shorter steps help the cheap force too; so the exact force comes after them.
         others = [(True, share) for share in STEPS]
         for exact, shorter in others[1:] if run.exact else [(False, 0.5), *others]:
-            if not poor(found):
+            if not poor(posterior):
                 break
             again = self.attempt(mode, run.at, settings, exact, shorter)
-            run, found = self._enough(mode, settings, again)
-        return found
+            run, posterior = self._extend(mode, settings, again)
+        return posterior
 
     def attempt(
-        self,
-        mode: Mode,
-        at: Whitening,
-        settings: Settings,
-        exact: bool = False,
-        shorter: float = 1.0,
-    ) -> Run:
-        """Return as many draws as are asked for; shorter: share of the usual step."""
-        target = mode.likelihood.target
-        starts, heights, begun = seeded_starts(target, mode, at, settings.chains, settings)
-        space = Whitened.of(mode, at, exact)
-        warmup = settings.warmup_of(mode)
-        count = warmup + settings.draws
-        step, given = shorter * STEP, dict[int, Whitened]()
+        self, mode: Mode, at: Whitening, settings: Settings, exact: bool = False, shorter: float = 1.0
+    ) -> ChainRun:
+        """Run chains of the length that was asked for.
+
+        Parameters
+        ----------
+        mode : Mode
+            Of the posterior.
+        at : Whitening
+            Its coordinates.
+        settings : Settings
+            Chains, draws and seed.
+        exact : bool
+            Whether the force is the exact gradient.
+        shorter : float
+            Share of the usual step.
+        """
+        target, warmup = mode.likelihood.target, settings.warmup_of(mode)
+        u, heights, starts = seeded_starts(target, mode, at, settings.chains, settings)
+        space, step, given = Whitened.of(mode, at, exact), shorter * STEP, dict[int, Whitened]()
         chains = [
             Chain(space, step, rng)
             if target.deviation is None
@@ -407,19 +426,19 @@ class Nuts(Sampler):
             for rng in (np.random.default_rng([settings.seed, i]) for i in range(settings.chains))
         ]
         left = [
-            chain.sampled(u, float(height), count)
-            for chain, u, height in zip(chains, starts, heights, strict=True)
+            chain.sampled(start, float(height), warmup + settings.draws)
+            for chain, start, height in zip(chains, u, heights, strict=True)
         ]
-        return Run(at, exact, warmup, begun, chains, tuple(map(np.stack, zip(*left, strict=True))))
+        return ChainRun(at, exact, warmup, starts, chains, tuple(map(np.stack, zip(*left, strict=True))))
 
-    def _enough(self, mode: Mode, settings: Settings, run: Run) -> tuple[Run, Posterior]:
-        """Return the run with draws added while they are too few and might suffice, and its posterior."""
-        found, count = run.posterior(mode), run.left[0].shape[1]
+    def _extend(self, mode: Mode, settings: Settings, run: ChainRun) -> tuple[ChainRun, Posterior]:
+        """Add draws while they are too few and more might suffice; return the run and its posterior."""
+        posterior, count = run.posterior(mode), run.left[0].shape[1]
         most = LONGEST * settings.draws if settings.grows else settings.draws
-        while found.outcome != OK and not poor(found) and run.draws < most:
+        while posterior.outcome != OK and not poor(posterior) and run.draws < most:
             run = run.longer(count)
-            found = run.posterior(mode)
-        return run, found
+            posterior = run.posterior(mode)
+        return run, posterior
 
 
 PLUGIN = Nuts()

@@ -12,11 +12,15 @@ from bayesdamp.inference.checks.forecast import carried_on
 from bayesdamp.inference.deviation.single import first_half as first_half_of
 from bayesdamp.inference.deviation.single import under
 from bayesdamp.inference.evidence import Draws
-from bayesdamp.inference.evidence.prediction import first_half, log_predictive, predict
 from bayesdamp.inference.evidence.savage_dickey import savage_dickey
-from bayesdamp.inference.evidence.widths import against_width, under_priors
-from bayesdamp.inference.fit.laplace import log_evidence_near
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.evidence.sensitivity import (
+    against_width,
+    first_half,
+    log_predictive,
+    predict,
+    under_priors,
+)
+from bayesdamp.inference.fit.mode import Mode, log_evidence_near
 from bayesdamp.outcomes import following
 from bayesdamp.pipeline.answering import likelihood_of
 from bayesdamp.pipeline.candidates.branch import Branch

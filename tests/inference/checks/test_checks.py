@@ -9,7 +9,7 @@ import pytest
 
 from bayesdamp.inference.checks import checks
 from bayesdamp.inference.checks.checks import (
-    Fit,
+    FitCheck,
     autocorrelation,
     check_fit,
     kurtosis,
@@ -40,7 +40,7 @@ def clean(damping: str) -> np.ndarray:
 
 def fit(
     truth: str, model: str, seed: int, dof: float = np.inf, noise: str = "gaussian"
-) -> tuple[Target, Fit]:
+) -> tuple[Target, FitCheck]:
     """The checks of a model on a record of another (or the same): coefficient, start and noise unknown.
 
     dof: degrees of freedom of the record's noise, Student's t; noise: the model's.
@@ -64,7 +64,7 @@ def fit(
 
 
 @lru_cache
-def calibration() -> list[Fit]:
+def calibration() -> list[FitCheck]:
     return [fit("viscous", "viscous", seed)[1] for seed in range(RECORDS)]
 
 
@@ -100,11 +100,11 @@ def test_windows_of_true_models():
 
 def test_wrong_damping_is_seen():
     """Negative control: a viscous model of a quadratic record leaves structure and drifts with the window."""
-    target, found = fit("quadratic", "viscous", 1)
-    assert found.predictive_p < 0.01
-    assert found.verdict.startswith("does not fit")
-    assert found.window_spread > 4
-    assert found.fit == pytest.approx(target.signal.y - found.residual)
+    target, result = fit("quadratic", "viscous", 1)
+    assert result.predictive_p < 0.01
+    assert result.verdict.startswith("does not fit")
+    assert result.window_spread > 4
+    assert result.fit == pytest.approx(target.signal.y - result.residual)
 
 
 def test_windows_are_climbed_closely_enough(monkeypatch):
@@ -147,18 +147,18 @@ def test_outliers_are_told_where_the_noise_model_does_not_allow_for_them():
 def test_outliers_are_none_under_heavy_tailed_noise():
     """The negative control: the same records under Student's t."""
     for seed in range(5):
-        found = fit("viscous", "viscous", seed, dof=2.0, noise="student_t")[1]
-        assert found.verdict == "fits"
-        assert found.kurtosis < 1.0
+        check = fit("viscous", "viscous", seed, dof=2.0, noise="student_t")[1]
+        assert check.verdict == "fits"
+        assert check.kurtosis < 1.0
 
 
 def test_autocorrelation_by_definition():
     x = np.random.default_rng(0).standard_normal((3, 100)).cumsum(axis=1)
-    found = autocorrelation(x, 5)
+    result = autocorrelation(x, 5)
     centred = x - x.mean(axis=1, keepdims=True)
     for lag in range(6):
         expected = np.sum(centred[:, lag:] * centred[:, : 100 - lag], axis=1) / np.sum(centred**2, axis=1)
-        np.testing.assert_allclose(found[:, lag], expected, atol=1e-12)
+        np.testing.assert_allclose(result[:, lag], expected, atol=1e-12)
 
 
 def test_portmanteau_of_white_noise_is_chi_square():
@@ -233,5 +233,5 @@ def test_kurtosis_of_known_laws() -> None:
     """Excess over a normal's: −2 of a coin, −6/5 of a uniform (midpoints of n cells: −6/5 (n² + 1)/(n² − 1))."""
     n = 200
     coin, uniform = np.tile([1.0, -1.0], n // 2), (np.arange(n) + 0.5) / n
-    found = kurtosis(np.stack([coin, 3.0 * uniform + 7.0]))
-    np.testing.assert_allclose(found, [-2.0, -1.2 * (n**2 + 1) / (n**2 - 1)], rtol=1e-12)
+    result = kurtosis(np.stack([coin, 3.0 * uniform + 7.0]))
+    np.testing.assert_allclose(result, [-2.0, -1.2 * (n**2 + 1) / (n**2 - 1)], rtol=1e-12)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.inference.checks import residual_spectrum
-from bayesdamp.inference.checks.residual_spectrum import standing_out
+from bayesdamp.inference.checks import residual_tests
+from bayesdamp.inference.checks.residual_tests import standing_out
 
 T = np.arange(300) * 0.02
 PERIOD = 0.5
 PHASE = 2 * np.pi * T / PERIOD
 TANGENTS = np.array([np.cos(PHASE), np.sin(PHASE), T * np.cos(PHASE), T * np.sin(PHASE), np.ones(T.size)])
-ABSORBED = residual_spectrum.orthonormal(TANGENTS.T)
+ABSORBED = residual_tests.orthonormal(TANGENTS.T)
 
 
 def fitted(values: np.ndarray) -> np.ndarray:
@@ -38,17 +38,17 @@ def test_chances_are_those_of_white_noise() -> None:
 @pytest.mark.parametrize(
     ("added", "words"),
     [
-        (T**2 * np.cos(PHASE) / 4, residual_spectrum.AT_OSCILLATION),
-        (0.5 * np.cos(2 * PHASE + 1), residual_spectrum.AT_OVERTONES),
-        (1.5 * T / T[-1], residual_spectrum.SLOW),
-        (0.8 * np.sin(2 * np.pi * T / 0.142), residual_spectrum.LINE.format(ratio=3.5)),
+        (T**2 * np.cos(PHASE) / 4, residual_tests.AT_OSCILLATION),
+        (0.5 * np.cos(2 * PHASE + 1), residual_tests.AT_OVERTONES),
+        (1.5 * T / T[-1], residual_tests.SLOW),
+        (0.8 * np.sin(2 * np.pi * T / 0.142), residual_tests.LINE.format(ratio=3.5)),
     ],
 )  # fmt: skip
 def test_what_is_left_is_named(added: np.ndarray, words: str) -> None:
     """Each alone against the same noise; the noise alone has none of them."""
-    found = standing_out(T, fitted(white(1) + added), PERIOD, ABSORBED)
-    assert found.chance < 1e-3
-    assert found.words == words
+    result = standing_out(T, fitted(white(1) + added), PERIOD, ABSORBED)
+    assert result.chance < 1e-3
+    assert result.words == words
     assert standing_out(T, fitted(white(1)), PERIOD, ABSORBED).chance > 0.05
 
 
@@ -62,8 +62,7 @@ def test_what_a_fit_absorbs_does_not_count() -> None:
 
 
 def test_where_most_power_is() -> None:
-    assert residual_spectrum.strongest(T, 3 * T + white(3), PERIOD) == residual_spectrum.SLOW
+    assert residual_tests.strongest(T, 3 * T + white(3), PERIOD) == residual_tests.SLOW
     assert (
-        residual_spectrum.strongest(T, np.cos(PHASE) + 0.1 * white(3), PERIOD)
-        == residual_spectrum.AT_OSCILLATION
+        residual_tests.strongest(T, np.cos(PHASE) + 0.1 * white(3), PERIOD) == residual_tests.AT_OSCILLATION
     )

@@ -11,8 +11,14 @@ from scipy.integrate import quad, solve_ivp
 from scipy.stats import kstest, norm
 
 from bayesdamp.inference.checks.checks import check_fit, tangents
-from bayesdamp.inference.checks.residual_spectrum import orthonormal
-from bayesdamp.inference.checks.score_tests import FORMS, SIZE, Other, other_form, responses
+from bayesdamp.inference.checks.residual_tests import (
+    FORMS,
+    SIZE,
+    StrongestForm,
+    orthonormal,
+    other_form,
+    responses,
+)
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.likelihood import Likelihood
@@ -33,12 +39,12 @@ def moved(form: int, size: float, quantity: str = "angle") -> np.ndarray:
         unit = np.array([s[0] / X, s[1] / V, t / TIMES[-1] - 0.5])[:, None]
         return [s[1], float(-2 * ZETA * s[1] - K * s[0] - size * FORMS[form].force(*unit)[0])]
 
-    found = solve_ivp(slope, (0, TIMES[-1]), [0.3, 0.2], t_eval=TIMES, rtol=1e-10, atol=1e-12, max_step=0.01)
-    x, v = found.y
+    result = solve_ivp(slope, (0, TIMES[-1]), [0.3, 0.2], t_eval=TIMES, rtol=1e-10, atol=1e-12, max_step=0.01)
+    x, v = result.y
     return {
         "angle": x,
         "velocity": v,
-        "acceleration": np.array([slope(*s)[1] for s in zip(TIMES, found.y.T)]),
+        "acceleration": np.array([slope(*s)[1] for s in zip(TIMES, result.y.T)]),
     }[quantity]
 
 
@@ -53,7 +59,7 @@ def reach() -> tuple[float, float]:
 X, V = reach()
 
 
-def target(y: np.ndarray, quantity: str = "angle") -> Target:
+def target_of(y: np.ndarray, quantity: str = "angle") -> Target:
     """A viscous oscillator whose coefficient, start and noise's size alone are unknown."""
     priors = {
         "zeta": HalfNormal(scale=1.0),
@@ -70,13 +76,13 @@ TRUTH = {"zeta": ZETA, "theta0": 0.3, "omega0": 0.2}
 @lru_cache
 def fitted(form: int, size: float) -> tuple[Target, Mode]:
     """The mode of the viscous oscillator on SciPy's record, without noise."""
-    made = target(moved(form, size))
-    return made, find_mode(made, {Seed("truth"): TRUTH}, noise_level=NOISE)
+    target = target_of(moved(form, size))
+    return target, find_mode(target, {Seed("truth"): TRUTH}, noise_level=NOISE)
 
 
-def probed(made: Target, mode: Mode, noise: np.ndarray) -> Other:
+def probed(target: Target, mode: Mode, noise: np.ndarray) -> StrongestForm:
     """The test where so much noise, (n,) in its sds, is added to what a fit to it leaves."""
-    absorbed = orthonormal(tangents(made, mode).T)
+    absorbed = orthonormal(tangents(target, mode).T)
     scores = mode.likelihood.whitened(mode.likelihood.residual(mode.z), mode.z)
     scores = scores + noise - absorbed @ (absorbed.T @ noise)
     return other_form(mode, scores, absorbed, lambda change: change / NOISE)
@@ -88,14 +94,14 @@ def test_the_response_is_what_a_small_force_does(form: int, quantity: str) -> No
     """Against differences of SciPy's solver; within 1 % of the largest, 3 % where a force jumps within a step."""
     size = 1e-4
     truth = (moved(form, size, quantity) - moved(form, -size, quantity)) / (2 * size)
-    made = target(np.zeros_like(TIMES), quantity)
-    likelihood = Likelihood.near(made, made.scores(TRUTH), 1e-7)
-    p = {**made.known, **TRUTH}
+    target = target_of(np.zeros_like(TIMES), quantity)
+    likelihood = Likelihood.near(target, target.scores(TRUTH), 1e-7)
+    p = {**target.known, **TRUTH}
     motion = likelihood.motions.motion(p)
     assert motion is not None
-    found = responses(likelihood, motion, p)
+    effects = responses(likelihood, motion, p)
     jumps = "rest" in FORMS[form].words
-    off = np.abs(found - truth).max(axis=1) / np.abs(truth).max()
+    off = np.abs(effects - truth).max(axis=1) / np.abs(truth).max()
     if not (jumps and quantity == "acceleration"):  # the jump itself is wherever a sample is
         assert off[form] < (0.03 if jumps else 0.01)
     assert np.sort(off)[1] > 0.1  # the control: no other form's response is this one's
@@ -104,22 +110,22 @@ def test_the_response_is_what_a_small_force_does(form: int, quantity: str) -> No
 def test_the_chance_is_that_of_noise() -> None:
     """400 series of noise on the model's own record: seven forms share the chance, so that no more than a twentieth
     falls below 0.05, but for three binomial sds (a false alarm in 700), and not a fifth of that."""
-    made, mode = fitted(0, 0.0)
+    target, mode = fitted(0, 0.0)
     rng = np.random.default_rng(11)
-    chances = np.array([probed(made, mode, rng.standard_normal(TIMES.size)).chance for _ in range(400)])
+    chances = np.array([probed(target, mode, rng.standard_normal(TIMES.size)).chance for _ in range(400)])
     most = 0.05 + 3 * np.sqrt(0.05 * 0.95 / 400)
     assert 0.01 < np.mean(chances < 0.05) < most
-    louder = [probed(made, mode, 1.5 * rng.standard_normal(TIMES.size)).chance for _ in range(100)]
+    louder = [probed(target, mode, 1.5 * rng.standard_normal(TIMES.size)).chance for _ in range(100)]
     assert np.mean(np.array(louder) < 0.05) > most  # the control: noise that is larger than the model's
 
 
 @pytest.mark.parametrize("form", range(len(FORMS)))
 def test_each_score_is_normal(form: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """One form alone: uniform chances (Kolmogorov and Smirnov's test at 0.1 % for each of seven, seeds fixed)."""
-    made, mode = fitted(0, 0.0)
+    target, mode = fitted(0, 0.0)
     rng = np.random.default_rng([12, form])
-    monkeypatch.setattr("bayesdamp.inference.checks.score_tests.FORMS", (FORMS[form],))
-    chances = [probed(made, mode, rng.standard_normal(TIMES.size)).chance for _ in range(200)]
+    monkeypatch.setattr("bayesdamp.inference.checks.residual_tests.FORMS", (FORMS[form],))
+    chances = [probed(target, mode, rng.standard_normal(TIMES.size)).chance for _ in range(200)]
     assert kstest(chances, "uniform").pvalue > 1e-3
     assert kstest(np.array(chances) ** 1.5, "uniform").pvalue < 1e-3  # the control
 
@@ -127,36 +133,36 @@ def test_each_score_is_normal(form: int, monkeypatch: pytest.MonkeyPatch) -> Non
 def test_another_law_is_seen_and_named() -> None:
     """Cubic damping fitted as viscous, where 18 nats are hidden in the noise: 19 of 20 series of noise show it (0.1 %
     would be seen by chance), most of them by its name."""
-    made, mode = fitted(0, 0.069)
+    target, mode = fitted(0, 0.069)
     left = mode.likelihood.residual(mode.z) / NOISE
     assert 12 < 0.5 * np.sum(left**2) < 25
     rng = np.random.default_rng(13)
-    found = [probed(made, mode, rng.standard_normal(TIMES.size)) for _ in range(20)]
-    assert sum(f.chance < 0.005 for f in found) >= 17
-    assert sum(f.words == CUBIC.words for f in found) > 5
+    results = [probed(target, mode, rng.standard_normal(TIMES.size)) for _ in range(20)]
+    assert sum(f.chance < 0.005 for f in results) >= 17
+    assert sum(f.words == CUBIC.words for f in results) > 5
 
 
 def test_the_verdict_names_the_form() -> None:
     """Through all checks: cubic damping hidden in the noise under a viscous fit; the viscous record itself is fine."""
     noise = np.random.default_rng(13).standard_normal(TIMES.size)
-    said = []
+    collected = []
     for size in (0.1, 0.0):
-        made = target(moved(0, size) + NOISE * noise)
-        mode = find_mode(made, {Seed("truth"): TRUTH}, noise_level=NOISE)
-        said.append(check_fit(made, mode, 2 * np.pi / np.sqrt(K), 0))
-    assert said[0].form_p < 0.005
-    assert said[0].verdict.startswith("does not fit")
-    assert said[1].form_p > 0.05
-    assert said[1].verdict == "fits"
+        target = target_of(moved(0, size) + NOISE * noise)
+        mode = find_mode(target, {Seed("truth"): TRUTH}, noise_level=NOISE)
+        collected.append(check_fit(target, mode, 2 * np.pi / np.sqrt(K), 0))
+    assert collected[0].form_p < 0.005
+    assert collected[0].verdict.startswith("does not fit")
+    assert collected[1].form_p > 0.05
+    assert collected[1].verdict == "fits"
 
 
 @pytest.mark.parametrize("noise", [1e-4, 0.1])
 def test_the_checks_weigh_every_form_of_damping(noise: float) -> None:
     """A viscous record that is good rules them all out, and one that is all noise none."""
-    made = target(moved(0, 0.0) + noise * np.random.default_rng(14).standard_normal(TIMES.size))
-    made = replace(made, known={**made.known, "noise_sd": noise})
-    mode = find_mode(made, {Seed("truth"): TRUTH}, noise_level=noise)
-    rivals = check_fit(made, mode, 2 * np.pi / np.sqrt(K), 0).rivals
+    drawn = target_of(moved(0, 0.0) + noise * np.random.default_rng(14).standard_normal(TIMES.size))
+    drawn = replace(drawn, known={**drawn.known, "noise_sd": noise})
+    mode = find_mode(drawn, {Seed("truth"): TRUTH}, noise_level=noise)
+    rivals = check_fit(drawn, mode, 2 * np.pi / np.sqrt(K), 0).rivals
     assert [r.words for r in rivals] == [f.words for f in FORMS if f.damps]
     weights = np.array([r.log_bayes for r in rivals])
     assert np.all(weights < -np.log(4)) if noise < 0.01 else np.all(np.abs(weights) < 0.5)
@@ -168,16 +174,16 @@ def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None
     """Over the form's size, of what SciPy's record of it leaves of a viscous fit: within 0.05 nats, 0.07 where that is
     one. The control: another form's is not this."""
     largest = 2 * ZETA * V
-    made, mode = fitted(form, 0.01 * largest)
+    target, mode = fitted(form, 0.01 * largest)
     way = mode.likelihood.residual(mode.z) / (0.01 * largest)  # what is left, per size of the form
     noise = 0.1 * largest * SIZE * np.linalg.norm(way)
-    made, mode = fitted(form, share * largest)
-    scale = SIZE * 2 * float(made.values(mode.z)["zeta"]) * V
-    made = replace(made, known={**made.known, "noise_sd": noise})
-    mode = replace(mode, likelihood=Likelihood.near(made, mode.z, mode.tolerance))
+    target, mode = fitted(form, share * largest)
+    scale = SIZE * 2 * float(target.values(mode.z)["zeta"]) * V
+    target = replace(target, known={**target.known, "noise_sd": noise})
+    mode = replace(mode, likelihood=Likelihood.near(target, mode.z, mode.tolerance))
     left = mode.likelihood.residual(mode.z) / noise
     drawn = np.random.default_rng([15, form]).standard_normal(TIMES.size)
-    absorbed = orthonormal(tangents(made, mode).T)
+    absorbed = orthonormal(tangents(target, mode).T)
     scores = left + drawn - absorbed @ (absorbed.T @ drawn)
 
     def weight(size: float) -> float:
@@ -188,8 +194,8 @@ def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None
 
     low = -8 * scale if FORMS[form].signed else 0.0
     truth = np.log(quad(weight, low, 8 * scale, limit=400, points=[0.0, 0.1 * largest])[0])
-    found = other_form(mode, scores, absorbed, lambda change: change / noise).rivals
-    of = {r.words: r.log_bayes for r in found}
+    result = other_form(mode, scores, absorbed, lambda change: change / noise).rivals
+    of = {r.words: r.log_bayes for r in result}
     assert of.pop(FORMS[form].words) == pytest.approx(truth, abs=0.05 + 0.02 * abs(truth))
     assert not all(abs(b - truth) < 0.05 for b in of.values())
 
@@ -198,11 +204,11 @@ def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None
 def test_what_changes_may_grow_or_shrink(form: int) -> None:
     """Residuals and their mirror image say the same of damping that depends on displacement or time, and not of a force
     that can only be added."""
-    made, mode = fitted(0, 0.0)
-    absorbed = orthonormal(tangents(made, mode).T)
+    target, mode = fitted(0, 0.0)
+    absorbed = orthonormal(tangents(target, mode).T)
     noise = np.random.default_rng(16).standard_normal(TIMES.size)
     both = [
         other_form(mode, sign * noise, absorbed, lambda change: change / NOISE).rivals for sign in (1, -1)
     ]
-    one, mirrored = ({r.words: r.log_bayes for r in found}[FORMS[form].words] for found in both)
-    assert (abs(one - mirrored) < 1e-9) == ("depends" in FORMS[form].words or "changes" in FORMS[form].words)
+    item, mirrored = ({r.words: r.log_bayes for r in result}[FORMS[form].words] for result in both)
+    assert (abs(item - mirrored) < 1e-9) == ("depends" in FORMS[form].words or "changes" in FORMS[form].words)

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.coordinates.shear import NoiseShear, shear_of
+from bayesdamp.inference.coordinates.whitening import NoiseShear, shear_of
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.evidence.methods import bridge, importance
 from bayesdamp.inference.fit.mode import Mode
@@ -109,9 +109,9 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     target, mode = slow()
     settings = Settings(chains=4, warmup=100, draws=400, seed=2)
     at = nuts.whitening_of(target, mode)
-    found = nuts.PLUGIN.attempt(mode, at, settings, shorter=0.5).posterior(mode)
-    assert not nuts.poor(found)
-    summary = found.summaries["noise_time"]
+    posterior = nuts.PLUGIN.attempt(mode, at, settings, shorter=0.5).posterior(mode)
+    assert not nuts.poor(posterior)
+    summary = posterior.summaries["noise_time"]
     assert summary["ess_bulk"] > 300
     weighed = importance.PLUGIN.evidence("m", target, mode, 5)
     assert weighed.outcome == OK
@@ -119,9 +119,9 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     times = target.values(weighed.arrays["y"])["noise_time"]
     mean = np.average(times, weights=weights)
     error = np.std(times) * np.sqrt(1 / summary["ess_bulk"] + 1 / 1000)
-    drawn = found.draws[..., found.names.index("noise_time")]
+    drawn = posterior.draws[..., posterior.names.index("noise_time")]
     assert abs(drawn.mean() - mean) < 5 * error
-    draws = Draws.of(target, found.draws, OK)
+    draws = Draws.of(target, posterior.draws, OK)
     bridged = bridge.PLUGIN.evidence("m", target, mode, 5, draws)
     assert abs(bridged.log_evidence - weighed.log_evidence) < 4 * np.hypot(bridged.stderr, weighed.stderr)
     monkeypatch.setattr(NoiseShear, "of", classmethod(lambda cls, target, mode: cls.none(mode.z.size)))

@@ -73,8 +73,8 @@ def test_a_refit_without_covariance_keeps_the_proposal(monkeypatch: pytest.Monke
     plain = Importance().evidence("m", problems.target("touching_zero"), problems.mode("touching_zero"), 1)
     monkeypatch.setattr(Importance, "_refit", staticmethod(lambda *_: None))
     monkeypatch.setattr("bayesdamp.inference.evidence.methods.importance.K_GOOD", -np.inf)
-    kept = Importance().evidence("m", problems.target("touching_zero"), problems.mode("touching_zero"), 1)
-    assert abs(kept.log_evidence - plain.log_evidence) < 5 * np.hypot(kept.stderr, plain.stderr)
+    evidence = Importance().evidence("m", problems.target("touching_zero"), problems.mode("touching_zero"), 1)
+    assert abs(evidence.log_evidence - plain.log_evidence) < 5 * np.hypot(evidence.stderr, plain.stderr)
 
 
 def test_a_few_draws_span_no_fit() -> None:
@@ -98,8 +98,8 @@ def test_a_remedy_that_makes_it_worse_is_not_taken(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(
         Importance, "_truncated", staticmethod(lambda target, mode, fit, shear: (elsewhere, shear))
     )
-    kept = Importance().evidence("m", target, mode, 1)
-    assert abs(kept.log_evidence - plain.log_evidence) < 5 * np.hypot(kept.stderr, plain.stderr)
+    evidence = Importance().evidence("m", target, mode, 1)
+    assert abs(evidence.log_evidence - plain.log_evidence) < 5 * np.hypot(evidence.stderr, plain.stderr)
     monkeypatch.setattr(
         "bayesdamp.inference.evidence.methods.importance.effective", lambda weights: -np.max(weights)
     )

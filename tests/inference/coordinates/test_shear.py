@@ -13,13 +13,12 @@ import pytest
 from scipy.integrate import dblquad
 
 from bayesdamp.estimators.shared import decay_start, start_parameters
-from bayesdamp.inference.coordinates.shear import NoiseShear, Shear, shear_of
+from bayesdamp.inference.coordinates.whitening import NoiseShear, Shear, shear_of
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.evidence.methods import bridge, importance
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.samplers import Settings, nuts
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import OK, Problem, Reference, Seed, Signal, System
@@ -87,24 +86,24 @@ def test_a_bend_keeps_volumes_and_mirror_images() -> None:
     curve = rng.standard_normal((5, 2, 2))
     curve[[0, 2, 4]] = 0.0  # a reflected score and the wide ones
     tied = NoiseShear(np.array([0.0, 3.0, 0.0, 0.0, 0.0]), 3, 0.4)
-    one = Shear(rng.standard_normal(5), np.array([2, 4]), curve + np.swapaxes(curve, 1, 2), tied)
+    shear = Shear(rng.standard_normal(5), np.array([2, 4]), curve + np.swapaxes(curve, 1, 2), tied)
     z = rng.standard_normal((7, 5))
-    np.testing.assert_allclose(one.straight(one.scores(z)), z, atol=1e-12)
-    np.testing.assert_allclose(one.scores(z)[:, [0, 2, 4]], z[:, [0, 2, 4]])
+    np.testing.assert_allclose(shear.straight(shear.scores(z)), z, atol=1e-12)
+    np.testing.assert_allclose(shear.scores(z)[:, [0, 2, 4]], z[:, [0, 2, 4]])
     steps = 1e-6 * np.eye(5)
-    measured = (one.scores(z[0] + steps) - one.scores(z[0] - steps)).T / 2e-6
-    np.testing.assert_allclose(one.slope(z[0]), measured, atol=1e-8)
-    assert np.linalg.det(one.slope(z[0])) == pytest.approx(1.0)
+    measured = (shear.scores(z[0] + steps) - shear.scores(z[0] - steps)).T / 2e-6
+    np.testing.assert_allclose(shear.slope(z[0]), measured, atol=1e-8)
+    assert np.linalg.det(shear.slope(z[0])) == pytest.approx(1.0)
     np.testing.assert_array_equal(Shear.none(5).scores(z), z)
 
 
 def test_the_ridge_of_a_product_is_found(banana) -> None:
-    found = shear_of(*banana)
-    assert found is not None
-    assert sorted(NAMES[i] for i in found.wide) == ["g", "s"]
+    ridge = shear_of(*banana)
+    assert ridge is not None
+    assert sorted(NAMES[i] for i in ridge.wide) == ["g", "s"]
     exact = np.zeros((4, 2, 2))
     exact[1] = [[0.0, TILT], [TILT, 0.0]]
-    np.testing.assert_allclose(found.curve, exact, atol=1e-6)
+    np.testing.assert_allclose(ridge.curve, exact, atol=1e-6)
 
 
 def test_the_ridge_of_a_product_and_a_square_is_found(banana) -> None:
@@ -125,13 +124,13 @@ def test_the_ridge_of_a_product_and_a_square_is_found(banana) -> None:
         return -0.5 * off @ off, -slope.T @ off, slope.T @ slope
 
     moved = {**vars(mode), "z": np.array([1.0, 0.0, 0.0, 0.0]), "near": near(at)}
-    found = shear_of(target, SimpleNamespace(**moved))  # type: ignore[arg-type]
-    assert found is not None
-    g, s = (list(found.wide).index(NAMES.index(n)) for n in ("g", "s"))
-    assert found.curve[1, g, g] == pytest.approx(0.4, abs=1e-6)
-    assert found.curve[1, g, s] == found.curve[1, s, g] == pytest.approx(TILT, abs=1e-6)
-    assert found.curve[1, s, s] == pytest.approx(0.0, abs=1e-6)
-    assert np.all(found.curve[0] == 0.0)
+    ridge = shear_of(target, SimpleNamespace(**moved))  # type: ignore[arg-type]
+    assert ridge is not None
+    g, s = (list(ridge.wide).index(NAMES.index(n)) for n in ("g", "s"))
+    assert ridge.curve[1, g, g] == pytest.approx(0.4, abs=1e-6)
+    assert ridge.curve[1, g, s] == ridge.curve[1, s, g] == pytest.approx(TILT, abs=1e-6)
+    assert ridge.curve[1, s, s] == pytest.approx(0.0, abs=1e-6)
+    assert np.all(ridge.curve[0] == 0.0)
 
 
 def test_a_straight_ridge_is_left_alone(banana) -> None:
@@ -153,15 +152,15 @@ def test_the_closed_form_itself() -> None:
 def test_importance_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch) -> None:
     """Four standard errors: a false alarm in 16,000. Negative control: with the ridge left curved the weights have no
     finite variance."""
-    found = importance.PLUGIN.evidence("m", *banana, seed=3)
-    assert found.outcome == OK
-    assert found.stderr < 0.03
-    assert abs(found.log_evidence - AREA) < 4 * found.stderr
-    z = found.arrays["y"]
+    evidence = importance.PLUGIN.evidence("m", *banana, seed=3)
+    assert evidence.outcome == OK
+    assert evidence.stderr < 0.03
+    assert abs(evidence.log_evidence - AREA) < 4 * evidence.stderr
+    z = evidence.arrays["y"]
     assert np.corrcoef(z[:, 1], z[:, 2] * z[:, 3])[0, 1] > 0.9  # draws are scores, not straightened ones
     monkeypatch.setattr(importance, "shear_of", lambda target, mode: None)
     crooked = importance.PLUGIN.evidence("m", *banana, seed=3)
-    assert crooked.outcome != OK or crooked.stderr > 3 * found.stderr
+    assert crooked.outcome != OK or crooked.stderr > 3 * evidence.stderr
 
 
 def test_bridge_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch) -> None:
@@ -170,12 +169,12 @@ def test_bridge_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch) ->
     z = np.random.default_rng(5).standard_normal((4, 1000, 4)) * [SCALE[0], WIDTH, 1.0, 1.0]
     z[..., 0] = np.abs(z[..., 0])
     z[..., 1] += TILT * z[..., 2] * z[..., 3]
-    found = bridge.PLUGIN.evidence("m", *banana, seed=3, draws=Draws(z))
-    assert found.outcome == OK
-    assert abs(found.log_evidence - AREA) < 4 * found.stderr
-    assert found.stderr < 0.03
+    evidence = bridge.PLUGIN.evidence("m", *banana, seed=3, draws=Draws(z))
+    assert evidence.outcome == OK
+    assert abs(evidence.log_evidence - AREA) < 4 * evidence.stderr
+    assert evidence.stderr < 0.03
     monkeypatch.setattr(bridge, "shear_of", lambda target, mode: None)
-    assert bridge.PLUGIN.evidence("m", *banana, seed=3, draws=Draws(z)).stderr > 3 * found.stderr
+    assert bridge.PLUGIN.evidence("m", *banana, seed=3, draws=Draws(z)).stderr > 3 * evidence.stderr
 
 
 @lru_cache
@@ -186,11 +185,13 @@ def shaken() -> tuple[Target, Mode]:
     t, w, rate = np.arange(0, 60, 0.1), 2 * np.pi * 0.3, 0.02
     y = 0.05 * np.exp(-rate * t) * np.cos(w * t) + 0.003 * rng.standard_normal(t.size)
     signal = Signal(t, y, "acceleration")
-    seen, system = features(signal), System("horizontal_pendulum", {"epsilon": 0.0005})
-    target = build_target(signal, ("viscous",), system, seen, Reference(seen.amplitude, seen.frequency))
+    observed, system = features(signal), System("horizontal_pendulum", {"epsilon": 0.0005})
+    target = build_target(
+        signal, ("viscous",), system, observed, Reference(observed.amplitude, observed.frequency)
+    )
     problem = Problem(("viscous",), system)
-    start = start_parameters(signal, problem, seen) | decay_start(problem, seen)
-    return target, find_mode(target, {Seed("seen"): start}, noise_level=seen.roughness)
+    start = start_parameters(signal, problem, observed) | decay_start(problem, observed)
+    return target, find_mode(target, {Seed("seen"): start}, noise_level=observed.roughness)
 
 
 def test_nuts_follows_a_curved_ridge() -> None:
@@ -202,16 +203,17 @@ def test_nuts_follows_a_curved_ridge() -> None:
     settings = Settings(chains=4, warmup=100, draws=1500, seed=2)
     ridge = shear_of(target, mode)
     assert ridge is not None
-    found = nuts.PLUGIN.sample(target, mode, settings)
-    assert found.outcome == OK
-    assert not nuts.poor(found)
-    assert not found.diagnostics["exact_force"]  # the linearised trajectory's force does, once it is straight
+    posterior = nuts.PLUGIN.sample(target, mode, settings)
+    assert posterior.outcome == OK
+    assert not nuts.poor(posterior)
+    # The force of the linearised trajectory is good enough once the ridge is straight.
+    assert not posterior.diagnostics["exact_force"]
     every = [importance.PLUGIN.evidence("m", target, mode, seed).arrays for seed in range(4)]
     values = target.values(np.concatenate([a["y"] for a in every]))
     log_weights = np.concatenate([a["log_weights"] for a in every])
     weights = np.exp(log_weights - log_weights.max())
     for name in ("gravity", "spring_angle", "stiffness"):
-        drawn = found.draws[..., found.names.index(name)]
+        drawn = posterior.draws[..., posterior.names.index(name)]
         order = np.argsort(values[name])
         share = np.cumsum(weights[order]) / weights.sum()
         quartiles = values[name][order][np.searchsorted(share, [0.25, 0.5, 0.75])]
@@ -228,8 +230,8 @@ def test_the_exact_force_is_that_of_the_bent_coordinates() -> None:
     target, mode = shaken()
     at = nuts.whitening_of(target, mode, shear_of(target, mode))
     settings = Settings(chains=4, warmup=50, draws=50, seed=1)
-    found = nuts.PLUGIN.attempt(mode, at, settings, True, 0.5).posterior(mode)
-    assert np.mean(found.stats["acceptance_rate"]) > 0.6
+    posterior = nuts.PLUGIN.attempt(mode, at, settings, True, 0.5).posterior(mode)
+    assert np.mean(posterior.stats["acceptance_rate"]) > 0.6
 
 
 def test_the_bent_frame_has_the_gradient_of_its_own_coordinates() -> None:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.evidence.methods import importance
+from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.types import OK
 
 TOTAL, WIDTH = 0.03, 3e-5
@@ -54,10 +54,10 @@ def sheet(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any]:
 
 def test_evidence_on_a_thin_sheet_between_walls(sheet: tuple[Any, Any]) -> None:
     """Against the closed form: four standard errors, a false alarm in 16,000."""
-    found = importance.PLUGIN.evidence("m", *sheet, seed=3)
-    assert found.outcome == OK
-    assert found.stderr < 0.05
-    assert abs(found.log_evidence - AREA) < 4 * found.stderr
+    evidence = importance.PLUGIN.evidence("m", *sheet, seed=3)
+    assert evidence.outcome == OK
+    assert evidence.stderr < 0.05
+    assert abs(evidence.log_evidence - AREA) < 4 * evidence.stderr
 
 
 def test_too_few_draws_with_weight_are_said(sheet: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,7 +70,7 @@ def test_too_few_draws_with_weight_are_said(sheet: tuple[Any, Any], monkeypatch:
 
 
 def test_equal_weights_have_no_tail_and_few_have_no_shape() -> None:
-    assert diagnostics.pareto_k(np.full(1000, -1299.27)) == -np.inf
-    assert diagnostics.pareto_k(np.random.default_rng(0).standard_normal(1000)) > -np.inf
+    assert pareto_k(np.full(1000, -1299.27)) == -np.inf
+    assert pareto_k(np.random.default_rng(0).standard_normal(1000)) > -np.inf
     few = np.r_[np.zeros(3), np.full(997, -1000.0)]
-    assert diagnostics.pareto_k(few) == np.inf
+    assert pareto_k(few) == np.inf

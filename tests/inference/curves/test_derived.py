@@ -54,21 +54,21 @@ EXPECTED = {
 @pytest.mark.parametrize("term", EXPECTED)
 def test_closed_forms_of_the_linear_law(term):
     name = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}[term]
-    found = derive(motions((term,), **{name: SIZES}, epsilon=1e-5 * A * W))
-    assert set(found) == set(EXPECTED[term])
+    result = derive(motions((term,), **{name: SIZES}, epsilon=1e-5 * A * W))
+    assert set(result) == set(EXPECTED[term])
     for quantity, expected in EXPECTED[term].items():
-        np.testing.assert_allclose(found[quantity], expected, rtol=1e-6, err_msg=quantity)
+        np.testing.assert_allclose(result[quantity], expected, rtol=1e-6, err_msg=quantity)
 
 
 def test_a_sum_loses_the_sum():
     """Energies and ratios add; a half-life does not (negative control)."""
-    one = derive(motions(("viscous",), zeta=SIZES))
+    viscous = derive(motions(("viscous",), zeta=SIZES))
     two = derive(motions(("quadratic",), mu_q=SIZES))
     both = derive(motions(("viscous", "quadratic"), zeta=SIZES, mu_q=SIZES))
     for quantity in ("equivalent_ratio", "log_decrement", "energy_fraction", "energy_lost"):
-        np.testing.assert_allclose(both[quantity], one[quantity] + two[quantity], rtol=1e-9)
-    np.testing.assert_allclose(both["damping_ratio"], one["damping_ratio"])
-    assert not np.allclose(both["half_life"], one["half_life"] + two["half_life"], rtol=0.1)
+        np.testing.assert_allclose(both[quantity], viscous[quantity] + two[quantity], rtol=1e-9)
+    np.testing.assert_allclose(both["damping_ratio"], viscous["damping_ratio"])
+    assert not np.allclose(both["half_life"], viscous["half_life"] + two["half_life"], rtol=0.1)
 
 
 @pytest.mark.parametrize(
@@ -87,33 +87,33 @@ def test_half_life_and_decrement_of_a_trajectory(term, name, size):
     times, maxima = np.r_[0.0, t[at]], np.r_[1.2, x[at]]
     halved = float(np.interp(math.log(2), -np.log(maxima / 1.2), times))
     osc = Oscillator((term,), "pendulum")
-    found = derive(Motions(osc, {**p, "epsilon": 0.01, name: np.array([size])}, 0.0, 1.2))
-    assert found["half_life"][0] == pytest.approx(halved, rel=0.01)
+    result = derive(Motions(osc, {**p, "epsilon": 0.01, name: np.array([size])}, 0.0, 1.2))
+    assert result["half_life"][0] == pytest.approx(halved, rel=0.01)
     # Two successive maxima: the decrement belongs to the amplitude between them.
     middle = math.sqrt(maxima[2] * maxima[3])
-    there = derive(Motions(osc, {**p, "epsilon": 0.01, name: np.array([size])}, 0.0, middle))
-    assert there["log_decrement"][0] == pytest.approx(math.log(maxima[2] / maxima[3]), rel=0.01)
+    other = derive(Motions(osc, {**p, "epsilon": 0.01, name: np.array([size])}, 0.0, middle))
+    assert other["log_decrement"][0] == pytest.approx(math.log(maxima[2] / maxima[3]), rel=0.01)
 
 
 def test_natural_frequency_where_draws_change_it():
     assert "natural_frequency" not in derive(motions(("viscous",), zeta=SIZES))
-    found = derive(motions(("viscous",), zeta=SIZES, stiffness=100 * SIZES))
-    np.testing.assert_allclose(found["natural_frequency"], 10 * np.sqrt(SIZES))
-    np.testing.assert_allclose(found["damping_ratio"], 0.1 * np.sqrt(SIZES))
+    result = derive(motions(("viscous",), zeta=SIZES, stiffness=100 * SIZES))
+    np.testing.assert_allclose(result["natural_frequency"], 10 * np.sqrt(SIZES))
+    np.testing.assert_allclose(result["damping_ratio"], 0.1 * np.sqrt(SIZES))
 
 
 def test_without_inertia_no_physical_units():
-    found = derive(motions(("viscous", "coulomb"), None, zeta=SIZES, mu_c=SIZES, epsilon=0.01))
-    assert not {"energy_lost", "viscous_coefficient", "coulomb_torque"} & set(found)
-    assert "energy_fraction" in found
+    result = derive(motions(("viscous", "coulomb"), None, zeta=SIZES, mu_c=SIZES, epsilon=0.01))
+    assert not {"energy_lost", "viscous_coefficient", "coulomb_torque"} & set(result)
+    assert "energy_fraction" in result
 
 
 def test_curves_are_quantiles_of_the_draws():
     zeta = np.abs(np.random.default_rng(0).normal(0.05, 0.01, (4, 1000)))
     grid = np.array([0.05, 0.1, 0.3])
-    found = against_amplitude(motions(("viscous",), zeta=zeta), grid)
+    result = against_amplitude(motions(("viscous",), zeta=zeta), grid)
     expected = np.quantile(zeta.ravel()[::4] / W, [0.025, 0.5, 0.975])
-    np.testing.assert_allclose(found["equivalent_ratio"], np.tile(expected[:, None], 3), rtol=1e-9)
+    np.testing.assert_allclose(result["equivalent_ratio"], np.tile(expected[:, None], 3), rtol=1e-9)
     friction = against_amplitude(motions(("coulomb",), mu_c=zeta, epsilon=0.0), grid)["log_decrement"][1]
     np.testing.assert_allclose(friction * grid, friction[0] * grid[0], rtol=1e-9)
 

@@ -17,7 +17,7 @@ from bayesdamp.inference.checks.forecast import Ahead
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.single import Single, first_half
 from bayesdamp.inference.evidence.methods.importance import Importance
-from bayesdamp.inference.evidence.prediction import log_predictive, predict
+from bayesdamp.inference.evidence.sensitivity import log_predictive, predict
 from bayesdamp.types import Evidence, Refusal
 from tests.inference.deviation.drifts import KNOTS, NOISE, SCALE, STARTS, STIFFNESS, TIMES, motion
 

@@ -47,23 +47,23 @@ def probabilities(candidates: Sequence[Candidate]) -> np.ndarray:
 def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
     """Exact law, the noise as given; the nonlinear likelihood by the solution of dA/dt = −vA − c, on a fine grid."""
     b, noises, inverse = blocks(noise=0.02)
-    found = weigh(b, ClosedForm(("viscous", "coulomb")), noises, inverse)
-    log_z = log_evidence_as_given(found)
-    one = np.linspace(0.0, 0.16, 161)
+    candidate = weigh(b, ClosedForm(("viscous", "coulomb")), noises, inverse)
+    log_z = log_evidence_as_given(candidate)
+    grid = np.linspace(0.0, 0.16, 161)
     starts = np.linspace(1.16, 1.24, 33)
-    viscous, coulomb = np.maximum(one, 1e-9)[:, None, None], one[:, None]
-    logs = np.empty((one.size, one.size, starts.size))
+    viscous, coulomb = np.maximum(grid, 1e-9)[:, None, None], grid[:, None]
+    logs = np.empty((grid.size, grid.size, starts.size))
     for k, start in enumerate(starts):
         rest = coulomb / viscous
         amplitude = (np.exp(start) + rest) * np.exp(-viscous * b.t) - rest
         x = np.log(np.maximum(amplitude, 1e-20))
         logs[:, :, k] = -0.5 * np.sum((b.x - x) ** 2, axis=2) / 0.02**2
     logs = logsumexp(logs, axis=2) + np.log((starts[1] - starts[0]) / (100.0 * np.sqrt(2 * np.pi)))
-    weight = np.full(one.size, one[1])
+    weight = np.full(grid.size, grid[1])
     weight[0] *= 0.5
     totals = []
     for scale in 1e-8 * STEP ** (np.arange(25) + 0.5) * OMEGA:
-        prior = np.log(2.0 / (scale * np.sqrt(2 * np.pi)) * weight) - 0.5 * (one / scale) ** 2
+        prior = np.log(2.0 / (scale * np.sqrt(2 * np.pi)) * weight) - 0.5 * (grid / scale) ** 2
         totals.append(logsumexp(logs + prior[:, None] + prior))
     truth = logsumexp(totals) - np.log(25) - 60 * np.log(0.02 * np.sqrt(2 * np.pi))
     assert log_z == pytest.approx(truth, abs=0.03)
@@ -73,28 +73,28 @@ def test_probabilities_do_not_depend_on_how_small_the_damping_is(monkeypatch):
     """Thirteen steps of the scales, a factor of 7,700 in time at one frequency, where the scales have no ends."""
     scales = 1e-8 * STEP ** np.arange(-40, 66)
     monkeypatch.setattr(linear, "SHARED_SIGMAS", scales / SCORE_RATIO)
-    here, there = (probabilities(weighed(*blocks(STEP**steps, 0.02))) for steps in (0, 13))
+    here, other = (probabilities(weighed(*blocks(STEP**steps, 0.02))) for steps in (0, 13))
     assert 0.05 < here.max() < 0.999
-    assert there == pytest.approx(here, abs=1e-6)
+    assert other == pytest.approx(here, abs=1e-6)
     # Negative control: half-normals of one scale each, whatever the scale.
     monkeypatch.setattr(linear, "SHARED_SIGMAS", np.array([1e-3]) / SCORE_RATIO)
-    here, there = (probabilities(weighed(*blocks(STEP**steps, 0.02))) for steps in (0, 13))
-    assert np.abs(there - here).max() > 0.05
+    here, other = (probabilities(weighed(*blocks(STEP**steps, 0.02))) for steps in (0, 13))
+    assert np.abs(other - here).max() > 0.05
 
 
 def test_the_ends_of_the_scales_hardly_matter():
-    here, there = (probabilities(weighed(*blocks(slower, 0.02))) for slower in (1.0, 1000.0))
-    assert there == pytest.approx(here, abs=0.01)
+    here, other = (probabilities(weighed(*blocks(slower, 0.02))) for slower in (1.0, 1000.0))
+    assert other == pytest.approx(here, abs=0.01)
 
 
 def test_an_answer_without_a_frequency_does_not_depend_on_the_unit_of_time():
-    made = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=0.3, scatter_time=0.5, behind=15.0)
-    truth = simulate(made, np.random.default_rng(3))
-    here, there = (
+    ringdown = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=0.3, scatter_time=0.5, behind=15.0)
+    truth = simulate(ringdown, np.random.default_rng(3))
+    here, other = (
         analyse(made_record("x", truth.t * unit, truth.level, "dBm")).verdict.probabilities
         for unit in (1.0, 2.0**13)
     )
-    assert there == pytest.approx(here, abs=1e-6)
+    assert other == pytest.approx(here, abs=1e-6)
 
 
 def test_pairs_that_are_left_out_do_not_count(monkeypatch):
@@ -108,8 +108,8 @@ def test_pairs_that_are_left_out_do_not_count(monkeypatch):
 
 def test_a_law_that_holds_exactly_has_the_same_evidence_alone_and_among_all():
     b, noises, inverse = blocks()
-    found = weigh(b, ClosedForm(("viscous",)), noises, inverse)
-    alone = found.about.under_priors(found.about.size == 0.0)
-    assert found.exact.log_evidence == pytest.approx(alone.log_evidence, abs=1e-4)
+    candidate = weigh(b, ClosedForm(("viscous",)), noises, inverse)
+    alone = candidate.about.under_priors(candidate.about.size == 0.0)
+    assert candidate.exact.log_evidence == pytest.approx(alone.log_evidence, abs=1e-4)
     # Negative control: it is a part of the whole only.
-    assert found.total > found.exact.log_evidence + 0.05
+    assert candidate.total > candidate.exact.log_evidence + 0.05

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.envelope.candidates import Blocks
-from bayesdamp.inference.envelope.noises import noises
-from bayesdamp.physics.amplitude.laws import ClosedForm, decay
+from bayesdamp.inference.envelope.decay import infer_noises
+from bayesdamp.physics.amplitude.laws import ClosedForm
+from bayesdamp.physics.amplitude.laws import decay
 
 TERMS, RATES = ("quadratic",), np.array([4.0])
 
@@ -22,10 +23,10 @@ def test_means_of_readings_in_a_bent_block_are_set_right():
     rng = np.random.default_rng(1)
     scatter = 1e-4 * rng.standard_normal(n)
     b = Blocks(times - start, x + scatter, 10.0, float(x[0] - x[-1]) / 10.0, None, each)
-    found = noises(b)[0]
+    result = infer_noises(b)[0]
     truth = decay(times, 0.0, TERMS, RATES) + scatter
     assert np.abs(b.x - truth).max() > 5e-3
-    assert found.x == pytest.approx(truth, abs=1e-3)
+    assert result.x == pytest.approx(truth, abs=1e-3)
 
 
 def test_a_straight_decay_is_as_it_was():
@@ -34,4 +35,4 @@ def test_a_straight_decay_is_as_it_was():
         2
     ).standard_normal(60)
     b = Blocks(t, x, 10.0, 0.3, None, 20)
-    assert noises(b)[0].x == pytest.approx(x, abs=1e-4)
+    assert infer_noises(b)[0].x == pytest.approx(x, abs=1e-4)

@@ -1,4 +1,4 @@
-"""A drive that is held before the release."""
+"""A drive that is until before the release."""
 
 from __future__ import annotations
 
@@ -7,25 +7,28 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import dawsn
 
-from bayesdamp.inference.envelope.analysis import held_blocks
 from bayesdamp.inference.envelope.candidates import Blocks
+from bayesdamp.inference.envelope.decay import held_blocks
 from bayesdamp.physics.amplitude.laws import decay
 
 
-def blocks(terms: tuple[str, ...], rates: list[float], held: int, seed: int) -> Blocks:
+def blocks(terms: tuple[str, ...], rates: list[float], until: int, seed: int) -> Blocks:
     rng = np.random.default_rng(seed)
     t = np.linspace(0.0, 10.0, 100)
-    x = decay(np.maximum(t - t[held], 0.0), 1.0, terms, np.array(rates)) + 0.03 * rng.standard_normal(100)
+    x = decay(np.maximum(t - t[until], 0.0), 1.0, terms, np.array(rates)) + 0.03 * rng.standard_normal(100)
     return Blocks(t, x, 10.0, float(x[0] - x[-1]) / 10.0)
 
 
-@pytest.mark.parametrize("held", [8, 20, 35])
 @pytest.mark.parametrize(
-    ("terms", "rates"),
-    [(("viscous",), [0.3]), (("quadratic",), [0.2]), (("viscous", "coulomb"), [0.15, 0.05])],
+    ("until", "terms", "rates"),
+    [
+        (8, ("viscous",), [0.3]),
+        (20, ("quadratic",), [0.2]),
+        (35, ("viscous", "coulomb"), [0.15, 0.05]),
+    ],
 )
-def test_a_held_level_is_found(held, terms, rates):
-    assert held - 1 <= held_blocks(blocks(terms, rates, held, 1)) <= held + 5
+def test_a_held_level_is_found(until, terms, rates):
+    assert until - 1 <= held_blocks(blocks(terms, rates, until, 1)) <= until + 5
 
 
 @pytest.mark.parametrize(

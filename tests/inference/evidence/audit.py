@@ -44,8 +44,12 @@ def row(number: int) -> dict[str, object]:
         "case": number, "zeta": start["zeta"], "touching": float(mode.z[1] / mode.sd()[1]),
     }  # fmt: skip
     for name in METHODS:
-        found = EVIDENCES.get(name).evidence("viscous+coulomb", target, mode, number)
-        line |= {name: found.log_evidence, f"{name}_stderr": found.stderr, f"{name}_outcome": found.outcome}
+        evidence = EVIDENCES.get(name).evidence("viscous+coulomb", target, mode, number)
+        line |= {
+            name: evidence.log_evidence,
+            f"{name}_stderr": evidence.stderr,
+            f"{name}_outcome": evidence.outcome,
+        }
     return line
 
 
@@ -58,9 +62,9 @@ def differences(rows: Sequence[Mapping[str, str]], method: str) -> tuple[np.ndar
 
 def page(rows: Sequence[Mapping[str, str]]) -> str:
     """The page, in Markdown."""
-    found = {m: differences(rows, m) for m in METHODS[:2]}
+    results = {m: differences(rows, m) for m in METHODS[:2]}
     touching = [float(r["touching"]) for r in rows]
-    largest = " and ".join(f"{np.abs(away).max():.3f}" for away, _ in found.values())
+    largest = " and ".join(f"{np.abs(away).max():.3f}" for away, _ in results.values())
     lines = [
         "# Evidence where a coefficient touches zero",
         "",
@@ -78,17 +82,17 @@ def page(rows: Sequence[Mapping[str, str]]) -> str:
         "mean difference and its 95 % interval, nats |",
         "|---|---|---|---|---|",
     ]
-    for method, (away, sd) in found.items():
+    for method, (away, sd) in results.items():
         own = np.median([float(r[f"{method}_stderr"]) for r in rows])
         half = 1.96 * np.sqrt(np.sum(sd**2)) / away.size
         lines.append(
             f"| {method} | {own:.3f} | {np.abs(away).max():.3f} | {np.abs(away / sd).max():.1f} | "
             f"{away.mean():+.3f} ± {half:.3f} |"
         )
-    seen = 2.8 * max(np.sqrt(np.sum(sd**2)) / sd.size for _, sd in found.values())
+    observed = 2.8 * max(np.sqrt(np.sum(sd**2)) / sd.size for _, sd in results.values())
     lines += [
         "",
-        f"An error of {seen:.2f} nats in every record would be seen in the mean (5 %) with a probability of "
+        f"An error of {observed:.2f} nats in every record would be seen in the mean (5 %) with a probability of "
         "0.8. A "
         "forgotten reflection at zero (ln 2 = 0.69 nats) is seen; so says the test that reads the table "
         "(`tests/inference/evidence/test_audit.py`). `make reports` makes it again, with `ARGS=--full` from "

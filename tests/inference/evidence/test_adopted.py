@@ -15,17 +15,21 @@ def of(method: str, value: float, stderr: float = 0.01, outcome: str = "ok") -> 
 
 
 def test_agreement_needs_no_referee():
-    found = [of("importance", -3.0), of("bridge", -3.04)]
-    assert disagreement(found) == ""
-    one = adopted(found)
-    assert (one.method, one.outcome, one.diagnostic) == ("combined", "ok", "importance and bridge agree")
-    assert one.log_evidence == pytest.approx(-3.02)
-    assert one.stderr == pytest.approx(0.01 / math.sqrt(2))
+    results = [of("importance", -3.0), of("bridge", -3.04)]
+    assert disagreement(results) == ""
+    evidence = adopted(results)
+    assert (evidence.method, evidence.outcome, evidence.diagnostic) == (
+        "combined",
+        "ok",
+        "importance and bridge agree",
+    )
+    assert evidence.log_evidence == pytest.approx(-3.02)
+    assert evidence.stderr == pytest.approx(0.01 / math.sqrt(2))
 
 
 def test_the_mean_is_by_inverse_variance():
-    one = adopted([of("importance", -3.0, 0.01), of("bridge", -3.03, 0.02)])
-    assert one.log_evidence == pytest.approx((-3.0 * 4 - 3.03) / 5)
+    evidence = adopted([of("importance", -3.0, 0.01), of("bridge", -3.03, 0.02)])
+    assert evidence.log_evidence == pytest.approx((-3.0 * 4 - 3.03) / 5)
 
 
 def test_three_standard_errors_call_it():
@@ -36,22 +40,24 @@ def test_three_standard_errors_call_it():
 
 
 def test_a_poor_diagnostic_calls_it():
-    found = [of("importance", -3.0, outcome="not to be trusted"), of("bridge", -3.0)]
-    assert disagreement(found) == "the diagnostic of importance is poor"
-    assert adopted(found).diagnostic == "by bridge"
-    assert adopted([*found, of("nested", -2.9)]).log_evidence == -2.9
+    results = [of("importance", -3.0, outcome="not to be trusted"), of("bridge", -3.0)]
+    assert disagreement(results) == "the diagnostic of importance is poor"
+    assert adopted(results).diagnostic == "by bridge"
+    assert adopted([*results, of("nested", -2.9)]).log_evidence == -2.9
 
 
 def test_the_referee_counts_and_says_why():
-    one = adopted([of("importance", -3.0), of("bridge", -3.5), of("nested", -3.4, 0.02)])
-    assert (one.log_evidence, one.stderr, one.outcome) == (-3.4, 0.02, "ok")
-    assert one.diagnostic.startswith("nested sampling counts: importance and bridge are 35.4 standard errors")
+    evidence = adopted([of("importance", -3.0), of("bridge", -3.5), of("nested", -3.4, 0.02)])
+    assert (evidence.log_evidence, evidence.stderr, evidence.outcome) == (-3.4, 0.02, "ok")
+    assert evidence.diagnostic.startswith(
+        "nested sampling counts: importance and bridge are 35.4 standard errors"
+    )
 
 
 def test_without_a_referee_a_quarrel_is_not_settled():
     for more in ([], [of("nested", -3.4, outcome="not to be trusted: not finished")]):
-        one = adopted([of("importance", -3.0), of("bridge", -3.5), *more])
-        assert one.outcome.startswith("not settled: importance and bridge are")
+        evidence = adopted([of("importance", -3.0), of("bridge", -3.5), *more])
+        assert evidence.outcome.startswith("not settled: importance and bridge are")
     poor = [
         of("importance", -3.0, outcome="not to be trusted"),
         of("bridge", -3.1, outcome="not to be trusted"),

@@ -35,11 +35,11 @@ def agrees(z: np.ndarray) -> bool:
 
 
 def test_cases_touch_zero():
-    found = lines()
-    assert len(found) >= audit.CASES
-    assert np.median([float(r["touching"]) for r in found]) < 1
-    assert max(float(r["touching"]) for r in found) < 4
-    assert all(r["nested_outcome"] == "ok" for r in found)
+    result = lines()
+    assert len(result) >= audit.CASES
+    assert np.median([float(r["touching"]) for r in result]) < 1
+    assert max(float(r["touching"]) for r in result) < 4
+    assert all(r["nested_outcome"] == "ok" for r in result)
 
 
 @pytest.mark.parametrize("method", ["importance", "bridge"])

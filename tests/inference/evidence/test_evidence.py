@@ -58,10 +58,10 @@ def evidence(case: str, method: str, seed: int = 1) -> Evidence:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("case", CASES)
 def test_against_quadrature(case, method):
-    found = evidence(case, method)
-    assert found.outcome == "ok", found
-    assert abs(found.log_evidence - quadrature(case)) < LIMIT
-    assert found.stderr < LIMIT / 2
+    result = evidence(case, method)
+    assert result.outcome == "ok", result
+    assert abs(result.log_evidence - quadrature(case)) < LIMIT
+    assert result.stderr < LIMIT / 2
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -71,12 +71,12 @@ def test_nested_sampling_around_the_mode_against_quadrature(case, monkeypatch):
     monkeypatch.setattr(nested, "log_evidence_about", lambda *_: -1e9)  # and has a billion nats to go
     monkeypatch.setattr(nested, "EFFECTIVE", 10_000)
     target, mode = problem(case)
-    found = EVIDENCES.get("nested").evidence("model", target, mode, 1)
-    assert found.outcome == "ok", found
-    assert "around the mode" in found.diagnostic
-    assert abs(found.log_evidence - quadrature(case)) < LIMIT
+    result = EVIDENCES.get("nested").evidence("model", target, mode, 1)
+    assert result.outcome == "ok", result
+    assert "around the mode" in result.diagnostic
+    assert abs(result.log_evidence - quadrature(case)) < LIMIT
     reflected = int(np.sum(target.reflected))
-    assert abs(found.log_evidence - reflected * np.log(2.0) - quadrature(case)) > LIMIT
+    assert abs(result.log_evidence - reflected * np.log(2.0) - quadrature(case)) > LIMIT
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -84,9 +84,9 @@ def test_against_the_closed_form(method):
     target, mode, exact, mean, covariance = line()
     rng = np.random.default_rng(1)
     draws = Draws(rng.multivariate_normal(mean, covariance, (4, 1000)))
-    found = EVIDENCES.get(method).evidence("model", target, mode, 1, draws)
-    assert found.outcome == "ok", found
-    assert abs(found.log_evidence - exact) < LIMIT
+    result = EVIDENCES.get(method).evidence("model", target, mode, 1, draws)
+    assert result.outcome == "ok", result
+    assert abs(result.log_evidence - exact) < LIMIT
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -95,18 +95,18 @@ def test_contract(method):
     assert isinstance(plugin, EvidenceMethod)
     assert plugin.name == method
     case = "one touching"
-    found, other = evidence(case, method), evidence(case, method, 2)
-    assert found.method == method
-    assert found.model == "model"
-    assert found.diagnostic
-    assert found.evaluations > 0
+    result, other = evidence(case, method), evidence(case, method, 2)
+    assert result.method == method
+    assert result.model == "model"
+    assert result.diagnostic
+    assert result.evaluations > 0
     evidence.cache_clear()
     again = evidence(case, method)
-    assert again.log_evidence == found.log_evidence
-    assert again.stderr == found.stderr
-    assert other.log_evidence != found.log_evidence
+    assert again.log_evidence == result.log_evidence
+    assert again.stderr == result.stderr
+    assert other.log_evidence != result.log_evidence
     # Two seeds within five standard errors of each other: false-alarm rate below 1e-6.
-    assert abs(other.log_evidence - found.log_evidence) < 5 * np.hypot(found.stderr, other.stderr)
+    assert abs(other.log_evidence - result.log_evidence) < 5 * np.hypot(result.stderr, other.stderr)
 
 
 @pytest.mark.parametrize("method", ["importance", "bridge"])
@@ -121,15 +121,17 @@ def chain_ratio(shuffled: bool) -> float:
     """Variance of 150 bridges between normals one sd apart, over the variance that they state; the draws come from
     chains whose neighbours correlate by 0.9, in their order or shuffled."""
     rng = np.random.default_rng(3)
-    found = []
+    collected = []
     for _ in range(150):
         x = rng.standard_normal((4, 400))
         for i in range(1, 400):
             x[:, i] = 0.9 * x[:, i - 1] + np.sqrt(1 - 0.81) * x[:, i]
         if shuffled:
             x = rng.permutation(x.ravel()).reshape(x.shape)
-        found.append(span(x + 0.5, rng.standard_normal(1000) - 0.5))
-    return float(np.var([s.log_evidence for s in found], ddof=1) / np.mean([s.stderr**2 for s in found]))
+        collected.append(span(x + 0.5, rng.standard_normal(1000) - 0.5))
+    return float(
+        np.var([s.log_evidence for s in collected], ddof=1) / np.mean([s.stderr**2 for s in collected])
+    )
 
 
 def test_bridge_counts_autocorrelation():
@@ -142,21 +144,21 @@ def test_bridge_counts_autocorrelation():
 def test_bridge_takes_its_own_draws():
     """NUTS, where it is given none; the same number within five standard errors (false-alarm rate below 1e-6)."""
     target, mode = problem("two touching")
-    found = EVIDENCES.get("bridge").evidence("model", target, mode, 5)
-    assert found.outcome == "ok", found
-    assert abs(found.log_evidence - quadrature("two touching")) < LIMIT
+    result = EVIDENCES.get("bridge").evidence("model", target, mode, 5)
+    assert result.outcome == "ok", result
+    assert abs(result.log_evidence - quadrature("two touching")) < LIMIT
     given = evidence("two touching", "bridge")
-    assert abs(found.log_evidence - given.log_evidence) < 5 * np.hypot(found.stderr, given.stderr)
-    assert found.evaluations > given.evaluations
+    assert abs(result.log_evidence - given.log_evidence) < 5 * np.hypot(result.stderr, given.stderr)
+    assert result.evaluations > given.evaluations
 
 
 def test_bridge_distrusts_draws_that_their_sampler_distrusts():
     target, mode = problem("one far")
     draws = exact_draws("one far", 1)
-    found = EVIDENCES.get("bridge").evidence(
+    result = EVIDENCES.get("bridge").evidence(
         "m", target, mode, 1, Draws(draws.z, "not converged: R-hat is 1.2")
     )
-    assert found.outcome == "not to be trusted: its posterior draws are not converged: R-hat is 1.2"
+    assert result.outcome == "not to be trusted: its posterior draws are not converged: R-hat is 1.2"
 
 
 def test_bridge_distrusts_halves_that_disagree():
@@ -164,8 +166,8 @@ def test_bridge_distrusts_halves_that_disagree():
     target, mode = problem("one far")
     z = exact_draws("one far", 1).z.copy()
     z[:, 500:] += 3 * mode.sd()
-    found = EVIDENCES.get("bridge").evidence("m", target, mode, 1, Draws(z))
-    assert found.outcome.startswith("not to be trusted")
+    result = EVIDENCES.get("bridge").evidence("m", target, mode, 1, Draws(z))
+    assert result.outcome.startswith("not to be trusted")
 
 
 @pytest.mark.parametrize("case", ["two touching", "two far"])
@@ -176,10 +178,10 @@ def test_negative_control_no_mirror_images(case):
     proposal = ReflectedT(mode.z, mode.factor, np.zeros(mode.z.size, bool))
     z = proposal.draw(np.random.default_rng(1), 4000)
     weights = mode.likelihood.log_posteriors(z) - proposal.log_density(z)
-    found = float(logsumexp(weights) - np.log(weights.size))
+    result = float(logsumexp(weights) - np.log(weights.size))
     if case == "two far":
-        assert quadrature(case) - found == pytest.approx(2 * np.log(2), abs=LIMIT)
-    assert abs(found - quadrature(case)) > LIMIT
+        assert quadrature(case) - result == pytest.approx(2 * np.log(2), abs=LIMIT)
+    assert abs(result - quadrature(case)) > LIMIT
 
 
 @pytest.mark.parametrize("case", ["one far", "one touching"])
@@ -188,16 +190,16 @@ def test_negative_control_a_bridge_that_forgets_the_fold(case):
     _target, mode = problem(case)
     z = exact_draws(case, 1).z
     proposal = fitted(z.reshape(-1, 1), np.zeros(1, bool))
-    there = proposal.draw(np.random.default_rng(1), 2000)
+    drawn = proposal.draw(np.random.default_rng(1), 2000)
 
     def ratio(y: np.ndarray) -> np.ndarray:
         return mode.likelihood.log_posteriors(y) - proposal.log_density(y)
 
-    found = span(ratio(z.reshape(-1, 1)).reshape(4, -1), ratio(there))
-    assert found.overlap > 0.5
-    assert abs(found.log_evidence - quadrature(case)) > LIMIT
+    result = span(ratio(z.reshape(-1, 1)).reshape(4, -1), ratio(drawn))
+    assert result.overlap > 0.5
+    assert abs(result.log_evidence - quadrature(case)) > LIMIT
     if case == "one far":
-        assert quadrature(case) - found.log_evidence == pytest.approx(np.log(2), abs=LIMIT)
+        assert quadrature(case) - result.log_evidence == pytest.approx(np.log(2), abs=LIMIT)
 
 
 def test_negative_control_draws_folded_density_not():
@@ -206,5 +208,5 @@ def test_negative_control_draws_folded_density_not():
     proposal = ReflectedT(mode.z, mode.factor, target.reflected)
     y = proposal.draw(np.random.default_rng(1), 4000)
     one_sided = ReflectedT(mode.z, mode.factor, np.zeros(mode.z.size, bool))
-    found = float(logsumexp(mode.likelihood.folded(y) - one_sided.log_density(y)) - np.log(len(y)))
-    assert found - quadrature("two touching") > LIMIT
+    result = float(logsumexp(mode.likelihood.folded(y) - one_sided.log_density(y)) - np.log(len(y)))
+    assert result - quadrature("two touching") > LIMIT

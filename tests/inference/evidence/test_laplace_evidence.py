@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from bayesdamp.inference.fit.laplace import log_integral
+from bayesdamp.inference.fit.mode import log_integral
 
 
 def test_the_integral_of_a_cut_normal_is_exact() -> None:
@@ -18,5 +18,5 @@ def test_the_integral_of_a_cut_normal_is_exact() -> None:
         return float(np.exp(gradient @ away - 0.5 * away @ information @ away))
 
     whole = dblquad(density, 0.0, 12.0, -12.0, 12.0)[0]
-    found = log_integral(0.0, gradient, information, at, np.array([0]))
-    assert np.exp(found) == pytest.approx(2 * whole, rel=1e-7)
+    result = log_integral(0.0, gradient, information, at, np.array([0]))
+    assert np.exp(result) == pytest.approx(2 * whole, rel=1e-7)

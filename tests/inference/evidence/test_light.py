@@ -15,11 +15,9 @@ import pytest
 
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.inference.evidence.savage_dickey import savage_dickey
-from bayesdamp.inference.fit.laplace import log_evidence_near
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.mode import Mode, log_evidence_near
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.priors import SHARED_SCALES
 from bayesdamp.records.oscillation.features import features
@@ -38,23 +36,23 @@ def reference() -> dict:
 
 
 @lru_cache
-def problem(damping: tuple[str, ...], held: bool = False) -> tuple[Target, Mode]:
-    """The target of a sum of terms, and its mode; held: half-normal priors of scale 0.1, each by
+def problem(damping: tuple[str, ...], separate: bool = False) -> tuple[Target, Mode]:
+    """The target of a sum of terms, and its mode; separate: half-normal priors of scale 0.1, each by
     itself, as a control."""
     given = reference()
-    made = given["problem"]
+    built = given["problem"]
     signal = Signal(np.array(given["record"]["t"]), np.array(given["record"]["y"]))
     known = {
-        "stiffness": made["omega"] ** 2, "rest_angle": 0.0, "theta0": made["amplitude"], "omega0": 0.0,
-        "epsilon": 0.0, "noise_sd": made["noise_sd"],
+        "stiffness": built["omega"] ** 2, "rest_angle": 0.0, "theta0": built["amplitude"], "omega0": 0.0,
+        "epsilon": 0.0, "noise_sd": built["noise_sd"],
     }  # fmt: skip
     system = System("linear", known, {})
-    scale = Reference(made["amplitude"], made["omega"])
+    scale = Reference(built["amplitude"], built["omega"])
     target = build_target(signal, damping, system, features(signal), scale)
-    if held:
+    if separate:
         target = replace(target, scales=(1.0,) * SHARED_SCALES.size)
     start = {Seed("near the truth"): {n: 1.1 * v for n, v in given["truth"].items()}}
-    return target, find_mode(target, start, noise_level=made["noise_sd"])
+    return target, find_mode(target, start, noise_level=built["noise_sd"])
 
 
 @lru_cache
@@ -70,9 +68,9 @@ def exact(damping: tuple[str, ...]) -> float:
 @pytest.mark.parametrize("damping", SUMS, ids="+".join)
 def test_importance_and_laplace_against_quadrature(damping) -> None:
     target, mode = problem(damping)
-    found = EVIDENCES.get("importance").evidence("m", target, mode, 1)
-    assert found.outcome == "ok"
-    assert found.log_evidence == pytest.approx(exact(damping), abs=CLOSE)
+    evidence = EVIDENCES.get("importance").evidence("m", target, mode, 1)
+    assert evidence.outcome == "ok"
+    assert evidence.log_evidence == pytest.approx(exact(damping), abs=CLOSE)
     assert log_evidence_near(mode.likelihood, mode.z) == pytest.approx(exact(damping), abs=2 * CLOSE)
 
 
@@ -80,16 +78,16 @@ def test_importance_and_laplace_against_quadrature(damping) -> None:
 def test_other_methods_against_quadrature(method) -> None:
     target, mode = problem(BOTH)
     draws = Draws.of(target, posterior().draws)
-    found = EVIDENCES.get(method).evidence("m", target, mode, 1, draws)
-    assert found.outcome == "ok"
-    assert found.log_evidence == pytest.approx(exact(BOTH), abs=CLOSE + 3 * found.stderr)
+    evidence = EVIDENCES.get(method).evidence("m", target, mode, 1, draws)
+    assert evidence.outcome == "ok"
+    assert evidence.log_evidence == pytest.approx(exact(BOTH), abs=CLOSE + 3 * evidence.stderr)
 
 
 def test_independent_priors_of_a_fixed_scale_fail() -> None:
     """Negative control: with a scale of 0.1 for each term by itself, the second term costs several nats more."""
     logs = {}
     for damping in SUMS:
-        target, mode = problem(damping, held=True)
+        target, mode = problem(damping, separate=True)
         logs[damping] = EVIDENCES.get("importance").evidence("m", target, mode, 1).log_evidence
     for single in SUMS[:2]:
         assert abs((logs[BOTH] - logs[single]) - (exact(BOTH) - exact(single))) > 3.0
@@ -97,11 +95,11 @@ def test_independent_priors_of_a_fixed_scale_fail() -> None:
 
 def test_nuts_against_quadrature() -> None:
     """Means within five Monte Carlo errors, sds within 5 %."""
-    found, wanted = posterior(), reference()["sums"]["viscous+coulomb"]
-    assert found.outcome == "ok"
-    for i, name in enumerate(found.names):
-        draws, sd = found.draws[..., i], wanted["sd"][name]
-        size = found.summaries[name]["ess_bulk"]
+    result, wanted = posterior(), reference()["sums"]["viscous+coulomb"]
+    assert result.outcome == "ok"
+    for i, name in enumerate(result.names):
+        draws, sd = result.draws[..., i], wanted["sd"][name]
+        size = result.summaries[name]["ess_bulk"]
         assert draws.mean() == pytest.approx(wanted["mean"][name], abs=5 * sd / np.sqrt(size))
         assert draws.std() == pytest.approx(sd, rel=0.05)
 
@@ -113,10 +111,10 @@ def test_savage_dickey_with_a_shared_scale(without, left) -> None:
     target, _ = problem(BOTH)
     z = Draws.of(target, posterior().draws).z
     scores = dict(zip(target.names, np.moveaxis(z, -1, 0), strict=True))
-    found = savage_dickey(target.priors, without, scores)
+    ratio = savage_dickey(target.priors, without, scores)
     wanted = exact((left,)) - exact(BOTH)
-    assert found.outcome == "ok"
-    assert found.stderr < 0.2
-    assert found.log_bayes_factor == pytest.approx(wanted, abs=4 * found.stderr + CLOSE)
+    assert ratio.outcome == "ok"
+    assert ratio.stderr < 0.2
+    assert ratio.log_bayes_factor == pytest.approx(wanted, abs=4 * ratio.stderr + CLOSE)
     alone = savage_dickey({without: target.priors[without]}, without, scores)
-    assert abs(alone.log_bayes_factor - wanted) > 4 * found.stderr + CLOSE
+    assert abs(alone.log_bayes_factor - wanted) > 4 * ratio.stderr + CLOSE

@@ -14,7 +14,7 @@ from bayesdamp.inference.deviation.gaussian.linear import weigh
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
+from bayesdamp.inference.model.target import build_target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import SHARED_SCALES
 from bayesdamp.records.oscillation.features import features
@@ -43,19 +43,19 @@ def record(factor: float) -> Signal:
 
 
 @lru_cache
-def sampled(damping: tuple[str, ...], factor: float, held: bool = False) -> float:
-    """Log evidence by importance sampling; held: half-normal priors of scale 0.1, each by itself."""
+def sampled(damping: tuple[str, ...], factor: float, separate: bool = False) -> float:
+    """Log evidence by importance sampling; separate: half-normal priors of scale 0.1, each by itself."""
     signal = record(factor)
     system = System("linear", {**KNOWN, "noise_sd": NOISE * factor}, {})
     target = build_target(signal, damping, system, features(signal), REFERENCE)
-    if held:
+    if separate:
         target = replace(target, scales=(1.0,) * SHARED_SCALES.size)
     seeds = {Seed("truth"): {"zeta": 0.04 * factor, "mu_c": 0.03 * factor}}
     mode = find_mode(target, seeds, noise_level=NOISE * factor)
-    found = EVIDENCES.get("importance").evidence("m", target, mode, 1)
-    assert found.outcome == "ok"
-    assert found.stderr < 0.01
-    return found.log_evidence
+    evidence = EVIDENCES.get("importance").evidence("m", target, mode, 1)
+    assert evidence.outcome == "ok"
+    assert evidence.stderr < 0.01
+    return evidence.log_evidence
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.01])
@@ -65,24 +65,24 @@ def test_sampled_evidence_is_that_of_the_linear_model(factor) -> None:
         reference=REFERENCE, approximate=False,
     )  # fmt: skip
     grid = grid_of(0, exact=True)
-    for one in weighing.results:
-        linear = exact(one.fit)
+    for item in weighing.results:
+        linear = exact(item.fit)
         wanted = weigh(linear, grid, (NOISE * factor) ** 2, linear.count).log_evidence
-        assert sampled(one.candidate.damping, factor) == pytest.approx(wanted, abs=0.03)
+        assert sampled(item.candidate.damping, factor) == pytest.approx(wanted, abs=0.03)
 
 
 def test_lighter_damping_leaves_bayes_factors_as_they_are() -> None:
     """A hundred times lighter, with the same information. Negative control: independent half-normals of scale 0.1. The
     motion of 6 cycles is not quite linear in the damping, so that a few tenths of a nat may remain."""
 
-    def factors(size: float, held: bool = False) -> np.ndarray:
-        both = sampled(SUMS[-1], size, held)
-        return np.array([both - sampled(single, size, held) for single in SUMS[:2]])
+    def factors(size: float, separate: bool = False) -> np.ndarray:
+        both = sampled(SUMS[-1], size, separate)
+        return np.array([both - sampled(single, size, separate) for single in SUMS[:2]])
 
     heavy, light, lighter = factors(1.0), factors(0.01), factors(1e-4)
     # Two standard errors of each, what sums over scales vary by with the size (0.01 nats), and what the motion of the
     # heavier one is not linear by (0.06, by the linear expansions at both).
     assert light == pytest.approx(lighter, abs=0.1)
     assert heavy[0] == pytest.approx(light[0], abs=0.5)
-    held = factors(0.01, held=True) - factors(1e-4, held=True)
-    assert held == pytest.approx(np.log(100.0), abs=0.1)
+    separate = factors(0.01, separate=True) - factors(1e-4, separate=True)
+    assert separate == pytest.approx(np.log(100.0), abs=0.1)

@@ -11,11 +11,17 @@ from scipy.special import logsumexp
 from scipy.stats import gaussian_kde, truncnorm
 
 from bayesdamp.inference.checks.forecast import Ahead, carried_on
-from bayesdamp.inference.evidence import widths
+from bayesdamp.inference.evidence import sensitivity
 from bayesdamp.inference.evidence.methods.importance import Importance
-from bayesdamp.inference.evidence.prediction import first_half, log_predictive, predict
 from bayesdamp.inference.evidence.savage_dickey import density_at_zero, savage_dickey
-from bayesdamp.inference.evidence.widths import against_width, under_priors, widened
+from bayesdamp.inference.evidence.sensitivity import (
+    against_width,
+    first_half,
+    log_predictive,
+    predict,
+    under_priors,
+    widened,
+)
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
@@ -59,28 +65,28 @@ def halves(target: Target, mode: Mode) -> tuple[Evidence, Ahead]:
     return predict("m", first_half(mode), partial(carried_on, mode.likelihood, half=half), 1)
 
 
-@pytest.mark.parametrize("enough", [widths.ENOUGH, np.inf], ids=["as it comes", "all sampled anew"])
+@pytest.mark.parametrize("enough", [sensitivity.ENOUGH, np.inf], ids=["as it comes", "all sampled anew"])
 def test_widths_against_quadrature(enough, monkeypatch):
-    monkeypatch.setattr(widths, "ENOUGH", enough)
+    monkeypatch.setattr(sensitivity, "ENOUGH", enough)
     target, mode = problem(TWO)
-    found = importance(TWO)
-    y, log_weights = found.arrays["y"], found.arrays["log_weights"]
-    made = against_width(
+    evidence = importance(TWO)
+    y, log_weights = evidence.arrays["y"], evidence.arrays["log_weights"]
+    built = against_width(
         target.priors, ("zeta", "mu_c"), y, log_weights, lambda priors: under_priors(mode, priors), 1
     )
-    exact = np.array([under_width(f) for f in made.factors])
-    assert made.varied == ("zeta", "mu_c")
-    assert made.factors[0] == pytest.approx(0.1)
-    assert made.factors[-1] == pytest.approx(10.0)
-    assert np.all(made.trusted)
-    assert np.all(made.anew) if np.isinf(enough) else not np.any(made.anew[made.factors >= 1.0])
+    exact = np.array([under_width(f) for f in built.factors])
+    assert built.varied == ("zeta", "mu_c")
+    assert built.factors[0] == pytest.approx(0.1)
+    assert built.factors[-1] == pytest.approx(10.0)
+    assert np.all(built.trusted)
+    assert np.all(built.anew) if np.isinf(enough) else not np.any(built.anew[built.factors >= 1.0])
     # Five standard errors: false-alarm rate 1e-5.
-    off = np.abs(made.log_evidence - exact)
-    assert np.all(off < 5 * made.stderr + 2e-3)
-    assert np.all(off[~made.anew] < LIMIT)
+    off = np.abs(built.log_evidence - exact)
+    assert np.all(off < 5 * built.stderr + 2e-3)
+    assert np.all(off[~built.anew] < LIMIT)
     # Negative control: prior densities without their constants would miss a log factor for each coefficient.
-    flat = made.log_evidence + 2 * np.log(made.factors)
-    assert np.all(np.abs(flat - exact)[np.abs(np.log(made.factors)) > 0.1] > LIMIT)
+    flat = built.log_evidence + 2 * np.log(built.factors)
+    assert np.all(np.abs(flat - exact)[np.abs(np.log(built.factors)) > 0.1] > LIMIT)
 
 
 def test_only_scales_are_widened():
@@ -91,7 +97,7 @@ def test_only_scales_are_widened():
 
 def test_the_first_half_against_quadrature():
     target, mode = problem("one far")
-    found, _ = halves(target, mode)
+    result, _ = halves(target, mode)
     half = TIMES.size // 2
     nodes, weights = np.polynomial.legendre.leggauss(80)
     low, high = 0.0, 0.3
@@ -99,8 +105,8 @@ def test_the_first_half_against_quadrature():
     square = np.sum((CASES["one far"][1] - trajectories(np.zeros(80), mu))[:, :half] ** 2, axis=1)
     logs = log_density(square, KNOWN["noise_sd"], half) + np.asarray(PRIORS["mu_c"].log_density(mu))
     exact = float(logsumexp(logs + np.log(0.5 * (high - low) * weights)))
-    assert abs(found.log_evidence - exact) < LIMIT
-    ahead, error = log_predictive(importance("one far"), found)
+    assert abs(result.log_evidence - exact) < LIMIT
+    ahead, error = log_predictive(importance("one far"), result)
     assert abs(ahead - (quadrature("one far") - exact)) < LIMIT
     assert error < LIMIT / 2
 
@@ -125,10 +131,10 @@ def test_the_second_half_is_inside_its_interval_and_a_changed_one_is_not():
 def test_density_at_zero_of_cut_off_normals(mean):
     """Twenty samples each: their mean within 4 of its errors (6e-5), their scatter as stated (99.9 % of chi²/19)."""
     law, rng = truncnorm(-mean, np.inf, loc=mean), np.random.default_rng(5)
-    found = np.array([density_at_zero(law.rvs(4000, random_state=rng), 4000.0) for _ in range(20)])
-    off = found[:, 0] - law.logpdf(0.0)
-    assert abs(off.mean()) < 4 * found[:, 1].mean() / np.sqrt(20)
-    assert 0.28 < np.var(off, ddof=1) / np.mean(found[:, 1] ** 2) < 2.4
+    drawn = np.array([density_at_zero(law.rvs(4000, random_state=rng), 4000.0) for _ in range(20)])
+    off = drawn[:, 0] - law.logpdf(0.0)
+    assert abs(off.mean()) < 4 * drawn[:, 1].mean() / np.sqrt(20)
+    assert 0.28 < np.var(off, ddof=1) / np.mean(drawn[:, 1] ** 2) < 2.4
 
 
 def smaller(parameter: str) -> float:
@@ -148,13 +154,13 @@ def test_savage_dickey_is_the_bayes_factor_of_a_nested_pair(without, left):
     target, _ = problem(TWO)
     y = exact_draws(TWO, 1).z
     scores = dict(zip(target.names, np.moveaxis(y, -1, 0), strict=True))
-    found = savage_dickey(target.priors, without, scores)
+    ratio = savage_dickey(target.priors, without, scores)
     exact = smaller(left) - quadrature(TWO)
-    assert found.outcome == "ok"
-    assert found.stderr < 0.2
-    assert abs(found.log_bayes_factor - exact) < 4 * found.stderr
+    assert ratio.outcome == "ok"
+    assert ratio.stderr < 0.2
+    assert abs(ratio.log_bayes_factor - exact) < 4 * ratio.stderr
     blind = float(gaussian_kde(y[..., target.names.index(without)].ravel()).logpdf(0.0)[0])
-    assert abs(blind - 0.5 * np.log(2 / np.pi) - exact) > 4 * found.stderr
+    assert abs(blind - 0.5 * np.log(2 / np.pi) - exact) > 4 * ratio.stderr
 
 
 def test_savage_dickey_says_where_it_is_not_valid():

@@ -121,15 +121,15 @@ def posterior_grid(case: str, count: int) -> tuple[tuple[np.ndarray, ...], np.nd
 @lru_cache
 def quadrature(case: str) -> float:
     """log ∫ prior · likelihood over the natural parameters, to 1e-3 nats."""
-    found = [float(logsumexp(posterior_grid(case, count)[1])) for count in (44, 56)]
-    assert abs(found[0] - found[1]) < 1e-3, "the grid is too coarse"
+    results = [float(logsumexp(posterior_grid(case, count)[1])) for count in (44, 56)]
+    assert abs(results[0] - results[1]) < 1e-3, "the grid is too coarse"
     logs = posterior_grid(case, 56)[1]
     for axis, (low, _) in enumerate(CASES[case][2].values()):
         edges = (-1,) if low == 0.0 else (0, -1)
         assert all(np.take(logs, e, axis).max() < logs.max() - 12 for e in edges), (
             "the grid cuts the posterior"
         )
-    return found[1]
+    return results[1]
 
 
 def exact_draws(case: str, seed: int, chains: int = 4, count: int = 1000) -> Draws:

@@ -13,7 +13,7 @@ from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.sample_noise import SampleNoise
 from bayesdamp.inference.deviation.weighing import weigh_all
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
+from bayesdamp.inference.model.target import build_target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise._residuals import fit_noise
 from bayesdamp.physics.oscillator import Oscillator
@@ -61,9 +61,9 @@ def weighed(kind: str, damping: tuple[str, ...] = ("viscous", "quadratic")) -> S
 def test_the_true_noise_is_the_likeliest(kind):
     """Deterministic records: the true kind is ahead by more than 5 nats (odds of 150) of any that is no limit of it
     (a Student t of many degrees and a short correlation are normal noise but for the price of a parameter)."""
-    found = weighed(kind)
-    assert found.likeliest == kind
-    by_name = {one.name: one.log_evidence for one in found.weighed}
+    candidates = weighed(kind)
+    assert candidates.likeliest == kind
+    by_name = {item.name: item.log_evidence for item in candidates.weighed}
     others = [log for name, log in by_name.items() if name != kind]
     assert by_name[kind] > max(others) + (0.0 if kind == "gaussian" else 5.0)
     assert ("quantised" in by_name) == (kind == "quantised")
@@ -73,35 +73,35 @@ def test_evidence_of_residuals_against_quadrature():
     """Of normal residuals, over the logarithm of their sd on a fine grid."""
     r = SD * np.random.default_rng(3).standard_normal(TIMES.size)
     signal = Signal(TIMES, motion(0.2) + r)
-    seen = features(signal)
-    found = fit_noise("gaussian", r, signal, seen)
+    observed = features(signal)
+    result = fit_noise("gaussian", r, signal, observed)
     z = np.linspace(-3.0, 3.0, 20_001)
-    sd = seen.roughness * np.exp(z)
+    sd = observed.roughness * np.exp(z)
     log = stats.norm.logpdf(z) - 0.5 * np.sum(r**2) / sd**2 - r.size * np.log(sd * np.sqrt(2 * np.pi))
     expected = log.max() + np.log(np.trapezoid(np.exp(log - log.max()), z))
-    assert found.log_evidence == pytest.approx(expected, abs=0.01)
-    assert found.values["noise_sd"] == pytest.approx(np.sqrt(np.mean(r**2)), rel=0.01)
+    assert result.log_evidence == pytest.approx(expected, abs=0.01)
+    assert result.values["noise_sd"] == pytest.approx(np.sqrt(np.mean(r**2)), rel=0.01)
 
 
 def test_a_term_that_is_missing_is_not_taken_for_noise():
     """What the quadratic term leaves under the viscous one is in the deviation of the law, not in the residual."""
-    found = weighed("gaussian", ("viscous",))
-    assert (found.likeliest, found.name) == ("gaussian", "gaussian")
+    candidates = weighed("gaussian", ("viscous",))
+    assert (candidates.likeliest, candidates.name) == ("gaussian", "gaussian")
 
 
 @pytest.mark.parametrize("rest", [0.0, 2.0])
 def test_noise_does_not_stand_in_for_another_zero(rest: float) -> None:
     """A record that swings about 2 rad, which is said to swing about 0 or, the control, 2 rad."""
     signal = Signal(TIMES, 2.0 + motion(0.2) + noise("correlated", np.random.default_rng(22)))
-    seen = features(signal)
+    observed = features(signal)
     system = System("linear", {**KNOWN, "rest_angle": rest})
-    made = build_target(
-        signal, ("viscous", "quadratic"), system, seen, Reference(0.3, 4.5), noise="correlated"
+    built = build_target(
+        signal, ("viscous", "quadratic"), system, observed, Reference(0.3, 4.5), noise="correlated"
     )
     seeds = {Seed("near"): {"zeta": 0.06, "mu_q": 0.15, "theta0": rest + 0.3, "omega0": 0.0}}
     if rest == 0.0:
-        with pytest.raises(Refusal, match=r"^pruned: noise takes the motion's place"):
-            find_mode(made, seeds, noise_level=seen.roughness, period=seen.period, thrifty=True)
+        with pytest.raises(Refusal, match=r"^pruned: the noise model replaces the motion"):
+            find_mode(built, seeds, noise_level=observed.roughness, period=observed.period, thrifty=True)
     else:
-        mode = find_mode(made, seeds, noise_level=seen.roughness, period=seen.period, thrifty=True)
+        mode = find_mode(built, seeds, noise_level=observed.roughness, period=observed.period, thrifty=True)
         assert np.isfinite(mode.log_posterior)

@@ -53,25 +53,25 @@ def climbed(jitter: float) -> tuple[Target, Mode]:
 
 def test_an_aliased_frequency_is_a_second_mode_of_the_same_likelihood():
     target, mode = climbed(0.0)
-    found, where = basins(mode)
+    result, where = basins(mode)
     assert [c.seed.source for c in mode.searches] == ["slow", "fast"]
     assert mode.searches[0].same == (Seed("slow again"),)
-    assert len(found) == 2
+    assert len(result) == 2
     assert sorted(where) == [0, 1]
-    stiffness = sorted(float(target.values(climb.z)["stiffness"]) for climb, _ in found)
+    stiffness = sorted(float(target.values(climb.z)["stiffness"]) for climb, _ in result)
     np.testing.assert_allclose(stiffness, [FREQUENCY**2 + RATE**2, ALIAS**2 + RATE**2], rtol=0.01)
     # The likelihood is the same at both, so what differs is the prior.
-    prior = [-0.5 * float(climb.z @ climb.z) for climb, _ in found]
-    assert found[0][0].end - found[1][0].end == pytest.approx(prior[0] - prior[1], abs=0.02)
-    assert sum(share for _, share in found) == pytest.approx(1.0)
-    assert min(share for _, share in found) > 0.02
+    prior = [-0.5 * float(climb.z @ climb.z) for climb, _ in result]
+    assert result[0][0].end - result[1][0].end == pytest.approx(prior[0] - prior[1], abs=0.02)
+    assert sum(share for _, share in result) == pytest.approx(1.0)
+    assert min(share for _, share in result) > 0.02
 
 
 def test_without_aliasing_the_other_mode_is_far_below():
     _, mode = climbed(0.1)
-    found, where = basins(mode)
+    result, where = basins(mode)
     assert where[0] == 0
-    assert all(share < 1e-6 for _, share in found[1:])
+    assert all(share < 1e-6 for _, share in result[1:])
 
 
 def test_starts_are_spread_over_the_seeds_and_wider_than_the_posterior():
@@ -137,7 +137,7 @@ def test_an_end_without_curvature_has_no_share():
     flat = replace(
         mode.searches[0], seed=Seed("flat"), z=mode.searches[0].z + 100.0 * mode.sd(), volume=np.inf
     )
-    found, _ = basins(replace(mode, searches=(*mode.searches, flat)))
-    assert sum(share for _, share in found) == pytest.approx(1.0)
+    result, _ = basins(replace(mode, searches=(*mode.searches, flat)))
+    assert sum(share for _, share in result) == pytest.approx(1.0)
     alone, _ = basins(replace(mode, searches=(flat,)))
     assert [share for _, share in alone] == [0.0]

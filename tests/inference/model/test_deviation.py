@@ -65,8 +65,8 @@ def test_no_knots_are_exact_laws() -> None:
     """Value, gradient and information to rounding. Control: with a knot they are others."""
     for z in scores():
         ours, theirs, other = (of.curvature(z) for of in (deviating(0), exact(), deviating(1)))
-        for one, two, three in zip(ours, theirs, other, strict=True):
-            assert one == pytest.approx(two, rel=1e-12, abs=1e-9)
+        for item, two, three in zip(ours, theirs, other, strict=True):
+            assert item == pytest.approx(two, rel=1e-12, abs=1e-9)
             assert three != pytest.approx(two, rel=1e-6, abs=1e-6)
         assert deviating(0).log_likelihood(z) == pytest.approx(exact().log_likelihood(z), rel=1e-12)
 
@@ -96,13 +96,13 @@ def test_deviations_are_drawn_from_their_conditional_distribution() -> None:
     distribution. Control: the prior's mean is zero."""
     whole = deviating(2).target.deviation
     assert whole is not None
-    one = replace(whole, log_prior=np.zeros(1), maps=whole.maps[1:], effects=whole.effects[1:])
+    item = replace(whole, log_prior=np.zeros(1), maps=whole.maps[1:], effects=whole.effects[1:])
     r, rng = deviating(2).residual(scores()[0]), np.random.default_rng(2)
-    drawn = np.array([one.draw_given(r, rng) for _ in range(4000)])
-    prior = one.maps[0] @ one.maps[0].T
-    columns = NOISE * one.basis @ one.effects[0] @ np.linalg.inv(one.maps[0])
+    drawn = np.array([item.draw_given(r, rng) for _ in range(4000)])
+    prior = item.maps[0] @ item.maps[0].T
+    columns = NOISE * item.basis @ item.effects[0] @ np.linalg.inv(item.maps[0])
     gain = prior @ columns.T @ np.linalg.inv(columns @ prior @ columns.T + NOISE**2 * np.eye(r.size))
-    mean, covariance = gain @ (r + one.shift), prior - gain @ columns @ prior
+    mean, covariance = gain @ (r + item.shift), prior - gain @ columns @ prior
     sd = np.sqrt(np.diag(covariance))
     assert np.all(np.abs(drawn.mean(axis=0) - mean) < 5 * sd / np.sqrt(4000))
     assert np.cov(drawn.T) == pytest.approx(covariance, rel=0.1, abs=0.1 * float(sd.min()) ** 2)

@@ -9,7 +9,7 @@ import pytest
 
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
+from bayesdamp.inference.model.target import build_target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
 from bayesdamp.physics.oscillator import Oscillator
@@ -68,14 +68,14 @@ def test_inferred():
     """The truth lies in the 99.9 % interval, and the evidence prefers the true term to the viscous one."""
     y = clean() + 0.003 * np.random.default_rng(2).standard_normal(TIMES.size)
     signal = Signal(TIMES, y, name="cubed")
-    found = features(signal)
+    result = features(signal)
     known = {n: P[n] for n in ("stiffness", "gravity", "spring_angle", "theta0", "omega0")}
     system = System("horizontal_pendulum", known, {"noise_sd": None})
     reference = Reference(0.3, 4.5)
     log_evidence = {}
     for term, seed in (("cubed", {"mu_cubed": 0.05}), ("viscous", {"zeta": 0.05})):
-        target = build_target(signal, (term,), system, found, reference)
-        mode = find_mode(target, {Seed("s"): seed}, noise_level=found.roughness)
+        target = build_target(signal, (term,), system, result, reference)
+        mode = find_mode(target, {Seed("s"): seed}, noise_level=result.roughness)
         evidence = EVIDENCES.get("importance").evidence(term, target, mode, 1)
         assert evidence.outcome == "ok"
         log_evidence[term] = evidence.log_evidence

@@ -10,9 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
 from bayesdamp.inference.model.likelihood import Likelihood
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import Reference, Seed, Signal, System
@@ -78,16 +77,16 @@ def density(term: str, p: dict[str, float]) -> float:
 def test_likelihood_and_gradient(term):
     """Against SciPy's: the rest position, on which the force depends, moves with stiffness and gravity."""
     p = {**START, **TRUTH[term]}
-    made = target(term)
-    likelihood = Likelihood.near(made, made.scores(p), 1e-9)
-    here = {**made.known, **p}
+    built = target(term)
+    likelihood = Likelihood.near(built, built.scores(p), 1e-9)
+    here = {**built.known, **p}
     other = {**here, "stiffness": 1.001 * p["stiffness"]}
     ours = likelihood.log_likelihood_of(other) - likelihood.log_likelihood_of(here)
     theirs = density(term, {n: other[n] for n in p}) - density(term, p)
     assert ours == pytest.approx(theirs, abs=2e-2, rel=1e-3)
     value, slopes = likelihood.slopes_of(here)
     assert value == likelihood.log_likelihood_of(here)
-    for i, name in enumerate(made.names):
+    for i, name in enumerate(built.names):
         h = 5e-4 * max(abs(p[name]), 0.1)
         up, down = (density(term, {**p, name: p[name] + sign * h}) for sign in (1, -1))
         expected, curved = (up - down) / (2 * h), abs(up + down - 2 * density(term, p)) / h
@@ -100,22 +99,22 @@ def test_likelihood_and_gradient(term):
 def test_posterior_is_that_of_quadrature(sampler):
     """One unknown: mean and sd by trapezia over SciPy's motions, within five Monte Carlo errors (a false alarm in a
     million)."""
-    made = target("displacement", ())
-    assert made.names == ("c_xxv",)
-    mode = find_mode(made, {Seed("s"): {"c_xxv": 2.0}}, noise_level=NOISE)
-    centre = float(made.values(mode.z)["c_xxv"])
+    built = target("displacement", ())
+    assert built.names == ("c_xxv",)
+    mode = find_mode(built, {Seed("s"): {"c_xxv": 2.0}}, noise_level=NOISE)
+    centre = float(built.values(mode.z)["c_xxv"])
     grid = centre + np.linspace(-0.25, 0.25, 81)
     height = np.array([density("displacement", {**START, "c_xxv": c}) for c in grid])
-    height += made.priors["c_xxv"].log_density(grid)
+    height += built.priors["c_xxv"].log_density(grid)
     weight = np.exp(height - height.max())
     weight /= weight.sum()
     mean = float(weight @ grid)
     sd = float(np.sqrt(weight @ (grid - mean) ** 2))
     assert 6 * sd < 0.25
-    found = SAMPLERS.get(sampler).sample(made, mode, Settings(draws=1000, warmup=300, seed=2))
-    assert found.outcome == "ok"
-    draws = found.draws[..., 0].ravel()
-    summary = found.summaries
+    posterior = SAMPLERS.get(sampler).sample(built, mode, Settings(draws=1000, warmup=300, seed=2))
+    assert posterior.outcome == "ok"
+    draws = posterior.draws[..., 0].ravel()
+    summary = posterior.summaries
     count = summary["c_xxv"]["ess_bulk"]
     assert abs(draws.mean() - mean) < 5 * sd / math.sqrt(count)
     assert abs(draws.std() / sd - 1) < 5 / math.sqrt(count)

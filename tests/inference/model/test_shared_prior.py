@@ -10,9 +10,8 @@ from scipy import stats
 from scipy.integrate import quad
 from scipy.special import gammaln
 
-from bayesdamp.inference.model.defaults import build_target, default_prior
 from bayesdamp.inference.model.likelihood import Likelihood
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target, default_prior
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import (
     SHARED_SCALES,
@@ -40,12 +39,12 @@ def target(*damping: str) -> Target:
     return build_target(SIGNAL, damping, system, features(SIGNAL), REFERENCE)
 
 
-def scores(one: Target, seed: int, size: float = 1.0) -> np.ndarray:
-    z = one.scores(
+def scores(target: Target, seed: int, size: float = 1.0) -> np.ndarray:
+    z = target.scores(
         {"zeta": 0.05, "mu_c": 0.02, "mu_q": 0.04, "stiffness": 20.0, "theta0": 0.3, "omega0": 0.0}
     )
     rng = np.random.default_rng(seed)
-    return np.where(one.shared, size * np.abs(rng.standard_normal(z.size)), z)
+    return np.where(target.shared, size * np.abs(rng.standard_normal(z.size)), z)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
@@ -93,16 +92,16 @@ def test_density_of_parameters_and_its_slope() -> None:
 @pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0])
 def test_the_prior_of_the_scores_is_that_of_the_parameters(damping, size) -> None:
     """By a change of variables; a reflected score is of either sign, which halves its density."""
-    one = target(*damping)
-    z = scores(one, 2, size)
-    found = float(Likelihood.near(one, z, 1e-5).log_prior(z))
-    own = float(log_prior_of(z, one.reflected, one.shared))
-    assert found == pytest.approx(own - np.sum(one.reflected) * np.log(2.0), rel=1e-12)
-    priors = list(one.priors.values())
+    item = target(*damping)
+    z = scores(item, 2, size)
+    result = float(Likelihood.near(item, z, 1e-5).log_prior(z))
+    own = float(log_prior_of(z, item.reflected, item.shared))
+    assert result == pytest.approx(own - np.sum(item.reflected) * np.log(2.0), rel=1e-12)
+    priors = list(item.priors.values())
     x = np.array([float(p.value(z[i])) for i, p in enumerate(priors)])
     rates = np.array([float(p.rate(z[i])) for i, p in enumerate(priors)])
     assert own == pytest.approx(float(joint_log_density(priors, x)) + np.sum(np.log(rates)), rel=1e-10)
-    assert int(one.shared.sum()) == len(damping)
+    assert int(item.shared.sum()) == len(damping)
     separate = sum(float(p.log_density(v)) for p, v in zip(priors, x, strict=True)) + np.sum(np.log(rates))
     assert (len(damping) > 1) == (abs(separate - own) > 0.1)  # control: as if each had a scale of its own
 
@@ -111,13 +110,13 @@ def test_the_prior_of_the_scores_is_that_of_the_parameters(damping, size) -> Non
 @pytest.mark.parametrize("size", [1e-3, 1.0])
 def test_the_curvature_of_the_prior(damping, size) -> None:
     """It is that of a parabola that touches the log prior from below. Control: a flatter one does not stay there."""
-    one = target(*damping)
-    z = scores(one, 2, size)
-    likelihood = Likelihood.near(one, z, 1e-5)
-    squares, count = np.sum(z[one.shared] ** 2), int(one.shared.sum())
-    precision = np.where(one.shared, shared_precision(squares, count), 1.0)
+    item = target(*damping)
+    z = scores(item, 2, size)
+    likelihood = Likelihood.near(item, z, 1e-5)
+    squares, count = np.sum(z[item.shared] ** 2), int(item.shared.sum())
+    precision = np.where(item.shared, shared_precision(squares, count), 1.0)
     rng = np.random.default_rng(3)
-    others = np.array([np.where(one.shared, z * np.exp(rng.standard_normal(z.size)), z) for _ in range(20)])
+    others = np.array([np.where(item.shared, z * np.exp(rng.standard_normal(z.size)), z) for _ in range(20)])
 
     def above(share: float) -> np.ndarray:
         parabola = likelihood.log_prior(z) - 0.5 * (others**2 - z**2) @ (share * precision)
@@ -129,15 +128,15 @@ def test_the_curvature_of_the_prior(damping, size) -> None:
 
 def test_gradient_and_curvature_of_the_posterior() -> None:
     """Both by central differences of the log posterior, also of coefficients of a thousandth of the prior's unit."""
-    one = target("viscous", "coulomb")
+    item = target("viscous", "coulomb")
     for size in (1e-3, 1.0):
-        z = scores(one, 2, size)
-        likelihood = Likelihood.near(one, z, 1e-9)
+        z = scores(item, 2, size)
+        likelihood = Likelihood.near(item, z, 1e-9)
         value, gradient = likelihood.gradient(z)
         assert value == pytest.approx(likelihood.log_posterior(z), abs=1e-9)
-        found = likelihood.curvature(z)
-        assert found[1] == pytest.approx(gradient, rel=1e-12)
-        for i in np.flatnonzero(one.shared):
+        result = likelihood.curvature(z)
+        assert result[1] == pytest.approx(gradient, rel=1e-12)
+        for i in np.flatnonzero(item.shared):
             step = 1e-4 * size * np.eye(z.size)[i]
             ends = [likelihood.log_posterior(z + sign * step) for sign in (1, -1)]
             assert gradient[i] == pytest.approx((ends[0] - ends[1]) / (2 * step.sum()), rel=1e-3)
@@ -148,14 +147,14 @@ def test_gradient_and_curvature_of_the_posterior() -> None:
             apart = gradient[i] - likelihood.held(1.0).gradient(z)[1][i]
             assert apart == pytest.approx((by_prior[0] - by_prior[1]) / (2 * step.sum()), rel=1e-4)
             assert apart != 0.0
-        assert np.all(np.linalg.eigvalsh(found[2]) > 0)
+        assert np.all(np.linalg.eigvalsh(result[2]) > 0)
 
 
 def test_draws_of_the_prior() -> None:
     """Ratios are spread over all scales, and those of one draw have one scale; each score is otherwise normal."""
-    one = target(*EVERY)
-    z = one.prior_draws(20000, np.random.default_rng(0))
-    shared = z[:, one.shared]
+    item = target(*EVERY)
+    z = item.prior_draws(20000, np.random.default_rng(0))
+    shared = z[:, item.shared]
     each = stats.kstest(
         np.abs(shared[:, 0]),
         lambda x: np.mean([stats.halfnorm(scale=s).cdf(x) for s in SHARED_SIGMAS], axis=0),
@@ -163,7 +162,7 @@ def test_draws_of_the_prior() -> None:
     assert each.pvalue > 1e-4
     logs = np.log(np.abs(shared))
     assert np.corrcoef(logs.T)[0, 1] > 0.8
-    assert np.all(np.abs(np.std(z[:, ~one.shared], axis=0) - 1) < 0.03)
+    assert np.all(np.abs(np.std(z[:, ~item.shared], axis=0) - 1) < 0.03)
 
 
 def test_the_default_prior_is_stated_in_words() -> None:

@@ -10,9 +10,8 @@ from scipy import stats
 
 from bayesdamp.inference.fit.mode import BUDGET
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import EPSILON_RANGE, build_target, default_prior
 from bayesdamp.inference.model.likelihood import Likelihood
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import EPSILON_RANGE, Target, build_target, default_prior
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior, SharedHalfNormal, Uniform
@@ -42,12 +41,12 @@ def case(noise: str) -> tuple[Target, np.ndarray]:
 @pytest.mark.parametrize("name", problems.NAMES)
 def test_posterior_at_the_truth(name):
     """Prior and likelihood against those of the reference's own code, on LSODA trajectories."""
-    made, target = problems.reference(name), problems.target(name)
-    z = target.scores(made["truth"])
-    found = Likelihood.near(target, z, 1e-8).log_likelihood(z)
-    assert found == pytest.approx(made["at_truth"]["log_likelihood"], abs=2e-3)
-    prior = sum(float(p.log_density(made["truth"][n])) for n, p in target.priors.items())
-    assert prior == pytest.approx(made["at_truth"]["log_prior"], abs=1e-9)
+    built, target = problems.reference(name), problems.target(name)
+    z = target.scores(built["truth"])
+    result = Likelihood.near(target, z, 1e-8).log_likelihood(z)
+    assert result == pytest.approx(built["at_truth"]["log_likelihood"], abs=2e-3)
+    prior = sum(float(p.log_density(built["truth"][n])) for n, p in target.priors.items())
+    assert prior == pytest.approx(built["at_truth"]["log_prior"], abs=1e-9)
 
 
 @pytest.mark.parametrize("noise", NOISES.names())
@@ -82,11 +81,11 @@ def test_slopes_in_natural_units_are_those_of_differences(noise):
         up, down = (likelihood.log_likelihood_of({**p, name: p[name] + sign * h}) for sign in (1, -1))
         differences.append((up - down) / (2 * h))
     np.testing.assert_allclose(slopes, differences, rtol=1e-3, atol=1e-4 * np.max(np.abs(differences)))
-    there = target.scores(p)
-    rates = np.array([float(p.rate(x)) for p, x in zip(target.priors.values(), there, strict=True)])
-    by_score = likelihood.gradient(there)[1]
+    other = target.scores(p)
+    rates = np.array([float(p.rate(x)) for p, x in zip(target.priors.values(), other, strict=True)])
+    by_score = likelihood.gradient(other)[1]
     assert not np.allclose(by_score / rates, slopes, rtol=1e-6)
-    by_data = (by_score + there) / rates
+    by_data = (by_score + other) / rates
     np.testing.assert_allclose(by_data, slopes, rtol=1e-4, atol=1e-5 * np.max(np.abs(slopes)))
 
 
@@ -166,7 +165,7 @@ def test_a_part_of_the_record():
     parts make up the whole."""
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     whole, half = mode.likelihood, target.signal.t.size // 2
-    parts = [whole.of(slice(0, half)), whole.of(slice(half, None))]
+    parts = [whole.on(slice(0, half)), whole.on(slice(half, None))]
     residuals = np.concatenate([p.residual(mode.z) for p in parts])
     np.testing.assert_allclose(residuals, whole.residual(mode.z), atol=1e-6)
     assert sum(p.log_likelihood(mode.z) for p in parts) == pytest.approx(
@@ -178,7 +177,7 @@ def test_a_part_of_the_record():
     )
     correlated = problems.mode("coulomb_correlated")
     both = [
-        correlated.likelihood.of(s).log_likelihood(correlated.z) for s in (slice(0, half), slice(half, None))
+        correlated.likelihood.on(s).log_likelihood(correlated.z) for s in (slice(0, half), slice(half, None))
     ]
     assert abs(sum(both) - correlated.likelihood.log_likelihood(correlated.z)) > 1e-3  # control
 
@@ -201,10 +200,10 @@ def test_escape_has_no_likelihood_and_no_nan():
     likelihood = Likelihood.near(target, target.scores({"zeta": 0.1, "cubic": -60.0, "theta0": 0.3}), 1e-6)
     starts = [0.3, 0.5, 0.65, 0.8, 1.2, 3.0]
     z = np.array([target.scores({"zeta": 0.1, "cubic": -60.0, "theta0": x}) for x in starts])
-    found = likelihood.log_posteriors(z)
-    assert not np.any(np.isnan(found))
-    assert np.all(np.isfinite(found[:2]))
-    assert np.all(found[3:] == -np.inf)
+    result = likelihood.log_posteriors(z)
+    assert not np.any(np.isnan(result))
+    assert np.all(np.isfinite(result[:2]))
+    assert np.all(result[3:] == -np.inf)
     value, gradient = likelihood.gradient(z[4])
     assert value == -np.inf
     assert np.all(np.isfinite(gradient))
@@ -275,9 +274,9 @@ def test_default_priors_are_as_wide_as_is_said(noise: str):
     osc = Oscillator(("viscous",), "duffing")
     own = set(NOISES.get(noise).parameters) & set(STATED)
     for name in (set(STATED) - {"noise_sd", "noise_dof"}) | own:
-        found = default_prior(name, osc, noise, REFERENCE, FEATURES)
-        assert type(found) is type(STATED[name])
-        assert found.model_dump() == pytest.approx(STATED[name].model_dump()), name
+        result = default_prior(name, osc, noise, REFERENCE, FEATURES)
+        assert type(result) is type(STATED[name])
+        assert result.model_dump() == pytest.approx(STATED[name].model_dump()), name
 
 
 def test_build_target():

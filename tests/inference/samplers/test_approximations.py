@@ -9,9 +9,9 @@ import pytest
 
 from bayesdamp.inference.coordinates import truncated_normal
 from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal, laplace
-from bayesdamp.inference.coordinates.unbounded import Unbounded
 from bayesdamp.inference.samplers import SAMPLERS, Settings, variational
 from bayesdamp.inference.samplers._approximation import approximate_posterior
+from bayesdamp.inference.samplers.variational import Unbounded
 from bayesdamp.types import Refusal
 from tests.inference import problems
 
@@ -32,20 +32,20 @@ def test_against_the_reference(sampler, name):
     """Means within 0.3 sd and sds within 20 %, also where friction touches zero. Where not, the outcome says so. The
     variational one may be narrower: where friction touches zero its sds are 0.66 to 0.92 of the posterior's by the
     seed."""
-    found = problems.posterior(name, sampler)
+    posterior = problems.posterior(name, sampler)
     missed, least = set(), 0.7 if sampler == "variational" else 0.8
     for parameter, s in problems.reference(name)["posterior"].items():
-        x = found.draws[..., found.names.index(parameter)]
+        x = posterior.draws[..., posterior.names.index(parameter)]
         if abs(x.mean() - s["mean"]) > 0.3 * s["sd"] or not least < x.std() / s["sd"] < 1.2:
             missed.add(parameter)
     assert missed == BEYOND.get((sampler, name), set())
     if missed:
-        assert found.outcome.startswith("a poor approximation")
+        assert posterior.outcome.startswith("a poor approximation")
     elif name != "coulomb_correlated":
-        assert found.outcome == "ok"
-    for s in found.summaries.values():
+        assert posterior.outcome == "ok"
+    for s in posterior.summaries.values():
         assert np.isnan(s["rhat"])
-        assert s["ess_bulk"] == s["ess_tail"] == found.effective
+        assert s["ess_bulk"] == s["ess_tail"] == posterior.effective
 
 
 @pytest.mark.parametrize(("shift", "stretch"), [(0.0, 1.0), (0.6, 1.0), (0.0, 0.6), (0.0, 2.0), (8.0, 1.0)])
@@ -58,8 +58,8 @@ def test_a_wrong_normal_is_called_poor(shift, stretch):
     wrong = TruncatedNormal(right.mean + away, stretch**2 * right.covariance, right.reflected)
     settings = Settings(draws=1000)
     z = wrong.draw(np.random.default_rng(1), 4000)
-    found = approximate_posterior("wrong", target, mode, z, wrong.log_density(z), settings)
-    assert (found.outcome == "ok") is (shift == 0.0 and stretch == 1.0)
+    posterior = approximate_posterior("wrong", target, mode, z, wrong.log_density(z), settings)
+    assert (posterior.outcome == "ok") is (shift == 0.0 and stretch == 1.0)
 
 
 def test_what_does_not_converge_is_refused(monkeypatch):
@@ -110,17 +110,17 @@ def test_unbounded_coordinates(far):
     at = Unbounded.of(normal)
     assert list(at.order) == ([1, 0, 2, 3] if far == 0 else [0, 1, 2, 3])
     v = 2.0 * np.random.default_rng(4).standard_normal((5, 4))
-    there = at.mapped(v)
-    assert np.all(there.z[:, normal.walls] >= 0)
+    other = at.mapped(v)
+    assert np.all(other.z[:, normal.walls] >= 0)
     step = 1e-5
     for i, direction in enumerate(step * np.eye(4)):
         up, down = at.mapped(v + direction), at.mapped(v - direction)
-        np.testing.assert_allclose(there.slopes[..., i], (up.z - down.z) / (2 * step), atol=1e-7)
+        np.testing.assert_allclose(other.slopes[..., i], (up.z - down.z) / (2 * step), atol=1e-7)
         volume = (up.log_volume - down.log_volume) / (2 * step)
-        np.testing.assert_allclose(there.volume_slopes[:, i], volume, atol=1e-6)
-    np.testing.assert_allclose(there.log_volume, np.linalg.slogdet(there.slopes)[1], atol=1e-8)
+        np.testing.assert_allclose(other.volume_slopes[:, i], volume, atol=1e-6)
+    np.testing.assert_allclose(other.log_volume, np.linalg.slogdet(other.slopes)[1], atol=1e-8)
     # Control: the volume that it has without walls is another.
-    assert np.max(np.abs(there.log_volume - np.sum(np.log(np.diag(at.factor))))) > 0.1
+    assert np.max(np.abs(other.log_volume - np.sum(np.log(np.diag(at.factor))))) > 0.1
 
 
 def test_one_wall_is_exact():
@@ -128,6 +128,6 @@ def test_one_wall_is_exact():
     normal = TruncatedNormal(MEAN, ROOT @ ROOT.T, np.array([False, True, False, False]))
     at = Unbounded.of(normal)
     v = np.random.default_rng(5).standard_normal((50, 4))
-    there = at.mapped(v)
-    constant = normal.log_density(there.z) + 0.5 * np.sum(v**2, axis=1) + there.log_volume
+    other = at.mapped(v)
+    constant = normal.log_density(other.z) + 0.5 * np.sum(v**2, axis=1) + other.log_volume
     np.testing.assert_allclose(constant, constant[0], atol=1e-8)

@@ -10,8 +10,7 @@ import pytest
 
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.defaults import build_target
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.samplers.kalman import natural
 from bayesdamp.physics.oscillator import Oscillator
@@ -45,12 +44,14 @@ def problem(damping: tuple[str, ...], seed: int = 1, quantity: str = "angle") ->
     size = a * w ** ("angle", "velocity", "acceleration").index(quantity)
     y = simulate(osc, truth, t, quantity) + 0.01 * size * rng.standard_normal(t.size)
     signal = Signal(t, y, quantity)
-    seen = features(signal)
+    observed = features(signal)
     known = {n: v for n, v in truth.items() if n not in (*FREE, *osc.coefficients)}
     system = System("horizontal_pendulum", known, dict.fromkeys((*FREE, "noise_sd")))
-    target = build_target(signal, damping, system, seen, Reference(seen.amplitude, seen.frequency))
+    target = build_target(
+        signal, damping, system, observed, Reference(observed.amplitude, observed.frequency)
+    )
     start = {n: 1.05 * v for n, v in truth.items()}
-    return target, find_mode(target, {Seed("s"): start}, noise_level=seen.roughness)
+    return target, find_mode(target, {Seed("s"): start}, noise_level=observed.roughness)
 
 
 @lru_cache
@@ -58,9 +59,9 @@ def filtered(damping: tuple[str, ...], seed: int = 1, quantity: str = "angle") -
     return SAMPLERS.get("kalman").sample(*problem(damping, seed, quantity), SETTINGS)
 
 
-def apart(found: Posterior, mean: float, sd: float, name: str) -> tuple[float, float]:
+def apart(posterior: Posterior, mean: float, sd: float, name: str) -> tuple[float, float]:
     """Difference of the means in sds, and the ratio of the sds."""
-    x = found.draws[..., found.names.index(name)]
+    x = posterior.draws[..., posterior.names.index(name)]
     return abs(float(x.mean()) - mean) / sd, float(x.std()) / sd
 
 
@@ -68,12 +69,12 @@ def apart(found: Posterior, mean: float, sd: float, name: str) -> tuple[float, f
 @pytest.mark.parametrize("damping", MODELS, ids="+".join)
 def test_against_nuts(damping):
     """The requirement: means within half an sd, sds within a factor of two; of all moving parameters."""
-    found = filtered(damping, 1)
-    assert found.outcome == "ok"
+    posterior = filtered(damping, 1)
+    assert posterior.outcome == "ok"
     nuts = SAMPLERS.get("nuts").sample(*problem(damping, 1), SETTINGS)
     for i, name in enumerate(nuts.names):
         x = nuts.draws[..., i]
-        away, ratio = apart(found, float(x.mean()), float(x.std()), name)
+        away, ratio = apart(posterior, float(x.mean()), float(x.std()), name)
         assert away < 0.5, name
         assert 0.5 < ratio < 2, name
 
@@ -81,18 +82,18 @@ def test_against_nuts(damping):
 @pytest.mark.parametrize("name", ["viscous_coulomb", "touching_zero"])
 def test_against_the_references(name):
     """Also where friction touches zero: means within 0.3 sd and sds within a quarter."""
-    found = problems.posterior(name, "kalman")
+    posterior = problems.posterior(name, "kalman")
     for parameter, s in problems.reference(name)["posterior"].items():
-        away, ratio = apart(found, s["mean"], s["sd"], parameter)
+        away, ratio = apart(posterior, s["mean"], s["sd"], parameter)
         assert away < 0.3, parameter
         assert 0.75 < ratio < 1.25, parameter
 
 
 def test_its_weights_against_the_posterior():
     """By importance weights the draws are worth nearly their number; those of a shifted answer are not."""
-    found = filtered(("viscous",))
-    assert found.diagnostics["pareto_k"] < 0.5  # type: ignore[operator]
-    assert found.effective > 3000
+    posterior = filtered(("viscous",))
+    assert posterior.diagnostics["pareto_k"] < 0.5  # type: ignore[operator]
+    assert posterior.effective > 3000
     # Negative control: a quarter of the noise makes the same filter overconfident, and its weights say so.
     target, mode = problem(("viscous",))
     z = mode.z.copy()
@@ -104,14 +105,14 @@ def test_its_weights_against_the_posterior():
 
 def test_running_estimates():
     """They start at the prior and end at the posterior; later samples narrow the band, and it holds the end."""
-    found = filtered(("viscous",))
-    arrays = found.arrays
-    i = found.running.index("zeta")
+    posterior = filtered(("viscous",))
+    arrays = posterior.arrays
+    i = posterior.running.index("zeta")
     mean, sd = (arrays[f"running/restarted/{what}"][:, i] for what in ("mean", "sd"))
     target, mode = problem(("viscous",))
     unit, scale = target.priors["zeta"].value(1.0), mode.near.scales[0]  # where it is held
     assert mean[0] == pytest.approx(unit * scale * np.sqrt(2 / np.pi), rel=1e-3)
-    away, ratio = apart(found, mean[-1], sd[-1], "zeta")
+    away, ratio = apart(posterior, mean[-1], sd[-1], "zeta")
     assert away < 0.1
     assert ratio == pytest.approx(1.0, abs=0.1)
     late = slice(mean.size // 4, None)
@@ -125,10 +126,10 @@ def test_running_estimates():
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
 def test_other_quantities(quantity):
     target, mode = problem(("viscous",), 2, quantity)
-    found = filtered(("viscous",), 2, quantity)
-    assert found.outcome == "ok"
+    posterior = filtered(("viscous",), 2, quantity)
+    assert posterior.outcome == "ok"
     laplace = target.values(mode.z)["zeta"], float(mode.sd()[0]) * float(target.priors["zeta"].value(1.0))
-    away, ratio = apart(found, float(laplace[0]), laplace[1], "zeta")
+    away, ratio = apart(posterior, float(laplace[0]), laplace[1], "zeta")
     assert away < 0.2
     assert ratio == pytest.approx(1.0, abs=0.1)
 
@@ -151,6 +152,6 @@ def test_natural_moments():
     for prior, mean, sd in ((HalfNormal(scale=2.0), 0.5, 1.0), (LogNormal(median=3.0, sigma=0.5), 0.5, 0.8)):
         u = mean + sd * z
         x = np.asarray(prior.value(u[u > 0] if prior.reflected else u))
-        found = natural(prior, np.array([mean]), np.array([sd]))
-        assert found[0][0] == pytest.approx(x.mean(), rel=0.01)
-        assert found[1][0] == pytest.approx(x.std(), rel=0.02)
+        result = natural(prior, np.array([mean]), np.array([sd]))
+        assert result[0][0] == pytest.approx(x.mean(), rel=0.01)
+        assert result[1][0] == pytest.approx(x.std(), rel=0.02)

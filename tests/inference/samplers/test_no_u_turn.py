@@ -61,7 +61,7 @@ def sampled(space: CutOff, seed: int = 1, count: int = COUNT, step: float = 0.6)
         Chain(space, step, np.random.default_rng([seed, k])).sampled(start, space.height(start), count + 100)
         for k in range(CHAINS)
     ]
-    u, _, diverging, steps, accepted = (np.stack([one[i][100:] for one in each]) for i in range(5))
+    u, _, diverging, steps, accepted = (np.stack([item[i][100:] for item in each]) for i in range(5))
     return u, accepted, steps, diverging
 
 
@@ -82,10 +82,10 @@ def within(force: float = 1.0) -> tuple[np.ndarray, ...]:
 def by_rejection() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Means, mean squares, (D,), and the errors of both, (2 D,), of the normal within the two walls."""
     drawn = np.random.default_rng(3).multivariate_normal(MEAN, COVARIANCE, 1_000_000)
-    kept = drawn[np.all(drawn @ TWO[0].T + TWO[1] >= 0, axis=1)]
-    assert 200_000 < len(kept) < 800_000
-    both = np.concatenate([kept, kept**2], axis=1)
-    return both[:, :D].mean(axis=0), both[:, D:].mean(axis=0), both.std(axis=0) / np.sqrt(len(kept))
+    left = drawn[np.all(drawn @ TWO[0].T + TWO[1] >= 0, axis=1)]
+    assert 200_000 < len(left) < 800_000
+    both = np.concatenate([left, left**2], axis=1)
+    return both[:, :D].mean(axis=0), both[:, D:].mean(axis=0), both.std(axis=0) / np.sqrt(len(left))
 
 
 def test_a_correlated_normal() -> None:

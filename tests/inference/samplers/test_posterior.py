@@ -17,6 +17,7 @@ from bayesdamp.inference.coordinates.whitening import whitening_of
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Sampler, Settings, nuts
 from bayesdamp.inference.samplers.nuts import Chain, Nuts
+from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.priors import LogNormal
 from bayesdamp.store import write_bytes
 from bayesdamp.types import OK, Posterior, Seed
@@ -49,14 +50,14 @@ def departures(posterior: Posterior, name: str) -> list[str]:
     parameters. The ensembles stop at an ESS of 1,100, errors of 0.03 sd and 2 %; bars at three, and one seed.
     """
     mean_bar, sd_bar = BARS.get(posterior.sampler, WIDER)
-    found = []
+    collected = []
     for n, (mean, sd, _) in moments(posterior).items():
         expected = problems.reference(name)["posterior"][n]
         if abs(mean - expected["mean"]) > mean_bar * expected["sd"]:
-            found.append(f"mean of {n}")
+            collected.append(f"mean of {n}")
         if abs(sd / expected["sd"] - 1) > sd_bar:
-            found.append(f"sd of {n}")
-    return found
+            collected.append(f"sd of {n}")
+    return collected
 
 
 @PROBLEM
@@ -102,8 +103,8 @@ def half_the_noise(name: str) -> Posterior:
 
 
 def test_negative_control_half_the_noise():
-    found = departures(half_the_noise("viscous_coulomb"), "viscous_coulomb")
-    assert {"sd of zeta", "sd of theta0"} <= set(found)
+    result = departures(half_the_noise("viscous_coulomb"), "viscous_coulomb")
+    assert {"sd of zeta", "sd of theta0"} <= set(result)
 
 
 def test_surrogate_force_and_exact_force():
@@ -126,8 +127,8 @@ def test_a_step_is_as_long_as_it_may_be():
     at, settings = whitening_of(target, mode), Settings(chains=4, warmup=100, draws=1000, seed=2)
     whole, half = (Nuts().attempt(mode, at, settings, shorter=share).posterior(mode) for share in (1.0, 0.5))
     assert np.mean(whole.stats["n_steps"]) < min(4.0, 0.6 * np.mean(half.stats["n_steps"]))
-    for name, found in whole.summaries.items():
-        assert found["ess_bulk"] > 0.8 * half.summaries[name]["ess_bulk"]
+    for name, result in whole.summaries.items():
+        assert result["ess_bulk"] > 0.8 * half.summaries[name]["ess_bulk"]
 
 
 @EACH
@@ -138,19 +139,19 @@ def test_contract(sampler):
     assert plugin.name == sampler
     name = "viscous_coulomb"
     target, mode = problems.target(name), problems.mode(name)
-    found = problems.posterior(name, sampler)
-    assert found.sampler == sampler
-    assert found.names == target.names
-    assert found.draws.shape == (*found.log_likelihood.shape, len(found.names))
-    assert np.all(np.isfinite(found.draws))
-    assert np.all(found.draws[..., : len(target.oscillator.coefficients)] >= 0)
-    z = np.array([target.scores(dict(zip(found.names, x))) for x in found.draws[0, :3]])
+    posterior = problems.posterior(name, sampler)
+    assert posterior.sampler == sampler
+    assert posterior.names == target.names
+    assert posterior.draws.shape == (*posterior.log_likelihood.shape, len(posterior.names))
+    assert np.all(np.isfinite(posterior.draws))
+    assert np.all(posterior.draws[..., : len(target.oscillator.coefficients)] >= 0)
+    z = np.array([target.scores(dict(zip(posterior.names, x))) for x in posterior.draws[0, :3]])
     expected = mode.likelihood.log_likelihoods(z)
-    np.testing.assert_allclose(found.log_likelihood[0, :3], expected, atol=1e-6)
+    np.testing.assert_allclose(posterior.log_likelihood[0, :3], expected, atol=1e-6)
     again = plugin.sample(target, mode, problems.SETTINGS)
-    np.testing.assert_array_equal(again.draws, found.draws)
+    np.testing.assert_array_equal(again.draws, posterior.draws)
     other = plugin.sample(target, mode, replace(problems.SETTINGS, seed=5))
-    assert not np.array_equal(other.draws.ravel()[:50], found.draws.ravel()[:50])
+    assert not np.array_equal(other.draws.ravel()[:50], posterior.draws.ravel()[:50])
 
 
 def test_draws_that_are_not_to_be_trusted_are_said_to_be():
@@ -166,10 +167,10 @@ def test_draws_that_are_not_to_be_trusted_are_said_to_be():
 
 def test_saved_draws_read_back(tmp_path):
     """As ArviZ reads them."""
-    found = problems.posterior("viscous_coulomb", "nuts")
-    (tmp_path / "draws.nc").write_bytes(diagnostics.saved(found))
+    posterior = problems.posterior("viscous_coulomb", "nuts")
+    (tmp_path / "draws.nc").write_bytes(diagnostics.saved(posterior))
     data = xarray.open_datatree(tmp_path / "draws.nc", engine="h5netcdf")
-    np.testing.assert_array_equal(data.posterior["zeta"].values, found.draws[..., 0])
+    np.testing.assert_array_equal(data.posterior["zeta"].values, posterior.draws[..., 0])
     assert data.posterior["zeta"].dims == ("chain", "draw")
     assert "diverging" in data.sample_stats
 
@@ -180,13 +181,13 @@ def test_draws_that_find_no_room_leave_nothing(tmp_path, monkeypatch):
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    found = problems.posterior("viscous_coulomb", "nuts")
+    posterior = problems.posterior("viscous_coulomb", "nuts")
     with monkeypatch.context() as disk:
         disk.setattr(os, "fsync", full)
         with pytest.raises(OSError, match="No space left"):
-            write_bytes(tmp_path / "posterior" / "draws.nc", diagnostics.saved(found))
+            write_bytes(tmp_path / "posterior" / "draws.nc", diagnostics.saved(posterior))
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
-    write_bytes(tmp_path / "posterior" / "draws.nc", diagnostics.saved(found))
+    write_bytes(tmp_path / "posterior" / "draws.nc", diagnostics.saved(posterior))
     assert (tmp_path / "posterior" / "draws.nc").stat().st_size > 1000
 
 
@@ -205,8 +206,8 @@ def test_the_tail_of_weights_has_its_shape(shape):
     ratios = genpareto.rvs(shape, size=20_000, random_state=np.random.default_rng(4))
     # Its sd by maximum likelihood is (1 + k) / √(tail): Smith (1987).
     tail = 3 * np.sqrt(ratios.size)
-    assert abs(diagnostics.pareto_k(np.log(ratios)) - shape) < 4 * (1 + shape) / np.sqrt(tail)
-    assert diagnostics.pareto_k(-np.log(ratios + 1)) < 0.0
+    assert abs(pareto_k(np.log(ratios)) - shape) < 4 * (1 + shape) / np.sqrt(tail)
+    assert pareto_k(-np.log(ratios + 1)) < 0.0
 
 
 def test_too_few_draws_are_added_to():
@@ -219,23 +220,23 @@ def test_too_few_draws_are_added_to():
     target, mode = problems.target(name), problems.mode(name)
     few = Settings(chains=4, warmup=100, draws=130, seed=2)
     run = Nuts().attempt(mode, whitening_of(target, mode), few)
-    first, found = run.posterior(mode), Nuts().sample(target, mode, few)
+    first, result = run.posterior(mode), Nuts().sample(target, mode, few)
     assert "too few draws" in first.outcome
-    assert found.outcome == OK
-    assert found.draws.shape[1] == 130 + 230
-    np.testing.assert_array_equal(found.draws[:, :130], first.draws)
-    z = np.array([target.scores(dict(zip(found.names, x))) for x in found.draws[0, 130:133]])
+    assert result.outcome == OK
+    assert result.draws.shape[1] == 130 + 230
+    np.testing.assert_array_equal(result.draws[:, :130], first.draws)
+    z = np.array([target.scores(dict(zip(result.names, x))) for x in result.draws[0, 130:133]])
     expected = mode.likelihood.log_likelihoods(z)
-    np.testing.assert_allclose(found.log_likelihood[0, 130:133], expected, atol=1e-6)
+    np.testing.assert_allclose(result.log_likelihood[0, 130:133], expected, atol=1e-6)
     longer = run.longer(10_000)
     assert longer.draws == 10_130
     assert departures(longer.posterior(mode), name) == []
     same = replace(run, left=tuple(np.concatenate([x] * 40, axis=1) for x in run.left))
     assert departures(same.posterior(mode), name)
     least = replace(few, draws=10, warmup=10)
-    found = Nuts().sample(target, mode, least)
-    assert found.outcome != OK
-    assert found.draws.shape[1] == 10 + 20
+    result = Nuts().sample(target, mode, least)
+    assert result.outcome != OK
+    assert result.draws.shape[1] == 10 + 20
 
 
 def test_added_draws_go_on_from_the_last(monkeypatch):
@@ -257,31 +258,31 @@ def test_shorter_steps_come_before_the_exact_force(monkeypatch, good, tries):
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     settings = Settings(chains=4, warmup=10, draws=10, seed=3)
     run = Nuts().attempt(mode, whitening_of(target, mode), settings)
-    made = []
+    collected = []
 
     def attempt(self, mode, at, settings, exact=False, shorter=1.0):
-        made.append((exact, shorter))
+        collected.append((exact, shorter))
         return run
 
     monkeypatch.setattr(Nuts, "attempt", attempt)
     monkeypatch.setattr(nuts, "shear_of", lambda *_: None)
-    monkeypatch.setattr(nuts, "poor", lambda found: len(made) < good)
+    monkeypatch.setattr(nuts, "poor", lambda _: len(collected) < good)
     Nuts().sample(target, mode, replace(settings, draws=1))
     assert (
-        made
+        collected
         == [(False, 1.0), (False, 0.5), (True, 1.0), (True, 0.5), (True, 0.25), (True, 0.125)][: 1 + tries]
     )
 
 
 def test_few_divergences_are_no_reason_for_another_attempt():
-    found = problems.posterior("viscous_coulomb", "nuts")
-    size = found.stats["diverging"].size
+    posterior = problems.posterior("viscous_coulomb", "nuts")
+    size = posterior.stats["diverging"].size
 
     def with_divergences(count):
-        diverging = np.arange(size).reshape(found.stats["diverging"].shape) < count
-        return replace(found, stats={**found.stats, "diverging": diverging})
+        diverging = np.arange(size).reshape(posterior.stats["diverging"].shape) < count
+        return replace(posterior, stats={**posterior.stats, "diverging": diverging})
 
     assert not nuts.poor(with_divergences(size // 1000))
     assert nuts.poor(with_divergences(size // 200))
-    refused = replace(found, stats={**found.stats, "acceptance_rate": np.full((4, 10), 0.4)})
+    refused = replace(posterior, stats={**posterior.stats, "acceptance_rate": np.full((4, 10), 0.4)})
     assert nuts.poor(refused)

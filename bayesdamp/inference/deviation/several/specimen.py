@@ -12,7 +12,7 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, 
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.gaussian.repeats import Repeats, RunLikelihood, joined
 from bayesdamp.inference.deviation.several.run_likelihood import DampingRun
-from bayesdamp.inference.model.defaults import damping_priors
+from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.odds import odds
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import Prior

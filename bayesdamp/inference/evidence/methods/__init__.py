@@ -1,1 +1,1 @@
-"""The methods for the evidence: one class in one module each, found by name."""
+"""Methods for the evidence: one class in one module each, found by name."""

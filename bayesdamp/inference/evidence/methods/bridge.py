@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.coordinates.reflected_t import fitted
-from bayesdamp.inference.coordinates.shear import Shear, shear_of
+from bayesdamp.inference.coordinates.whitening import Shear, shear_of
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
@@ -17,14 +17,14 @@ from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.types import OK, Evidence
 
 PROPOSALS = 2000
-"""Draws of the fit, for each half of the posterior's."""
+"""Draws of the fit for each half of the posterior's draws."""
 ITERATIONS = 1000
 TOLERANCE = 1e-10
 OVERLAP_LIMIT = 0.1
 HARDLY = 0.3
 """Overlap below which a curved ridge is looked for."""
 APART = 3.0
-"""Standard errors by which the two halves may differ."""
+"""Largest difference of the two halves, in standard errors."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +37,16 @@ class Span:
 
 
 class Bridge(EvidenceMethod):
-    """The optimal bridge (Meng and Wong, Statistica Sinica 6, 1996; Gronau et al., Journal of Mathematical Psychology
-    81, 2017) from NUTS draws to a Student t that is reflected where a coefficient cannot be negative.
+    """The optimal bridge from NUTS draws to a Student t that is reflected where a coefficient cannot be negative.
 
-    One half of each chain shapes the fit, the other is bridged to it, and the other way round. Draws and fit live on
-    the reflected scores, so that no mirror mode is there to be missed; a posterior that the fit hardly meets is
-    straightened where its ridge is curved. The standard error is Frühwirth-Schnatter's
-    (Econometrics Journal 7, 2004), the autocorrelation of the chains included.
+    One half of each chain shapes the fit and the other is bridged to it, and the other way round. Draws and fit are of
+    the reflected scores, so that no mirror mode can be missed. Where posterior and fit hardly overlap, a curved ridge
+    is straightened. The standard error is Frühwirth-Schnatter's (Econometrics Journal 7, 2004), and includes the
+    autocorrelation of the chains.
+
+    References
+    ----------
+    Meng and Wong, Statistica Sinica 6, 1996; Gronau et al., Journal of Mathematical Psychology 81, 2017.
     """
 
     name = "bridge"
@@ -52,12 +55,12 @@ class Bridge(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """By bridge sampling between the posterior's draws and a heavy-tailed fit to them (Meng and Wong 1996)."""
+        """Compute the evidence by bridge sampling between the posterior's draws and a heavy-tailed fit to them."""
         evaluations = 0
         if draws is None:
-            found = SAMPLERS.get("nuts").sample(target, mode, Settings(seed=seed % 2**31))
-            draws = Draws.of(target, found.draws, found.outcome)
-            evaluations += found.evaluations
+            posterior = SAMPLERS.get("nuts").sample(target, mode, Settings(seed=seed % 2**31))
+            draws = Draws.of(target, posterior.draws, posterior.outcome)
+            evaluations += posterior.evaluations
         rng = np.random.default_rng(seed)
         spans, count = _spans(target, mode, draws.z, Shear.of_noise(target, mode), rng)
         evaluations += count
@@ -66,31 +69,39 @@ class Bridge(EvidenceMethod):
             if ridge is not None:
                 spans, count = _spans(target, mode, draws.z, ridge, rng)
                 evaluations += count
-        apart = abs(spans[0].log_evidence - spans[1].log_evidence) / np.linalg.norm([s.stderr for s in spans])
-        overlap = min(s.overlap for s in spans)
+        stderr = float(np.linalg.norm([s.stderr for s in spans]))
+        apart = abs(spans[0].log_evidence - spans[1].log_evidence) / stderr
+        overlap, outcome = min(s.overlap for s in spans), OK
+        if draws.outcome != OK:
+            outcome = f"not to be trusted: its posterior draws are {draws.outcome}"
+        elif not overlap > OVERLAP_LIMIT:
+            outcome = (
+                f"not to be trusted: posterior and fit overlap by {overlap:.2f}, less than {OVERLAP_LIMIT}"
+            )
+        elif not apart < APART:
+            outcome = f"not to be trusted: the two halves of the draws are {apart:.1f} standard errors apart"
         return Evidence(
             model=model,
             method=self.name,
             log_evidence=0.5 * sum(s.log_evidence for s in spans),
-            stderr=0.5 * float(np.linalg.norm([s.stderr for s in spans])),
+            stderr=0.5 * stderr,
             diagnostic=f"overlap {overlap:.2f}, halves {apart:.1f} standard errors apart",
             evaluations=evaluations,
-            outcome=_outcome(draws, overlap, float(apart)),
+            outcome=outcome,
         )
 
 
 def _spans(
     target: Target, mode: Mode, z: np.ndarray, shear: Shear, rng: np.random.Generator
 ) -> tuple[list[Span], int]:
-    """The bridges of both halves of the chains z, (chains, draws, d), in straightened scores, and the evaluations."""
+    """Bridge both halves of the chains z, (chains, draws, d), in straightened scores; return evaluations too."""
     reflected = target.reflected
     half, evaluations = z.shape[1] // 2, 0
     parts = shear.straight(z[:, :half]), shear.straight(z[:, half : 2 * half])
     spans = []
     for shaping, bridged in (parts, parts[::-1]):
         proposal = fitted(shaping.reshape(-1, reflected.size), reflected)
-        there = proposal.draw(rng, PROPOSALS)
-        y = np.concatenate([bridged.reshape(-1, reflected.size), there])
+        y = np.concatenate([bridged.reshape(-1, reflected.size), proposal.draw(rng, PROPOSALS)])
         ratio = mode.likelihood.folded(shear.scores(y)) - proposal.log_density(y)
         evaluations += len(y)
         cut = len(y) - PROPOSALS
@@ -99,36 +110,33 @@ def _spans(
 
 
 def span(at_draws: np.ndarray, at_proposals: np.ndarray) -> Span:
-    """The bridge from log ratios of posterior (not normalised) to proposal: at the posterior's draws, shape (chain,
-    draw), and at independent draws of the proposal, shape (m,)."""
+    """Return the bridge from log ratios of posterior (not normalised) to proposal.
+
+    Parameters
+    ----------
+    at_draws : ndarray, shape (chain, draw)
+        The ratios at the posterior's draws.
+    at_proposals : ndarray, shape (m,)
+        The ratios at independent draws of the proposal.
+    """
     effective = min(diagnostics.effective_mean(at_draws), float(at_draws.size))
     share = effective / (effective + at_proposals.size)
     a, b = np.log(share), np.log1p(-share)
     draws = at_draws.ravel()
-    found = float(np.median(draws))
+    log_z = float(np.median(draws))
     for _ in range(ITERATIONS):
-        before = found
-        up = logsumexp(at_proposals - np.logaddexp(a + at_proposals, b + found)) - np.log(at_proposals.size)
-        down = logsumexp(-np.logaddexp(a + draws, b + found)) - np.log(draws.size)
-        found = float(up - down)
-        if abs(found - before) < TOLERANCE:
+        before = log_z
+        up = logsumexp(at_proposals - np.logaddexp(a + at_proposals, b + log_z)) - np.log(at_proposals.size)
+        down = logsumexp(-np.logaddexp(a + draws, b + log_z)) - np.log(draws.size)
+        log_z = float(up - down)
+        if abs(log_z - before) < TOLERANCE:
             break
     # Both functions of the bridge with the normalised posterior; the error of their means' ratio.
-    up = np.exp(at_proposals - found - np.logaddexp(a + at_proposals - found, b))
-    down = np.exp(-np.logaddexp(a + at_draws - found, b))
+    up = np.exp(at_proposals - log_z - np.logaddexp(a + at_proposals - log_z, b))
+    down = np.exp(-np.logaddexp(a + at_draws - log_z, b))
     variance = np.var(up, ddof=1) / up.size / np.mean(up) ** 2
     variance += (diagnostics.monte_carlo_error(down) / np.mean(down)) ** 2
-    return Span(found, float(np.sqrt(variance)), float(np.mean(up)))
-
-
-def _outcome(draws: Draws, overlap: float, apart: float) -> str:
-    if draws.outcome != OK:
-        return f"not to be trusted: its posterior draws are {draws.outcome}"
-    if not overlap > OVERLAP_LIMIT:
-        return f"not to be trusted: posterior and fit overlap by {overlap:.2f}, less than {OVERLAP_LIMIT}"
-    if not apart < APART:
-        return f"not to be trusted: the two halves of the draws are {apart:.1f} standard errors apart"
-    return OK
+    return Span(log_z, float(np.sqrt(variance)), float(np.mean(up)))
 
 
 PLUGIN = Bridge()

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT, fitted
-from bayesdamp.inference.coordinates.shear import Shear, shear_of
 from bayesdamp.inference.coordinates.truncated_normal import about
+from bayesdamp.inference.coordinates.whitening import Shear, shear_of
 from bayesdamp.inference.curves.weighted import effective
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
+from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.types import OK, Evidence
 
 PILOT = 1000
@@ -24,28 +24,19 @@ FEWEST = 50
 """Effective draws below which an evidence is not trusted."""
 
 
-def trusted(k: float, worth: float) -> str:
-    """The outcome of an evidence by weights with Pareto shape k that are worth so many equal draws."""
-    if not k < K_LIMIT:
-        return f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
-    if not worth >= FEWEST:  # the rest of which may have no weight at all, and no shape
-        return f"not to be trusted: a few draws have all the weight, as much as {worth:.0f} equal ones"
-    return OK
-
-
 def _good(log_weights: np.ndarray) -> bool:
-    """Whether a pilot will do; on one of this size the fitted shape scatters by about 0.1."""
-    return diagnostics.pareto_k(log_weights) < K_GOOD - 0.1 and effective(log_weights) > 0.2 * PILOT
+    """Return whether a pilot is good enough; on one of this size the fitted shape scatters by about 0.1."""
+    return pareto_k(log_weights) < K_GOOD - 0.1 and effective(log_weights) > 0.2 * PILOT
 
 
 class Importance(EvidenceMethod):
-    """Evidence as the mean importance weight, from a Laplace-centred Student t (7 degrees of freedom).
+    """The mean importance weight of draws from a Student t about the mode (7 degrees of freedom).
 
-    A coefficient that may touch zero is a reflected score; its posterior has mirror modes, so proposal and
-    target are both reflected: nothing is lost at zero, and weights are judged on the coefficient itself. Where
-    the pilot weights' Pareto shape or effective number is poor, the fit is that to what a wall leaves of the normal
-    distribution, if one is near; then a curved ridge is straightened; and then the fit is moved to the weighted pilot
-    draws and tried again. The reported draws are fresh ones. (Vehtari et al., JMLR 25, 2024, for the diagnostic.)
+    A coefficient that may touch zero is a reflected score, whose posterior has mirror modes. Proposal and target are
+    therefore both reflected: nothing is lost at zero, and weights are those of the coefficient itself. Where the Pareto
+    shape or the effective number of the pilot weights is poor, these remedies are tried in turn: a fit to the truncated
+    normal distribution, if a wall is near; a curved ridge straightened; a fit to the weighted pilot draws, several
+    times. The reported draws are fresh ones. (Vehtari et al., JMLR 25, 2024, for the diagnostic.)
     """
 
     name = "importance"
@@ -53,7 +44,7 @@ class Importance(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """By importance sampling from a heavy-tailed fit to the posterior."""
+        """Compute the evidence by importance sampling from a heavy-tailed fit to the posterior."""
         rng = np.random.default_rng(seed)
         reflected = target.reflected
         if mode.linear is None:
@@ -70,20 +61,26 @@ class Importance(EvidenceMethod):
         for other in others if mode.linear is None else ():
             if _good(log_weights) or (tried := other()) is None:
                 continue
-            there, weights = self._weights(target, mode, *tried, rng, PILOT)
+            pilot, weights = self._weights(target, mode, *tried, rng, PILOT)
             evaluations += PILOT
             if not effective(log_weights) >= effective(weights):
-                place, y, log_weights = tried, there, weights
+                place, y, log_weights = tried, pilot, weights
         for _ in range(ROUNDS - 1):
             if _good(log_weights) or (refitted := self._refit(y, log_weights, reflected)) is None:
-                break  # where a few draws have all the weight, the diagnostic will say it
+                break  # where a few draws have all the weight, the outcome says so
             place = refitted, place[1]
             y, log_weights = self._weights(target, mode, *place, rng, PILOT)
             evaluations += PILOT
         final = FINAL if mode.linear is None else FINAL // 2  # motions with deviations take longer
         y, log_weights = self._weights(target, mode, *place, rng, final)
         evaluations += final
-        k, share = diagnostics.pareto_k(log_weights), effective(log_weights) / final
+        k, share = pareto_k(log_weights), effective(log_weights) / final
+        outcome = OK
+        if not k < K_LIMIT:
+            outcome = f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
+        elif not share * final >= FEWEST:  # where most draws have no weight, the shape shows nothing
+            few = f"a few draws have all the weight, as much as {share * final:.0f} equal ones"
+            outcome = f"not to be trusted: {few}"
         log_evidence = float(logsumexp(log_weights) - np.log(final))
         relative = np.exp(log_weights - log_evidence)
         return Evidence(
@@ -93,7 +90,7 @@ class Importance(EvidenceMethod):
             stderr=float(np.std(relative, ddof=1) / np.sqrt(final)),
             diagnostic=f"Pareto k {k:.2f}, effective share {share:.2f}",
             evaluations=evaluations,
-            outcome=trusted(k, share * final),
+            outcome=outcome,
             arrays={"y": place[1].scores(y), "log_weights": log_weights},
         )
 
@@ -101,7 +98,7 @@ class Importance(EvidenceMethod):
     def _weights(
         target: Target, mode: Mode, proposal: ReflectedT, shear: Shear, rng: np.random.Generator, n: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Straightened draws, (n, d), and their log weights, (n,)."""
+        """Return straightened draws, (n, d), and their log weights, (n,)."""
         y = proposal.draw(rng, n)
         return y, mode.likelihood.folded(shear.scores(y)) - proposal.log_density(y)
 
@@ -109,8 +106,10 @@ class Importance(EvidenceMethod):
     def _truncated(
         target: Target, mode: Mode, proposal: ReflectedT, shear: Shear
     ) -> tuple[ReflectedT, Shear] | None:
-        """A fit to the moments of the mode's normal distribution, cut off where coefficients are zero; None where no
-        wall is near. Coefficients that make up for each other there do not on its mirror images."""
+        """Return a fit to the moments of the truncated normal distribution about the mode; None where no wall is near.
+
+        Coefficients that compensate each other there do not do so on its mirror images.
+        """
         normal = about(mode)
         if not normal.walls.size:
             return None
@@ -122,8 +121,8 @@ class Importance(EvidenceMethod):
 
     @staticmethod
     def _refit(y: np.ndarray, log_weights: np.ndarray, reflected: np.ndarray) -> ReflectedT | None:
-        """A fit to the weighted draws; None where so few of them have weight that they span no volume."""
-        # Truncated weights keep one lucky draw from becoming the whole fit.
+        """Return a fit to the weighted draws; None where so few of them have weight that they span no volume."""
+        # Truncated weights prevent that one lucky draw becomes the whole fit.
         w = np.exp(log_weights - logsumexp(log_weights))
         w = np.minimum(w, 50.0 / w.size)
         w /= w.sum()

@@ -1,22 +1,21 @@
-"""Laplace's evidence: the normal at the mode, cut off where a coefficient is zero."""
+"""Laplace's evidence: the normal at the mode, truncated where a coefficient is zero."""
 
 from __future__ import annotations
 
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
-from bayesdamp.inference.fit.laplace import log_evidence_about
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.mode import Mode, log_evidence_about
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import Evidence
 
 NORMAL = "no draws: right where the posterior is normal"
-LINEAR = "the linear model's own: parameters and deviations integrated out about the best motion"
+LINEAR = "of the linear model: parameters and deviations integrated out about the best motion"
 
 
 class Laplace(EvidenceMethod):
-    """∫ of the second-order expansion of the log posterior at its mode, reflected scores from zero on.
+    """The integral of the second-order expansion of the log posterior at its mode, over reflected scores from zero on.
 
-    A few likelihoods, no draws and no error estimate: for pruning candidates that are far behind. The curvature
-    is Gauss and Newton's; a mode at zero, where the gradient is not zero, leaves the tail of a normal.
+    It takes a few likelihoods, no draws, and gives no error: it serves to prune candidates that are far behind. The
+    curvature is Gauss and Newton's. A mode at zero, where the gradient is not zero, leaves the tail of a normal.
     """
 
     name = "laplace"
@@ -25,7 +24,7 @@ class Laplace(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """By Laplace's approximation about the mode, cut off where coefficients are zero; without an error."""
+        """Compute the evidence by Laplace's approximation about the mode, without an error."""
         return Evidence(
             model=model,
             method=self.name,

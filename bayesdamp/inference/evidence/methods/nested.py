@@ -1,4 +1,4 @@
-"""Nested sampling (nautilus), which takes nothing from importance or bridge sampling: the referee."""
+"""Nested sampling (nautilus), which is independent of importance and bridge sampling and decides between them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
-from bayesdamp.inference.fit.laplace import log_evidence_about
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.mode import Mode, log_evidence_about
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import OK, Evidence, Refusal
 
@@ -20,20 +19,20 @@ if TYPE_CHECKING:
 
 LIVE = 500
 EFFECTIVE = 2500
-"""Effective draws to end with: an error of 0.02 nats."""
+"""Effective draws at the end: an error of 0.02 nats."""
 MOST = 400_000
 """Likelihoods after which a run gives up."""
 LEG = 20_000
-"""Likelihoods after which it is asked whether a run from the prior will come to its end."""
+"""Likelihoods between checks of whether a run from the prior can finish."""
 WIDER = 5.0
-"""Around a mode, the standard deviations of what is sampled from in those of the posterior's normal."""
+"""Standard deviations of the normal distribution about a mode that is sampled, in those of the posterior's normal."""
 BATCH = 250
-"""Likelihoods that are asked for at a time."""
+"""Likelihoods in a batch."""
 MISSED = 3.0
-"""Nats by which its highest likelihood may stay below the mode's; of so many draws one comes within a nat."""
+"""Nats by which the highest likelihood may be below the mode's; one of so many draws comes within a nat of it."""
 LOG_2PI = float(np.log(2 * np.pi))
 FAINTEST = -1e300
-"""What a trajectory that escapes counts as: the sampler takes no infinities."""
+"""Log density of a motion that escapes: the sampler does not accept infinities."""
 
 Map = Callable[[np.ndarray], np.ndarray]
 
@@ -41,15 +40,15 @@ Map = Callable[[np.ndarray], np.ndarray]
 class Nested(EvidenceMethod):
     """Importance nested sampling (Lange, Monthly Notices of the Royal Astronomical Society 525, 2023) over the prior.
 
-    The unit cube is mapped to normal scores, half-normal ones where they are reflected: mirror modes do not arise. The
-    prior of coefficients that share a scale is another: its ratio to this one is part of the likelihood. One parameter
-    alone gets an idle one beside it, as the sampler needs two. Bounds are ellipsoids without the networks that nautilus
-    offers: these take fewer likelihoods, but likelihoods are cheap here, and a small one was seen to cut the peak off
-    and call the rest finished. So the highest likelihood is held against the mode's.
+    The unit cube is mapped to normal scores, half-normal ones where they are reflected, so that no mirror modes arise.
+    Coefficients that share a scale have another prior, whose ratio to this one is part of the likelihood. A single
+    parameter gets an idle second one, because the sampler needs two. Bounds are ellipsoids, without the networks that
+    nautilus offers: networks need fewer likelihoods, but likelihoods are cheap here, and a small network was seen to
+    cut off the peak and to report the rest as finished. The highest likelihood is therefore compared with the mode's.
 
-    A record of many cycles under wide priors is a needle that this would not find: where the prior's volume falls too
-    slowly for the likelihoods that are left, it begins anew from a normal distribution five times as wide as the
-    posterior about the mode, and says so. The integral is the same; other modes are not looked for.
+    Under wide priors, the posterior of a record of many cycles is too narrow to be found. Where the prior's volume
+    falls too slowly for the remaining likelihoods, the run starts again from a normal distribution about the mode that
+    is five times as wide as the posterior, and says so. The integral is the same, without other modes.
     """
 
     name = "nested"
@@ -57,7 +56,7 @@ class Nested(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """By importance nested sampling (nautilus; Lange 2023)."""
+        """Compute the evidence by importance nested sampling (nautilus; Lange 2023)."""
         reflected, likelihood = target.reflected, mode.likelihood
         best = np.where(reflected, np.abs(mode.z), mode.z)
         try:
@@ -71,8 +70,8 @@ class Nested(EvidenceMethod):
         def over_normal(z: np.ndarray) -> np.ndarray:
             """Return the log of prior times likelihood over the density of the normal distribution about the mode."""
             left = np.linalg.solve(factor, (z - best).T)
-            found = likelihood.folded(z) - standard_normal(left.T) + np.linalg.slogdet(factor)[1]
-            return _finite(np.where(np.all(z[:, reflected] >= 0.0, axis=1), found, -np.inf))
+            log = likelihood.folded(z) - standard_normal(left.T) + np.linalg.slogdet(factor)[1]
+            return _finite(np.where(np.all(z[:, reflected] >= 0.0, axis=1), log, -np.inf))
 
         top, factor = float(over_prior(mode.z[None])[0]), WIDER * mode.factor
         needed = None if expected is None else top - expected
@@ -85,13 +84,14 @@ class Nested(EvidenceMethod):
             top = float(over_normal(best[None])[0])
             sampler, done = _explored(lambda u: best + ndtri(u) @ factor.T, over_normal, best.size, seed)
             count += sampler.n_like
-            how = ", around the mode: from the prior it would not come to its end"
-        effective, seen = float(np.asarray(sampler.n_eff)), max(float(np.max(x)) for x in sampler.log_l)
+            how = ", around the mode: from the prior the run would not finish"
+        effective, highest = float(np.asarray(sampler.n_eff)), max(float(np.max(x)) for x in sampler.log_l)
         outcome = OK
         if not done:
             outcome = f"not to be trusted: not finished after {count} likelihoods"
-        elif top - seen > MISSED:
-            outcome = f"not to be trusted: it missed a mode {top - seen:.0f} nats above all that it saw"
+        elif top - highest > MISSED:
+            gap = f"{top - highest:.0f} nats above all of its points"
+            outcome = f"not to be trusted: it missed a mode {gap}"
         return Evidence(
             model=model,
             method=self.name,
@@ -104,7 +104,7 @@ class Nested(EvidenceMethod):
 
 
 def standard_normal(z: np.ndarray) -> np.ndarray:
-    """Log density N(0, 1) of scores z, (n, d), in every direction: (n,)."""
+    """Return the log density, (n,), of scores z, (n, d), under N(0, 1) in every direction."""
     return -0.5 * np.sum(z**2, axis=1) - 0.5 * z.shape[1] * LOG_2PI
 
 
@@ -115,14 +115,14 @@ def _finite(log: np.ndarray) -> np.ndarray:
 def _explored(
     points: Map, density: Map, d: int, seed: int, needed: float | None = None
 ) -> tuple[Sampler, bool]:
-    """A sampler after its run, and whether that came to its end.
+    """Run a sampler, and return it and whether it finished.
 
     needed: nats by which its volume has to fall; where that would take too many likelihoods, the run ends early.
     """
     from nautilus import Sampler
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of bounds that cannot be split further
+        warnings.simplefilter("ignore")  # bounds that cannot be split further
         sampler = Sampler(
             lambda u: points(u[..., :d]),
             density,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from bayesdamp.inference.many.population import Sample, population
+from bayesdamp.inference.curves.population import Sample, population
 from bayesdamp.types import Refusal
 
 SCALE = 0.3
@@ -30,12 +30,12 @@ def exact(means: np.ndarray, sds: np.ndarray) -> tuple[tuple, tuple, np.ndarray]
     log_p = log_p - 0.5 * (m[..., 0] / SCALE) ** 2 - 0.5 * (tau / m[..., 0]) ** 2 - np.log(m[..., 0])
     p = np.exp(log_p - log_p.max())
     p /= p.sum()
-    found = []
+    collected = []
     for x, q in ((m[:, 0, 0], p.sum(axis=1)), (tau, p.sum(axis=0))):
         mean = q @ x
-        found.append((mean, np.sqrt(q @ (x - mean) ** 2)))
+        collected.append((mean, np.sqrt(q @ (x - mean) ** 2)))
     own = [np.sum(p * (a * tau**2 + m[..., 0] * s**2) / (s**2 + tau**2)) for a, s in zip(means, sds)]
-    return found[0], found[1], np.array(own)
+    return collected[0], collected[1], np.array(own)
 
 
 def test_far_from_zero_it_is_the_normal_normal_model():
@@ -43,34 +43,34 @@ def test_far_from_zero_it_is_the_normal_normal_model():
     rng = np.random.default_rng(1)
     means, sds = np.array([0.095, 0.102, 0.099, 0.108, 0.101, 0.093]), np.array([3, 2, 4, 3, 2, 3]) * 1e-3
     samples = [sample(f"s{i}", a, b, rng) for i, (a, b) in enumerate(zip(means, sds))]
-    found = population(samples, SCALE)
+    result = population(samples, SCALE)
     (m, m_sd), (tau, tau_sd), own = exact(means, sds)
-    assert found.outcome == "ok"
-    assert found.mean["mean"] == pytest.approx(m, abs=0.05 * m_sd)
-    assert found.mean["sd"] == pytest.approx(m_sd, rel=0.05)
-    assert found.spread["mean"] == pytest.approx(tau, abs=0.05 * tau_sd)
-    assert found.spread["sd"] == pytest.approx(tau_sd, rel=0.05)
+    assert result.outcome == "ok"
+    assert result.mean["mean"] == pytest.approx(m, abs=0.05 * m_sd)
+    assert result.mean["sd"] == pytest.approx(m_sd, rel=0.05)
+    assert result.spread["mean"] == pytest.approx(tau, abs=0.05 * tau_sd)
+    assert result.spread["sd"] == pytest.approx(tau_sd, rel=0.05)
     for i, expected in enumerate(own):
-        assert found.shrunk[f"s{i}"]["mean"] == pytest.approx(expected, abs=0.05 * sds[i])
+        assert result.shrunk[f"s{i}"]["mean"] == pytest.approx(expected, abs=0.05 * sds[i])
     # Negative control: what a specimen alone says would fail.
     assert abs(own[3] - means[3]) > 0.5 * sds[3]
 
 
-def test_without_a_wall_a_known_spread_shrinks_as_it_should():
+def test_values_far_apart_do_not_shrink():
     """Two far clusters: with a spread that is large against the errors, nothing shrinks."""
     rng = np.random.default_rng(2)
     samples = [sample(f"s{i}", a, 1e-3, rng) for i, a in enumerate((0.05, 0.1, 0.15, 0.2, 0.25))]
-    found = population(samples, SCALE, from_zero=False)
+    result = population(samples, SCALE)
     for i, a in enumerate((0.05, 0.1, 0.15, 0.2, 0.25)):
-        assert found.shrunk[f"s{i}"]["mean"] == pytest.approx(a, abs=2e-4)
-        assert found.shrunk[f"s{i}"]["sd"] == pytest.approx(1e-3, rel=0.05)
+        assert result.shrunk[f"s{i}"]["mean"] == pytest.approx(a, abs=2e-4)
+        assert result.shrunk[f"s{i}"]["sd"] == pytest.approx(1e-3, rel=0.05)
 
 
 def test_at_zero_it_is_the_cut_off_model():
     """Specimens whose likelihoods reach over zero, against a dense grid over θ, m and τ of the cut-off normals."""
     rng = np.random.default_rng(3)
     means, sds = np.array([0.004, 0.012, -0.003, 0.007, 0.02]), np.full(5, 0.008)
-    found = population([sample(f"s{i}", a, b, rng) for i, (a, b) in enumerate(zip(means, sds))], SCALE)
+    result = population([sample(f"s{i}", a, b, rng) for i, (a, b) in enumerate(zip(means, sds))], SCALE)
     theta = np.linspace(0, 0.07, 1401)
     tau = np.geomspace(1e-4, 4 * SCALE, 70)
     m = np.r_[np.linspace(2e-4, 0.05, 160), np.linspace(0.05, 3 * SCALE, 80)[1:]][:, None]
@@ -86,11 +86,11 @@ def test_at_zero_it_is_the_cut_off_model():
     a = m / tau
     hazard = norm.pdf(a) / norm.cdf(a)
     mean, spread = m + tau * hazard, tau * np.sqrt(1 - a * hazard - hazard**2)
-    for x, said in ((mean, found.mean), (spread, found.spread)):
+    for x, text in ((mean, result.mean), (spread, result.spread)):
         middle = np.sum(p * x)
         sd = np.sqrt(np.sum(p * (x - middle) ** 2))
-        assert said["mean"] == pytest.approx(middle, abs=0.1 * sd)
-        assert said["sd"] == pytest.approx(sd, rel=0.1)
+        assert text["mean"] == pytest.approx(middle, abs=0.1 * sd)
+        assert text["sd"] == pytest.approx(sd, rel=0.1)
 
 
 def test_specimens_that_differ_have_a_spread_and_equal_ones_little():
@@ -106,8 +106,8 @@ def test_specimens_that_differ_have_a_spread_and_equal_ones_little():
 
 def test_one_specimen_is_refused_and_few_draws_are_told():
     rng = np.random.default_rng(5)
-    one = sample("a", 0.1, 1e-3, rng)
+    item = sample("a", 0.1, 1e-3, rng)
     with pytest.raises(Refusal, match="two specimens or more"):
-        population([one], SCALE)
-    poor = Sample("b", one.values[:60], one.log_weights[:60], one.log_prior[:60])
-    assert "b has" in population([one, poor], SCALE).outcome
+        population([item], SCALE)
+    poor = Sample("b", item.values[:60], item.log_weights[:60], item.log_prior[:60])
+    assert "b has" in population([item, poor], SCALE).outcome

@@ -1,0 +1,209 @@
+"""The mean and the spread of a coefficient over specimens, from each specimen's own posterior draws.
+
+Specimens' coefficients have a normal distribution with location m and scale τ, truncated at zero. The likelihood of
+(m, τ) is a product over specimens of ∫ p(record | θ) N(θ | m, τ) dθ. Up to a constant, each factor is the mean of
+N(θ | m, τ) / prior(θ) over the specimen's posterior draws (Hogg, Myers & Bovy, Astrophysical Journal 725, 2010). Every
+draw is replaced by a narrow normal, so that a τ below the distance of draws adds no noise; the integral is still a
+closed form. m and τ are integrated on a grid. m has a half-normal prior with a given scale, and τ, given m, one with
+the scale m: specimens of one kind rarely spread by much more than their size. (Under a prior of τ as wide as that of m,
+a few specimens could have any spread: with two of them the likelihood falls no faster than 1/τ.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import log_ndtr, logsumexp
+
+from bayesdamp.inference.curves.weighted import effective, shares, summarise
+from bayesdamp.types import OK, Refusal
+
+BINS = 150
+LOCATIONS, SCALES = 121, 81
+REACH = 9.0
+"""Half-width of the grid of m at each τ, in standard deviations of m given τ."""
+LARGEST = 4.0
+"""Largest τ, in scales of the prior: the tail beyond is below 1e-4."""
+FAR = 8.0
+"""A wall this many widths away from a normal has no effect."""
+POINTS, WIDE, HYPER_DRAWS = 801, 6.0, 2000
+"""Grid of a specimen's own coefficient: points, and sds to each side; draws of (m, τ) for its average."""
+LEAST = 100
+"""Smallest number of effective draws of a specimen, given the others, for a summary that can be trusted."""
+FEW = 5
+"""With fewer specimens a spread mostly reflects its prior."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One specimen's posterior draws of the coefficient, their log weights and log prior densities, all (n,)."""
+
+    name: str
+    values: np.ndarray
+    log_weights: np.ndarray
+    log_prior: np.ndarray
+
+
+@dataclass(frozen=True)
+class Population:
+    """The population of a coefficient, in its unit.
+
+    Attributes
+    ----------
+    mean, spread : mapping of str to float
+        Summaries of the mean and the sd of the coefficient over the population: of the truncated normal, not of its
+        parameters m and τ.
+    shrunk : mapping of str to mapping
+        Each specimen's own value given the others.
+    effective : mapping of str to float
+        Each specimen's effective draws given the others.
+    outcome : str
+        `ok`, or a sentence on what limits the result.
+    """
+
+    mean: Mapping[str, float]
+    spread: Mapping[str, float]
+    shrunk: Mapping[str, Mapping[str, float]]
+    effective: Mapping[str, float]
+    outcome: str
+
+
+@dataclass(frozen=True)
+class _Kernels:
+    """A specimen's likelihood as a sum of normals of one width about centres, (b,), with log weights, (b,)."""
+
+    centres: np.ndarray
+    log_weights: np.ndarray
+    width: float
+    mean: float
+    sd: float
+
+
+def population(samples: Sequence[Sample], scale: float) -> Population:
+    """Infer the population of a coefficient that is not negative.
+
+    Parameters
+    ----------
+    samples : sequence of Sample
+        One for each specimen.
+    scale : float
+        Scale of the prior of m.
+
+    Raises
+    ------
+    Refusal
+        For fewer than two specimens.
+    """
+    if len(samples) < 2:
+        raise Refusal("a spread needs two specimens or more")
+    kernels = [_kernels(s) for s in samples]
+    m, tau, log_prior = _grid(kernels, scale)
+    logs = [_log_likelihood(k, m, tau) for k in kernels]
+    density = log_prior + np.sum(logs, axis=0)
+    weights = np.exp(density - density.max())
+    weights /= weights.sum()
+    ratio = m / tau
+    hazard = np.exp(-0.5 * ratio**2 - log_ndtr(ratio)) / np.sqrt(2 * np.pi)
+    mean, spread = m + tau * hazard, tau * np.sqrt(np.maximum(1 - ratio * hazard - hazard**2, 0.0))
+    shrunk, size = {}, {}
+    for sample, kernel in zip(samples, kernels, strict=True):
+        low, high = kernel.mean - WIDE * kernel.sd, kernel.mean + WIDE * kernel.sd
+        x, gap = np.linspace(max(low, 0.0), high, POINTS, retstep=True)
+        drawn = np.random.default_rng(0).choice(weights.size, HYPER_DRAWS, p=weights.ravel())
+        # A normal narrower than the grid's gap could fall between its points.
+        wide = np.sqrt(tau.ravel()[drawn] ** 2 + gap**2)[:, None]
+        given = _density(kernel, x) - 0.5 * ((x - m.ravel()[drawn][:, None]) / wide) ** 2
+        given = np.exp(given - np.asarray(logsumexp(given, axis=1, keepdims=True))).mean(axis=0)
+        ratio = given / np.maximum(np.exp(_density(kernel, x)), 1e-300)
+        log_ratio = np.log(np.maximum(np.interp(sample.values, x, ratio, left=0.0, right=0.0), 1e-300))
+        shrunk[sample.name] = summarise(x, given)
+        size[sample.name] = effective(sample.log_weights - sample.log_prior + log_ratio)
+    worst, outcome = min(size, key=lambda name: size[name]), OK
+    if size[worst] < LEAST:
+        few = f"{worst} has only {size[worst]:.0f} effective draws given the others, below {LEAST}"
+        outcome = f"not to be trusted: {few}"
+    elif len(samples) < FEW:
+        outcome = f"only {len(samples)} specimens: upper ends of mean and spread mostly reflect their priors"
+    centre, width = (summarise(x.ravel(), weights.ravel()) for x in (mean, spread))
+    return Population(centre, width, shrunk, size, outcome)
+
+
+def _kernels(sample: Sample) -> _Kernels:
+    """Return the likelihood from draws without their prior, in bins much narrower than the normals.
+
+    The width is Silverman's for the effective number of draws. The draws are moved towards their mean by as much as
+    the normals spread them, which keeps their variance (West, Journal of the Royal Statistical Society B 55, 1993).
+    Near a wall they are not moved: a shift would be worse than the few per cent that the width adds.
+    """
+    log_weights = sample.log_weights - sample.log_prior
+    w = shares(log_weights)
+    mean = float(w @ sample.values)
+    sd = float(np.sqrt(w @ (sample.values - mean) ** 2))
+    share = 1.06 * effective(log_weights) ** -0.2
+    drawn = sample.values
+    if not mean < 4 * sd:
+        drawn = mean + np.sqrt(max(1 - share**2, 0.0)) * (drawn - mean)
+    edges = np.linspace(drawn.min(), drawn.max(), BINS + 1)
+    mass = np.histogram(drawn, edges, weights=w)[0]
+    centres = np.histogram(drawn, edges, weights=w * drawn)[0]
+    filled = mass > 0
+    return _Kernels(centres[filled] / mass[filled], np.log(mass[filled]), share * sd, mean, sd)
+
+
+def _grid(kernels: Sequence[_Kernels], scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return locations and scales, (LOCATIONS, SCALES), and the log of the prior times the area of each cell.
+
+    Scales are evenly spaced in their logarithm. The locations at each scale are centred on the specimens' mean.
+    """
+    means, sds = (np.array([getattr(k, n) for k in kernels]) for n in ("mean", "sd"))
+    tau = np.geomspace(1e-3 * min(sds.min(), scale), LARGEST * scale, SCALES)
+    precision = 1 / (sds[:, None] ** 2 + tau**2)
+    middle = np.sum(means[:, None] * precision, axis=0) / precision.sum(axis=0)
+    reach = REACH / np.sqrt(precision.sum(axis=0))
+    # A wide truncated normal may have its maximum anywhere from zero on.
+    low, high = np.maximum(middle - reach, 0.0), np.maximum(middle + reach, reach)
+    m = np.linspace(low, high, LOCATIONS)
+    tau = np.broadcast_to(tau, m.shape)
+    area = np.log((high - low) / (LOCATIONS - 1)) + np.log(tau)
+    wide = np.maximum(m, 1e-3 * tau)
+    log_prior = -0.5 * (m / scale) ** 2 - 0.5 * (tau / wide) ** 2 - np.log(wide)
+    return m, tau, log_prior + area
+
+
+def _log_likelihood(kernel: _Kernels, m: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Return log ∫ likelihood(θ) N(θ | m, τ) dθ up to a constant, over θ ≥ 0, of the shape of m."""
+    log = np.full(m.shape, -np.inf)
+    for centre, log_weight in zip(kernel.centres, kernel.log_weights, strict=True):
+        wall = centre < FAR * kernel.width
+        log = np.logaddexp(log, log_weight + _log_overlap(centre, kernel.width, m, tau, wall))
+    return log - log_ndtr(m / tau)
+
+
+def _log_overlap(centre: float, width: float, m: np.ndarray, tau: np.ndarray, wall: bool) -> np.ndarray:
+    """Return log ∫ K(θ) N(θ | m, τ) dθ up to constants, where K is a normal about the centre.
+
+    At a wall the integral is over θ ≥ 0, and K includes its mirror image.
+    """
+    variance = width**2 + tau**2
+
+    def about(c: float) -> np.ndarray:
+        overlap = -0.5 * (m - c) ** 2 / variance - 0.5 * np.log(variance)
+        if not wall:
+            return overlap
+        top = (m * width**2 + c * tau**2) / variance
+        return overlap + log_ndtr(top * np.sqrt(variance) / (width * tau))
+
+    return np.logaddexp(about(centre), about(-centre)) if wall else about(centre)
+
+
+def _density(kernel: _Kernels, x: np.ndarray) -> np.ndarray:
+    """Return the log likelihood at coefficients x, (p,), up to a constant."""
+    log_weights = kernel.log_weights[:, None]
+
+    def about(centres: np.ndarray) -> np.ndarray:
+        away = (x - centres[:, None]) / kernel.width
+        return np.asarray(logsumexp(log_weights - 0.5 * away**2, axis=0))
+
+    return np.logaddexp(about(kernel.centres), about(-kernel.centres))

@@ -1,1 +1,0 @@
-"""Several specimens: the population of a damping coefficient."""
