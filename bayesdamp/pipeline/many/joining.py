@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesdamp.inference.deviation.several.specimen import priors_of, weigh_specimen
+from bayesdamp.inference.deviation.specimen import priors_of, weigh_specimen
 from bayesdamp.outcomes import Status
 from bayesdamp.pipeline.many.specimens import Specimen, summaries
 from bayesdamp.pipeline.tasks import Product

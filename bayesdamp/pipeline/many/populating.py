@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from bayesdamp.config import Study
-from bayesdamp.inference.deviation.several.specimen import priors_of
+from bayesdamp.inference.deviation.specimen import priors_of
 from bayesdamp.inference.many.population import Sample, population
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.pipeline.many.joining import Arrays, coefficients_of, weighed_candidates

@@ -11,7 +11,7 @@ from bayesdamp.inference.curves.weighted import shares
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
-from bayesdamp.inference.deviation.several.specimen import WeighedSpecimen
+from bayesdamp.inference.deviation.specimen import WeighedSpecimen
 from bayesdamp.inference.envelope.candidates import KNOTS
 from bayesdamp.odds import odds
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal

@@ -12,8 +12,7 @@ import pytest
 from bayesdamp.inference.deviation.averaged import Averaged
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.findings import findings
-from bayesdamp.inference.deviation.numbers.averaging import averaging_of
-from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.quick import averaging_of, weighing_of
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.kernel.averaged import NUMBERS, AveragedSolver
 from bayesdamp.physics.kernel.solve import ALL, NONE

@@ -51,7 +51,10 @@ def test_tangents_are_the_kernel_s_own(friction: float) -> None:
     found = bounds._tangents(weighing, result, bounds._sources(weighing, result, forms)[0])
     d, n = result.fit.z.size, solver.knots.size
     wider = replace(solver, terms=(*solver.terms, "cubic", "displacement"))
-    known = {**result.fit.parameters.named(about.u[:d]), "rest": bounds._rest(weighing, result)}
+    known = {
+        **result.fit.parameters.named(about.u[:d]),
+        "rest": weighing.data.rest_under("linear", result.law),
+    }
     p = np.array([known.get(name, 0.0) for name in wider.names])
     active = np.array([*result.fit.active, True, True])
     motion = wider.solve(p, active, np.expm1(about.u[d : d + n]), about.u[d + n :], PARAMETERS)

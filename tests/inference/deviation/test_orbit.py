@@ -10,19 +10,23 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import ellipk
 
-from bayesdamp.inference.deviation.numbers.curves import works_on
-from bayesdamp.inference.deviation.orbit import (
+from bayesdamp.inference.deviation.numbers.curves import (
     balanced_frequency,
     natural_frequency,
     orbit_at,
-    rest_of,
+    works_on,
 )
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.rest import by_kernel, rest_near
 from bayesdamp.physics.restoring import LAWS
 
 W, A = 4.5, 0.3
 SMALL = 1e-6
+
+
+def rest_of(restoring: str, law: np.ndarray, near: float, reach: float) -> float | None:
+    return rest_near(by_kernel(LAWS.get(restoring).kernel, law), near, reach)
 
 
 def cycle_at(

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.numbers.unnamed import as_wide
+from bayesdamp.inference.deviation.findings import as_wide
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.interface.answer import answer
 from bayesdamp.physics.damping import TERMS, all_sums, others

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.several.specimen import OtherForm, weigh_specimen
+from bayesdamp.inference.deviation.specimen import OtherForm, weigh_specimen
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.many.joining import coefficients_of, joined, likeliest
 from bayesdamp.pipeline.many.populating import WIDE, location_scale

@@ -1,13 +1,13 @@
 """The posterior of the exponent of a power law, under a law that holds exactly or approximately.
 
-At each exponent the rest is inferred and the evidence of that one taken; along these the posterior is interpolated. A
-model that is linear in the exponent too would not do: a deviation takes over what an exponent has of the amplitude, and
-along that line, which may be long, the coefficient follows a curve.
+At each exponent the other parameters are inferred and the evidence is computed; the posterior is interpolated between
+exponents. A model that is linear in the exponent too would fail: a deviation can replace an exponent's dependence on
+the amplitude, and along that line, which may be long, the coefficient follows a curve.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,59 +15,51 @@ import numpy as np
 from bayesdamp.inference.deviation.candidate import (
     Candidate,
     exact,
-    linearised,
+    linearise,
     parameters_of,
     refit,
-    relinearised,
-    searched,
+    relinearise,
+    search,
 )
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import weigh
 from bayesdamp.inference.deviation.least_squares import Fit
-from bayesdamp.inference.deviation.numbers.curves import (
-    further_of,
-    orbit_of,
-    turning_amplitudes,
-    values_of,
-    works_on,
-)
+from bayesdamp.inference.deviation.numbers.curves import orbit_of, turning_amplitudes, works_on
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.inference.deviation.weighing import START, Result, Weighing
+from bayesdamp.inference.deviation.weighing import START, Weighing, exact_variance
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Solver
-from bayesdamp.types import Reference
 
 LEAST, MOST = 0.0, 3.0
-"""Between which the exponent is uniform beforehand."""
+"""Between which the exponent is uniform a priori."""
 ROUNDED = 0.002
 """Share of the peak velocity within which a power below 1 is rounded at rest: with more, small amplitudes of a record
 would have another power than large ones."""
 ASIDE = (0.0, -0.4, 0.4)
-"""Beside the likeliest sum's own exponent, those from which the best one is searched for."""
+"""Exponents from which the best one is searched, relative to the likeliest sum's own exponent."""
 NEAR = 1.5
 """Factor of the amplitude over which that is taken."""
 FIRST = 2.0
-"""Standard deviations about the best exponent between which the first others are."""
+"""Distance of the first other exponents from the best one, in standard deviations."""
 NARROWEST, WIDEST = 0.003, 0.5
 """The least and the most of that distance."""
 FURTHER = 3.0
-"""How much further from the best exponent than the last one the next is."""
+"""How much further from the best exponent than the last one the next one is."""
 NEGLIGIBLE = 7.0
 """Nats behind the likeliest exponent from which those beyond are left out."""
 ALIKE = 0.25
-"""Probability between two neighbouring exponents from which one is put between them."""
+"""Probability between two neighbouring exponents from which another is put between them."""
 ENOUGH = 20
 """Exponents at most."""
 LEVELS = (np.arange(400) + 0.5) / 400
-"""Of the quantiles that are kept: draws that intervals and a picture are made of."""
+"""Levels of the quantiles that are returned, as draws for intervals and a picture."""
 POINTS = 3001
 
 
 @dataclass(frozen=True)
 class _At:
-    """An exponent's log evidence in nats, and where the motion and its deviations were: scores and (g, h) at the
-    knots."""
+    """The log evidence of an exponent in nats, and the mode there: its fit, and scores and (g, h) at the knots."""
 
     log_evidence: float
     fit: Fit
@@ -75,114 +67,105 @@ class _At:
 
 
 def exponents_of(weighing: Weighing, approximate: bool) -> tuple[float, ...]:
-    """Quantiles of the exponent at `LEVELS`; none where no motion under a power law follows the record.
+    """Return quantiles of the exponent at `LEVELS`; none where no motion under a power law follows the record.
 
-    Of the force c |v|^p under the likeliest restoring law, p uniform between 0 and 3, c as any damping of the size that
-    it has at the middle (in the logarithm) of the record's amplitudes.
+    For the force c |v|^p under the likeliest restoring law. The prior of p is uniform between 0 and 3, that of c the
+    same as for any damping of this size at the middle (in the logarithm) of the record's amplitudes.
     """
-    if not weighing.results:
-        return ()
-    problem = _problem(weighing, approximate)
-    found = None if problem is None else _along(*problem)
-    return () if found is None else tuple(np.interp(LEVELS, *found).tolist())
+    problem = _problem(weighing, approximate) if weighing.results else None
+    distribution = None if problem is None else _explore(*problem)
+    return () if distribution is None else tuple(np.interp(LEVELS, *distribution).tolist())
 
 
 def _problem(
     weighing: Weighing, approximate: bool
 ) -> tuple[Callable[[float, _At | None], _At | None], float, float] | None:
-    """The evidence at an exponent, from what was found at another; the best exponent under exact laws and its sd."""
-    data = weighing.data
-    best = max(weighing.results, key=lambda r: r.log_evidence)
-    law, near = best.candidate.restoring, best.fit.parameters.named(best.fit.z)
+    """Return a function for the evidence at an exponent, and the best exponent under exact laws with its sd.
+
+    The function also takes the result at another exponent, from which it starts.
+    """
+    data, near, samples = weighing.data, weighing.best.fit, weighing.samples
+    law = weighing.best.candidate.restoring
     plain = weighing.solvers[law]
-    rest = data.rest_under(law, best.fit.parameters.values(best.fit.z)[plain.law_places])
-    known = {
-        n: v for n, v in best.fit.parameters.known.items() if n in plain.names[plain.law_places] or n in START
-    }
-    # About there the size and the exponent are told by themselves.
-    middle = Reference(float(np.sqrt(data.amplitude * data.final_amplitude)), data.frequency)
-    given = {**known, **middle.scales(rest)}
-    c = Candidate(("power",), law)
-
-    def solver_of(p: float) -> Solver:
-        return power_solver(weighing, law, p)
-
-    starts: list[Mapping[str, float]] = [{**near, **one} for one in power_starts(weighing, best, middle)]
-    solver = solver_of(starts[0]["exponent"] if starts else 1.0)
-    assert solver.kernel
-    parameters = parameters_of(c, solver, data, middle, {}, given)
-    top = searched(c, solver, data, parameters, starts, windows=False)
+    own = {*plain.names[plain.law_places], *START}
+    known = {n: v for n, v in near.parameters.known.items() if n in own}
+    # At the middle, the record determines the size and the exponent independently.
+    scales = data.middle.scales(data.rest_under(law, near.values[plain.law_places]))
+    candidate = Candidate(("power",), law)
+    starts = [{**near.parameters.named(near.z), **start} for start in power_starts(weighing)]
+    solver = power_solver(weighing, starts[0]["exponent"] if starts else 1.0)
+    assert solver.kernel  # compiled before several threads ask for it
+    parameters = parameters_of(candidate, solver, data, data.middle, {}, {**known, **scales})
+    top = search(candidate, solver, data, parameters, starts, windows=False)
     if top is None:
         return None
     place = parameters.free_names.index("exponent")
-    samples, variance = weighing.samples, weighing.variance
+    variance = weighing.variance
     if not (approximate or weighing.noise_known):
-        variance = data.least_variance + weighing.inflation * top.squares / max(data.y.size - top.z.size, 1)
-    own = weigh(exact(top), grid_of(0, exact=True), variance, samples)
-    slope = float(parameters.rates(top.z)[place])
-    sd = float(np.linalg.norm(own.factors[0][place])) * abs(slope)
+        variance = exact_variance(data, top, weighing.inflation)
+    weighed = weigh(exact(top), grid_of(0, exact=True), variance, samples)
+    sd = float(np.linalg.norm(weighed.factors[0][place])) * abs(float(parameters.rates(top.z)[place]))
 
     def at(p: float, near: _At | None) -> _At | None:
-        fixed = Parameters(
-            parameters.names,
-            {n: prior for n, prior in parameters.priors.items() if n != "exponent"},
-            {**parameters.known, "exponent": p},
+        priors = {n: prior for n, prior in parameters.priors.items() if n != "exponent"}
+        fixed = Parameters(parameters.names, priors, {**parameters.known, "exponent": p})
+        solver = power_solver(weighing, p)
+        start = replace(
+            top, parameters=fixed, z=np.delete(top.z, place) if near is None else near.u[: len(priors)]
         )
-        solver = solver_of(p)
-        z = np.delete(top.z, place) if near is None else near.u[: len(fixed.priors)]
         if not approximate:
-            found = refit(solver, data, replace(top, parameters=fixed, z=z))
-            if found is None:
+            best = refit(solver, data, start)
+            if best is None:
                 return None
-            over = weigh(exact(found), grid_of(0, exact=True), variance, samples)
-            return _At(over.log_evidence, found, found.z)
-        found = replace(top, parameters=fixed, z=z)
-        begun = None if near is None else linearised(c, solver, data, found, _moved(solver, near, p))
-        about = relinearised(c, solver, data, found, variance, begun, near=begun is not None)
+            weighed = weigh(exact(best), grid_of(0, exact=True), variance, samples)
+            return _At(weighed.log_evidence, best, best.z)
+        begin = None if near is None else linearise(solver, data, start, _moved(solver, near, p))
+        about = relinearise(solver, data, start, variance, begin, near=begin is not None)
         if about is None:
             return None
         grid = grid_of(solver.knots.size, absorbed=fixed.absorbs)
-        over = weigh(about[0].model, grid, variance, samples)
-        return _At(over.log_evidence, replace(found, motion=about[0].motion), about[0].u)
+        weighed = weigh(about[0].model, grid, variance, samples)
+        return _At(weighed.log_evidence, replace(start, motion=about[0].motion), about[0].u)
 
-    return at, float(parameters.values(top.z)[parameters.names.index("exponent")]), sd
+    return at, float(top.values[parameters.names.index("exponent")]), sd
 
 
-def power_solver(weighing: Weighing, law: str, p: float) -> Solver:
-    """Of motions under powers of the velocity near p."""
-    plain = weighing.solvers[law]
+def power_solver(weighing: Weighing, p: float) -> Solver:
+    """Return the solver of motions under powers of the velocity near p, under the likeliest restoring law."""
+    plain = weighing.solvers[weighing.best.candidate.restoring]
     narrow = min(plain.epsilon, ROUNDED * weighing.reference.peak_velocity)
-    # At 1 the width changes nothing; above, a narrow one costs ten times the steps.
+    # At 1 the width changes nothing; above, a narrow one needs ten times the steps.
     return replace(plain, terms=("power",), epsilon=narrow if p < 1 else plain.epsilon)
 
 
-def power_starts(weighing: Weighing, best: Result, middle: Reference) -> list[dict[str, float]]:
-    """Coefficients and exponents that lose as much as the likeliest sum at the middle amplitude: at first as that
-    depends on the amplitude there, then steeper and less steep."""
-    law, values, active = best.candidate.restoring, values_of(best), best.fit.active
-    solver = weighing.solvers[law]
-    amplitudes = (middle.amplitude * NEAR, middle.amplitude, middle.amplitude / NEAR)
+def power_starts(weighing: Weighing) -> list[dict[str, float]]:
+    """Return coefficients and exponents that dissipate as much as the likeliest sum at the middle amplitude.
+
+    The first depends on the amplitude as the sum does there; the others are less steep and steeper.
+    """
+    best, middle = weighing.best, weighing.data.middle
+    solver = weighing.solvers[best.candidate.restoring]
     ratios = []
-    for a in amplitudes:
+    for a in (middle.amplitude * NEAR, middle.amplitude, middle.amplitude / NEAR):
         orbit = orbit_of(weighing, best, a)
         if orbit is None:
             return []
-        works = works_on(orbit, solver, further_of(best, values), active)[0]
-        ratios.append(float(works @ values[: works.size]) / (4 * np.pi * orbit.energy))
+        works = works_on(orbit, solver, best.further, best.fit.active)[0]
+        ratios.append(float(works @ best.values[: works.size]) / (4 * np.pi * orbit.energy))
     if min(ratios) <= 0:
         return []
     steep = 1 + float(np.log(ratios[0] / ratios[2])) / (2 * np.log(NEAR))
-    found = []
+    starts = []
     for p in np.clip(steep + np.array(ASIDE), LEAST, MOST):
         given = {"exponent": float(p), "reference_velocity": middle.peak_velocity}
         work = TERMS.get("power").work(middle.amplitude, middle.frequency, given)
         unit = work / (2 * np.pi * middle.peak_velocity**2)
-        found.append({"exponent": float(p), "c_power": ratios[1] / unit})
-    return found
+        starts.append({"exponent": float(p), "c_power": ratios[1] / unit})
+    return starts
 
 
 def _moved(solver: Solver, near: _At, p: float) -> np.ndarray:
-    """Where the search begins: what was found at another exponent, with the same damping at each amplitude."""
+    """Return where a search starts: the mode at another exponent, with the same damping at each amplitude."""
     d, n = near.fit.z.size, solver.knots.size
     u = near.u.copy()
     times, sizes = turning_amplitudes(near.fit.motion)
@@ -192,66 +175,69 @@ def _moved(solver: Solver, near: _At, p: float) -> np.ndarray:
     return u
 
 
-def _along(
+def _explore(
     at: Callable[[float, _At | None], _At | None], best: float, sd: float
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """The posterior's distribution function and the exponents that it is at, (n,) each."""
+    """Return the posterior's distribution function and the exponents that it is at, (n,) each."""
     best = float(np.clip(best, LEAST, MOST))
     middle = at(best, None)
     if middle is None:
         return None
-    found = {best: middle}
+    known = {best: middle}
     ends = [LEAST, MOST]
 
     def add(wanted: list[float]) -> bool:
-        new = [p for p in dict.fromkeys(wanted) if LEAST <= p <= MOST and p not in found]
-        nearest = [found[min(found, key=lambda q: abs(q - p))] for p in new]
-        for p, one in zip(new, at_once(lambda pair: at(*pair), list(zip(new, nearest))), strict=True):
-            if one is not None:
-                found[p] = one
-        return any(p in found for p in new)
+        new = [p for p in dict.fromkeys(wanted) if LEAST <= p <= MOST and p not in known]
+        nearest = [known[min(known, key=lambda q: abs(q - p))] for p in new]
+        for p, result in zip(new, at_once(lambda pair: at(*pair), list(zip(new, nearest))), strict=True):
+            if result is not None:
+                known[p] = result
+        return any(p in known for p in new)
+
+    def log_evidences() -> tuple[np.ndarray, np.ndarray]:
+        p = np.array(sorted(known))
+        return p, np.array([known[exponent].log_evidence for exponent in p])
 
     step = float(np.clip(FIRST * sd, NARROWEST, WIDEST))
     add([max(best - step, LEAST), min(best + step, MOST)])
     reach = [step, step]
-    while len(found) < ENOUGH:
-        p = np.array(sorted(found))
-        log = np.array([found[one].log_evidence for one in p])
-        open_ends = [
+    while len(known) < ENOUGH:
+        p, log = log_evidences()
+        open_sides = [
             side for side in (0, 1) if log[-side] > log.max() - NEGLIGIBLE and p[-side] != ends[side]
         ]
-        if open_ends:
+        if open_sides:
             wanted = []
-            for side in open_ends:
+            for side in open_sides:
                 reach[side] *= FURTHER
                 wanted.append(float(np.clip(best + (2 * side - 1) * reach[side], ends[0], ends[1])))
             add(wanted)
-            for side, one in zip(open_ends, wanted, strict=True):
-                if one not in found:  # no motion is found that far
+            for side, exponent in zip(open_sides, wanted, strict=True):
+                if exponent not in known:  # no motion can be followed that far
                     ends[side], reach[side] = p[-side], 0.0
             continue
         grid, cumulated = _distribution(p, log)
         between = np.diff(np.interp(p, grid, cumulated))
         if not add([float(0.5 * (p[i] + p[i + 1])) for i in np.flatnonzero(between > ALIKE)]):
             break
-    p = np.array(sorted(found))
+    p, log = log_evidences()
     if p.size < 2:
         return None
-    grid, cumulated = _distribution(p, np.array([found[one].log_evidence for one in p]))
+    grid, cumulated = _distribution(p, log)
     return cumulated, grid
 
 
 def _distribution(p: np.ndarray, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Exponents between those at hand, (n,), and the probability up to each, rising."""
+    """Return exponents between the known ones, (n,), and the probability up to each, rising."""
     from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
 
     grid = np.linspace(p[0], p[-1], POINTS)
     values = PchipInterpolator(p, log)(grid)
     if p.size > 2:
         smooth = Akima1DInterpolator(p, log, method="makima")(grid)
-        # Beside a fall of thousands of nats it swings far above all that is known.
+        # Next to a fall of thousands of nats it overshoots far above all known values.
         values = smooth if smooth.max() < log.max() + NEGLIGIBLE else values
     density = np.exp(values - log.max())
     total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
-    # Rising everywhere, so that it can be read the other way.
+    # Rising everywhere, so that it can be inverted.
     return grid, total / total[-1] + 1e-12 * np.arange(POINTS)

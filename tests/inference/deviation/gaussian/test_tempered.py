@@ -9,7 +9,7 @@ from scipy.integrate import dblquad
 from bayesdamp.inference.deviation.gaussian import tempered
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid
 from bayesdamp.inference.deviation.gaussian.linear import Weighed, condensed, weigh
-from bayesdamp.inference.deviation.gaussian.tempered import Sampled, sampled
+from bayesdamp.inference.deviation.gaussian.tempered import Sampled, sample_posterior
 
 SD, SIZE = 0.5, 0.4
 X = np.linspace(0.2, 1.0, 12)
@@ -57,7 +57,7 @@ def drawn(seed: int, draws: int = 2000) -> Sampled:
         straight = -0.5 * np.sum(((Y - u @ columns.T) / SD) ** 2, axis=1)
         return log_likelihood(u[:, 0], u[:, 1]) + 0.5 * X.size * np.log(2 * np.pi * SD**2) - straight
 
-    return sampled(ratio, weighed, np.array([True]), draws=draws, seed=seed)
+    return sample_posterior(ratio, weighed, np.array([True]), draws=draws, seed=seed)
 
 
 @pytest.mark.parametrize("few", [tempered.FEW, 2.0], ids=["at once", "tempered"])
@@ -87,7 +87,7 @@ def test_one_seed_gives_one_answer() -> None:
 
 def test_a_linear_model_that_is_right_costs_one_look_at_each_draw() -> None:
     weighed, _ = linear()
-    found = sampled(lambda u: np.zeros(len(u)), weighed, np.array([True]), draws=300)
+    found = sample_posterior(lambda u: np.zeros(len(u)), weighed, np.array([True]), draws=300)
     assert found.temperatures == 1
     assert found.log_evidence == pytest.approx(weighed.log_evidence, abs=1e-12)
 
@@ -95,5 +95,5 @@ def test_a_linear_model_that_is_right_costs_one_look_at_each_draw() -> None:
 def test_a_likelihood_that_no_draw_reaches_is_not_trusted() -> None:
     """Where every motion escapes there is nothing to lead the draws to."""
     weighed, _ = linear()
-    found = sampled(lambda u: np.full(len(u), -np.inf), weighed, np.array([True]), draws=100)
+    found = sample_posterior(lambda u: np.full(len(u), -np.inf), weighed, np.array([True]), draws=100)
     assert not found.trusted

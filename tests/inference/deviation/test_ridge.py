@@ -9,10 +9,10 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import norm
 
+from bayesdamp.inference.deviation import sampling
 from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.sampled import candidates
-from bayesdamp.inference.deviation.sampled.candidates import Reference, reference_of
-from bayesdamp.inference.deviation.sampled.ridge import Ridge
+from bayesdamp.inference.deviation.ridge import Ridge
+from bayesdamp.inference.deviation.sampling import Reference, reference_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.priors import SHARED_SIGMAS
 from tests.validation.laws import Case, case
@@ -89,7 +89,7 @@ def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.M
     place = names.index("static_excess")
 
     def drawn() -> tuple[np.ndarray, float]:
-        found = candidates.sampled_result(weighing, result, False).sampled
+        found = sampling.sampled_result(weighing, result, False).sampled
         assert found is not None
         return found.draws[:, place], found.log_evidence
 
@@ -111,6 +111,6 @@ def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.M
     assert evidence == pytest.approx(np.log(whole) + max(logs), abs=0.1)
     assert values.std() == pytest.approx(sd, rel=0.2)
     assert values.mean() == pytest.approx(mean, abs=0.2 * sd)
-    monkeypatch.setattr(candidates, "ridge_of", lambda *_: None)
+    monkeypatch.setattr(sampling, "ridge_of", lambda *_: None)
     narrow, _ = drawn()
     assert narrow.std() < 0.6 * sd

@@ -8,11 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from bayesdamp.inference.deviation import sampling
 from bayesdamp.inference.deviation.parameters import Straight, straight_at
 from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.sampled import candidates
-from bayesdamp.inference.deviation.sampled.candidates import reference_of
-from bayesdamp.inference.deviation.sampled.motions import APART, LOOSER, Motions, motions_near
+from bayesdamp.inference.deviation.sampling import APART, LOOSER, Motions, motions_near, reference_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -95,7 +94,7 @@ def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyP
     weighing, result = weighed()
     place = result.fit.parameters.free_names.index("gravity")
     prior = result.fit.parameters.priors["gravity"]
-    found = candidates.sampled_result(weighing, result, True).sampled
+    found = sampling.sampled_result(weighing, result, True).sampled
     assert found is not None
     drawn = prior.value(found.draws[:, place])
     grid = np.linspace(drawn.mean() - 5 * drawn.std(), drawn.mean() + 5 * drawn.std(), 13)
@@ -105,8 +104,8 @@ def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyP
     assert found.log_evidence == pytest.approx(np.log(whole) + max(logs), abs=0.1)
     mean = np.trapezoid(density * grid, grid) / whole
     assert drawn.mean() == pytest.approx(mean, abs=5 * drawn.std() / np.sqrt(found.draws.shape[0] / 2))
-    monkeypatch.setattr(candidates, "_straightened", lambda *_: None)
-    plain = candidates.sampled_result(weighing, result, True).sampled
+    monkeypatch.setattr(sampling, "_straightened", lambda *_: None)
+    plain = sampling.sampled_result(weighing, result, True).sampled
     assert plain is not None
     assert abs(plain.log_evidence - np.log(whole) - max(logs)) > 1.0
 

@@ -10,7 +10,7 @@ import pytest
 
 from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
 from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.several.run_likelihood import damping_run
+from bayesdamp.inference.deviation.specimen import damping_run
 from bayesdamp.inference.model.defaults import damping_priors
 from bayesdamp.types import Reference, Signal
 from tests.inference.problems import REFERENCES

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.gaussian.noise import BAND, inflation
+from bayesdamp.inference.deviation.sample_noise import BAND, inflation
 
 W, PER_CYCLE = 5.0, 40
 Z = 4.3
