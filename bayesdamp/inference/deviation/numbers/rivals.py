@@ -11,13 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 
-from bayesdamp.inference.deviation.candidate import (
-    Candidate,
-    first_values,
-    parameters_of,
-    search,
-    starts_of,
-)
+from bayesdamp.inference.deviation.candidate import Candidate, first_values, parameters_of, search, starts_of
 from bayesdamp.inference.deviation.numbers.exponent import power_solver, power_starts
 from bayesdamp.inference.deviation.weighing import START, Result, Weighing
 from bayesdamp.machine.threads import at_once
