@@ -93,6 +93,11 @@ class Linearised:
         return np.expm1(g), h
 
     @property
+    def knots(self) -> int:
+        """Number of knots of the deviations."""
+        return (self.u.size - self.fit.z.size) // 2
+
+    @property
     def squares(self) -> float:
         """Sum of the squared residuals, in the record's unit squared."""
         return float(np.sum(self.residual**2))
@@ -150,22 +155,17 @@ def starts_of(candidate: Candidate, parameters: Parameters) -> list[dict[str, fl
     ]
 
 
-def active_of(candidate: Candidate, solver: Solver) -> np.ndarray:
-    """Return which of the solver's terms act in a candidate, (m,)."""
-    return np.array([t in candidate.damping for t in solver.terms])
+def active_of(parameters: Parameters, solver: Solver) -> np.ndarray:
+    """Return which of the solver's terms act, (m,): those whose coefficients are inferred."""
+    return np.array([TERMS.get(t).parameter in parameters.priors for t in solver.terms])
 
 
 def search(
-    candidate: Candidate,
-    solver: Solver,
-    data: Data,
-    parameters: Parameters,
-    starts: Sequence[Mapping[str, float]],
-    windows: bool,
+    solver: Solver, data: Data, parameters: Parameters, starts: Sequence[Mapping[str, float]], windows: bool
 ) -> Fit | None:
     """Return the best of the fits from the starts, which give values of parameters by name; the others are 0."""
     best: Fit | None = None
-    active = active_of(candidate, solver)
+    active = active_of(parameters, solver)
     for start in starts:
         z = parameters.scores({**dict.fromkeys(parameters.free_names, 0.0), **start})
         z[parameters.positive] = np.maximum(z[parameters.positive], 0.0)

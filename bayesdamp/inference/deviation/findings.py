@@ -29,7 +29,7 @@ from bayesdamp.inference.deviation.numbers.deviations import (
 )
 from bayesdamp.inference.deviation.numbers.draws import (
     DRAWS,
-    Drawn,
+    CandidateDraws,
     Quantity,
     drawn_from,
     draws_of,
@@ -195,28 +195,27 @@ def findings(
     # Rates, frequencies and deviations are those of all candidates, other forms of damping included.
     every = drawn_from(weighing, everything, approximate, rng) if sum(exotic.values()) > RARE else drawn
     best = max(chosen, key=lambda c: chosen[c])
-    result = next(r for r in weighing.results if r.candidate == best)
     shares = shares_of(weighing, drawn)
     absent = _bounds(weighing, best, approximate, rng)
-    forms = bounds_of_others(weighing, result, approximate, np.random.default_rng([seed, 1]))
-    size_g = np.concatenate([size_of(weighing, d.result, d.g) for d in every])
-    size_h = np.concatenate([size_of(weighing, d.result, d.h) for d in every])
+    forms = bounds_of_others(weighing, weighing.result(best), approximate, np.random.default_rng([seed, 1]))
+    size_g = np.concatenate([size_of(d.result, d.g) for d in every])
+    size_h = np.concatenate([size_of(d.result, d.h) for d in every])
     floor = sensor if approximate else 0.0
     curve = tuple(ratio_at(weighing, every, a, floor, rng) for a in along)
     ratios = tuple(ratio_at(weighing, every, a, floor, rng) for a in wanted)
     over, over_curve, unnamed = (), (), None
     if approximate:
-        over = over_laws(weighing, every, wanted, np.random.default_rng([seed, 3]))
-        over_curve = off_laws(weighing, every, along, np.random.default_rng([seed, 4]))
-        unnamed = unnamed_share(weighing, drawn, along)
+        over = over_laws(every, wanted, np.random.default_rng([seed, 3]))
+        over_curve = off_laws(every, along, np.random.default_rng([seed, 4]))
+        unnamed = unnamed_share(drawn, along)
     of_best = next((d for d in drawn if d.result.candidate == best), None)
     exponent = quantity(np.array(weighing.exponents)) if weighing.exponents else None
     untold = _undetermined(of_best) if of_best is not None else ()
     if exponent and exponent.high - exponent.low > 0.95 * AS_WIDE * (MOST - LEAST):
         untold = (*untold, "exponent")
     likeliest = max(everything, key=lambda c: everything[c])
-    leading = next(r for r in (*weighing.results, *weighing.forms) if r.candidate == likeliest)
-    unexplained, noise = left_over(weighing, leading)
+    leading = weighing.result(likeliest)
+    unexplained, noise = left_over(leading)
     return Findings(
         damping={n: p * (1 - sum(exotic.values())) for n, p in _summed(chosen).items()},
         exact=_summed({c: p for c, p in exact_all.items() if c in compared}),
@@ -226,7 +225,7 @@ def findings(
         term={t: sum(p for c, p in everything.items() if t in c.damping) for t in terms},
         ratios=ratios,
         curve=curve,
-        frequency=_frequency(weighing, every),
+        frequency=_frequency(every),
         energy={t: quantity(shares[:, i]) for i, t in enumerate(terms)},
         bound=forms | absent,
         deviation=quantity(size_g),
@@ -243,8 +242,8 @@ def findings(
         untold=untold,
         tied=_inseparable(of_best) if of_best is not None else (),
         exponents=weighing.exponents,
-        midline=midline_drift(weighing, leading),
-        frequency_at=_frequency_at(weighing, every, wanted[-1]) if wanted else None,
+        midline=midline_drift(leading),
+        frequency_at=_frequency_at(every, wanted[-1]) if wanted else None,
         over_laws=over,
         over_curve=over_curve,
     )
@@ -255,31 +254,31 @@ def _summed(each: Mapping[Candidate, float], part: int = 0) -> dict[str, float]:
     return summed({c.name: p for c, p in each.items()}, part)
 
 
-def _frequency(weighing: Weighing, drawn: Sequence[Drawn]) -> Quantity:
+def _frequency(drawn: Sequence[CandidateDraws]) -> Quantity:
     """Return the frequency of small oscillations in Hz: the restoring law's, with the deviation at the record's end."""
     values = []
     for d in drawn:
         name = d.result.candidate.restoring
         for row, h in zip(_thinned(d.law), _thinned(d.h[:, -1]), strict=True):
-            at = _rest_of_draw(weighing, name, row)
-            values.append(natural_frequency(name, row, at, weighing.data.amplitude) * (1 + h) / (2 * np.pi))
+            at = _rest_of_draw(d.result, row)
+            values.append(natural_frequency(name, row, at, d.result.data.amplitude) * (1 + h) / (2 * np.pi))
     return quantity(np.array(values))
 
 
-def _frequency_at(weighing: Weighing, drawn: Sequence[Drawn], amplitude: float) -> Quantity | None:
+def _frequency_at(drawn: Sequence[CandidateDraws], amplitude: float) -> Quantity | None:
     """Return the frequency in Hz at an amplitude of the record, deviation included; None where no orbit has it."""
     values = []
     for d in drawn:
-        orbit = orbit_of(weighing, d.result, amplitude)
+        orbit = orbit_of(d.result, amplitude)
         if orbit is None:
             continue
         name, centre = d.result.candidate.restoring, d.result.law
-        at = _rest_of_draw(weighing, name, centre)
+        at = _rest_of_draw(d.result, centre)
         # The error of the first harmonic is that at the mode.
         scale = orbit.frequency / max(balanced_frequency(name, centre, at, amplitude), 1e-300)
-        share = share_of_time(weighing, d.result, amplitude)
+        share = share_of_time(d.result, amplitude)
         for row, h in zip(_thinned(d.law), _thinned(at_share(d.h, share)), strict=True):
-            at = _rest_of_draw(weighing, name, row)
+            at = _rest_of_draw(d.result, row)
             values.append(scale * balanced_frequency(name, row, at, amplitude) * (1 + h) / (2 * np.pi))
     return quantity(np.array(values)) if values else None
 
@@ -289,38 +288,33 @@ def _thinned(draws: np.ndarray) -> np.ndarray:
     return draws[:: max(1, len(draws) // FEW)]
 
 
-def _rest_of_draw(weighing: Weighing, restoring: str, law: np.ndarray) -> float:
+def _rest_of_draw(result: Result, law: np.ndarray) -> float:
     """Return the equilibrium of one draw of a restoring law's parameters.
 
     A record of velocity or acceleration does not determine it: each draw has its own, and the frequency about that.
     """
-    names = LAWS.get(restoring).parameters
+    names = LAWS.get(result.candidate.restoring).parameters
     if "rest_angle" in names:
         return float(law[names.index("rest_angle")])
-    return weighing.data.rest_under(restoring, law)
+    return result.data.rest_under(result.candidate.restoring, law)
 
 
 def _bounds(
     weighing: Weighing, best: Candidate, approximate: bool, rng: np.random.Generator
 ) -> dict[str, float]:
     """Return 95 % upper limits of the share of each term that the likeliest sum lacks, if it were added to that sum."""
+    same_law = [r for r in weighing.results if r.candidate.restoring == best.restoring]
     bounds = {}
     for i, term in enumerate(weighing.terms):
-        wanted = {*best.damping, term}
-        larger = (
-            r
-            for r in weighing.results
-            if set(r.candidate.damping) == wanted and r.candidate.restoring == best.restoring
-        )
-        result = next(larger, None)
-        if term in best.damping or result is None or (approximate and result.weighed is None):
+        larger = [r for r in same_law if set(r.candidate.damping) == {*best.damping, term}]
+        if term in best.damping or not larger or (approximate and larger[0].weighed is None):
             continue
-        shares = shares_of(weighing, [draws_of(result, DRAWS // 4, approximate, rng)])
+        shares = shares_of(weighing, [draws_of(larger[0], DRAWS // 4, approximate, rng)])
         bounds[term] = float(np.quantile(shares[:, i], 0.95))
     return bounds
 
 
-def _coefficients(weighing: Weighing, d: Drawn) -> dict[str, Quantity]:
+def _coefficients(weighing: Weighing, d: CandidateDraws) -> dict[str, Quantity]:
     """Return the inferred parameters of a candidate's damping and restoring law."""
     sds = noise_sds(weighing, d.result).tolist()
     by_name = dict(zip(d.result.fit.parameters.free_names, sds, strict=True))
@@ -329,7 +323,7 @@ def _coefficients(weighing: Weighing, d: Drawn) -> dict[str, Quantity]:
     return {name: quantity(values[:, i], by_name[name]) for i, name in enumerate(names) if name in by_name}
 
 
-def _undetermined(d: Drawn) -> tuple[str, ...]:
+def _undetermined(d: CandidateDraws) -> tuple[str, ...]:
     """Return the terms' own parameters whose interval is as wide as that of their prior."""
     priors, solver, names = d.result.fit.parameters.priors, d.result.solver, []
     for i, name in enumerate(solver.further):
@@ -346,7 +340,7 @@ def as_wide(prior: Prior, low: float, high: float) -> bool:
     return float(prior.score(high) - prior.score(low)) > AS_WIDE * whole
 
 
-def _inseparable(d: Drawn) -> tuple[tuple[str, str], ...]:
+def _inseparable(d: CandidateDraws) -> tuple[tuple[str, str], ...]:
     """Return pairs of a candidate's coefficients and own parameters of which the record determines a combination."""
     priors, solver = d.result.fit.parameters.priors, d.result.solver
     names = (*solver.names[: len(solver.terms)], *solver.further)
@@ -377,11 +371,11 @@ def posterior_of(weighing: Weighing, result: Result, found: Sampled) -> tuple[di
     d, n = parameters.free.size, result.solver.knots.size
     values = parameters.values(found.draws[:, :d])[:, parameters.free]
     rows = zip(parameters.free_names, values.T, noise_sds(weighing, result), strict=True)
-    sizes = size_of(weighing, result, found.draws[:, d : d + n]) if found.draws.shape[1] > d else np.zeros(1)
+    sizes = size_of(result, found.draws[:, d : d + n]) if found.draws.shape[1] > d else np.zeros(1)
     summary = {
         "parameters": {name: _summary(own, float(noise)) for name, own, noise in rows},
         "deviation": np.quantile(sizes, (0.025, 0.5, 0.975)).tolist(),
-        "unexplained": left_over(weighing, result)[0],
+        "unexplained": left_over(result)[0],
         "log_evidence": found.log_evidence,
         "stderr": found.stderr,
         "acceptance": found.acceptance,

@@ -22,7 +22,7 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
     each sum's own fit under exact laws. work/TERM: the energy lost in a cycle by each term, per unit of inertia.
     """
     data = weighing.data
-    best = next(r for r in weighing.results if r.candidate == found.best)
+    best = weighing.result(found.best)
     t, y, fitted = (data.of_amplitude(values) for values in (data.times, data.recorded, best.motion.y))
     rows = _extremes(y)
     curve = found.curve
@@ -45,7 +45,7 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
             for end, column in zip(("", "_low", "_high"), values.T, strict=True):
                 arrays[f"free/{name}{end}"] = column
     terms, solver = weighing.terms, weighing.solvers[found.best.restoring]
-    orbits = [orbit_of(weighing, best, float(a)) for a in amplitude]
+    orbits = [orbit_of(best, float(a)) for a in amplitude]
     energy = np.array([np.nan if o is None else o.energy for o in orbits])
     none = np.full(len(terms), np.nan)
     for r in weighing.results:

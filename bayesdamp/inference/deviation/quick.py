@@ -115,7 +115,7 @@ def averaging_of(weighing: Weighing) -> Averaging | None:
     result, cycles = weighing.best, weighing.data.cycles
     assert isinstance(result.solver, AveragedSolver)
     off = result.solver.error(result.values, result.fit.active, *result.deviations)
-    base = columns_of(weighing, result, result.about is not None)
+    base = columns_of(result, result.about is not None)
     if off is None or base is None:
         return Averaging(cycles, float("inf"))
     weighed = result.exact_weighed if result.weighed is None else result.weighed

@@ -8,8 +8,9 @@ Both depend on the motion, so that they are updated in turn.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -83,7 +84,8 @@ def prepared_for(
         return data
     residual = data.averaged.residual
     record = replace(signal, t=signal.t[: residual.size], y=signal.y[: residual.size])
-    weighed = _weigh(names, residual, record, data, known, priors)
+    fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
+    weighed = _fit_all(names, residual, fit_one)
     noise = SampleNoise(max(weighed, key=lambda model: model.log_evidence), weighed)
     if noise.name in (GAUSSIAN, CORRELATED) or noise.ahead < max(LEAD, predictable(residual)):
         return data
@@ -194,7 +196,8 @@ def adapt(
     motion = _at_samples(solver, record, at)
     if motion is None:
         return None
-    weighed = _weigh(names, record.y - motion, record, data, known, priors)
+    fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
+    weighed = _fit_all(names, record.y - motion, fit_one)
     by_name = {model.name: model for model in weighed}
     noise, plain = max(weighed, key=lambda model: model.log_evidence), by_name.get(GAUSSIAN)
     gaps, gain = np.diff(record.t), predictable(record.y - motion)
@@ -219,7 +222,7 @@ def adapt(
         motion = _at_samples(solver, record, at)
         if motion is None or moved < SETTLED:
             break
-        noise = fit_noise(noise.name, record.y - motion, record, data.features, known, priors)
+        noise = fit_one(noise.name, record.y - motion)
     return Adapted(data, SampleNoise(noise, weighed), data.least_variance + variance / data.thinned)
 
 
@@ -241,20 +244,15 @@ def _at_samples(solver: Solver, record: Signal, at: Linearised) -> np.ndarray | 
     return None if motion is None else motion.y
 
 
-def _weigh(
-    names: Sequence[str],
-    residual: np.ndarray,
-    record: Signal,
-    data: Data,
-    known: Mapping[str, float],
-    priors: Mapping[str, Prior],
+def _fit_all(
+    names: Sequence[str], residual: np.ndarray, fit_one: Callable[[str, np.ndarray], FittedNoise]
 ) -> tuple[FittedNoise, ...]:
-    """Fit each noise model that applies to a record to residuals (m,). Raises Refusal where none does."""
+    """Fit each noise model that applies to residuals (m,). Raises Refusal where none does."""
     models: list[FittedNoise] = []
     refused: list[str] = []
     for name in names:
         try:
-            models.append(fit_noise(name, residual, record, data.features, known, priors))
+            models.append(fit_one(name, residual))
         except Refusal as refusal:
             refused.append(str(refusal))
     if not models:

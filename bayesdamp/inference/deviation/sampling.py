@@ -42,7 +42,7 @@ TRIED = 4
 
 
 @dataclass(frozen=True)
-class Motions:
+class DrawMotions:
     """Motions of draws, solved only as closely as the record's noise requires.
 
     The motions are solved to a tolerance, and all get the correction to `TOLERANCE` that one of them needs: the
@@ -82,19 +82,19 @@ class Motions:
 
 def motions_near(
     solver: Solver, parameters: Parameters | Ridge, active: np.ndarray, weighed: Weighed, sd: float
-) -> Motions:
+) -> DrawMotions:
     """Return motions to the loosest tolerance that keeps draws of the linear posterior within `APART`.
 
     Parameters
     ----------
     solver, parameters, active
-        As of `Motions`.
+        As of `DrawMotions`.
     weighed : Weighed
         The linear posterior.
     sd : float
         Of the noise that counts, in the record's unit.
     """
-    usual = Motions(solver, parameters, active)
+    usual = DrawMotions(solver, parameters, active)
     middle = weighed.means[int(np.argmax(weighed.log_each))]
     rows = [middle, *weighed.draws(parameters.positive, TRIED, np.random.default_rng(0))[0]]
     wanted = [usual.at(row) for row in rows]
@@ -110,7 +110,7 @@ def motions_near(
 
 
 @dataclass(frozen=True)
-class Reference:
+class SamplingStart:
     """What sampling starts from: a linear model in the coordinates of `parameters`, weighed."""
 
     parameters: Parameters | Ridge
@@ -124,7 +124,7 @@ class Reference:
         return scores
 
 
-def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Reference:
+def reference_of(weighing: Weighing, result: Result, approximate: bool) -> SamplingStart:
     """Return the linear model that a candidate's draws start from.
 
     In straight coordinates, about the mode in them, where there are any; else the model by which it was weighed.
@@ -133,7 +133,9 @@ def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Refer
     model = result.exact if not approximate or result.about is None else result.about.model
     weighed = result.weighed if approximate else result.exact_weighed
     assert weighed is not None
-    start = _straightened(weighing, result, approximate) or Reference(result.fit.parameters, model, weighed)
+    start = _straightened(weighing, result, approximate) or SamplingStart(
+        result.fit.parameters, model, weighed
+    )
     assert isinstance(start.parameters, Parameters)
     ridge = ridge_of(weighing, result, approximate, start.parameters, start.model, start.weighed)
     if ridge is None:
@@ -142,10 +144,10 @@ def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Refer
     knots = result.solver.knots.size if approximate else 0
     grid = grid_of(knots, exact=not approximate, absorbed=ridge.base.absorbs)
     variance = weighing.variance if approximate else result.exact_variance
-    return Reference(ridge, model, weigh(model, grid, variance, weighing.samples))
+    return SamplingStart(ridge, model, weigh(model, grid, variance, weighing.samples))
 
 
-def _straightened(weighing: Weighing, result: Result, approximate: bool) -> Reference | None:
+def _straightened(weighing: Weighing, result: Result, approximate: bool) -> SamplingStart | None:
     """Return the linear model in straight coordinates; None where there are none."""
     data, solver, law = weighing.data, result.solver, result.candidate.restoring
     z = result.z if approximate else result.fit.z
@@ -158,7 +160,7 @@ def _straightened(weighing: Weighing, result: Result, approximate: bool) -> Refe
             return None
         model = exact(fit)
         grid, variance = grid_of(0, exact=True), result.exact_variance
-        return Reference(coordinates, model, weigh(model, grid, variance, weighing.samples))
+        return SamplingStart(coordinates, model, weigh(model, grid, variance, weighing.samples))
 
     def about(coordinates: Straight, z: np.ndarray, u: np.ndarray | None) -> Linearised | None:
         return linearise(solver, data, replace(result.fit, parameters=coordinates, z=z), u)
@@ -179,7 +181,9 @@ def _straightened(weighing: Weighing, result: Result, approximate: bool) -> Refe
     if at is None:
         return None
     grid = grid_of(solver.knots.size, absorbed=result.fit.parameters.absorbs)
-    return Reference(at.fit.parameters, at.model, weigh(at.model, grid, weighing.variance, weighing.samples))
+    return SamplingStart(
+        at.fit.parameters, at.model, weigh(at.model, grid, weighing.variance, weighing.samples)
+    )
 
 
 def with_samples(weighing: Weighing, approximate: bool, seed: int = 0) -> Weighing:

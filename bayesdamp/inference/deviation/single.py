@@ -19,10 +19,10 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knot
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit
 from bayesdamp.inference.deviation.numbers.curves import ratio_at, ratios_drawn
 from bayesdamp.inference.deviation.numbers.deviations import size_of
-from bayesdamp.inference.deviation.numbers.draws import Drawn, Quantity, noise_sds, quantity
+from bayesdamp.inference.deviation.numbers.draws import CandidateDraws, Quantity, noise_sds, quantity
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise
-from bayesdamp.inference.deviation.sampling import Motions, motions_near, sampled_result
+from bayesdamp.inference.deviation.sampling import DrawMotions, motions_near, sampled_result
 from bayesdamp.inference.deviation.weighing import Result, Weighing, weigh_all
 from bayesdamp.inference.fit.mode import LinearPosterior, Mode
 from bayesdamp.inference.model.deviation import Deviation
@@ -54,7 +54,7 @@ class Deviating(Trajectories):
 
     Parameters
     ----------
-    motions : Motions
+    motions : DrawMotions
         Of draws, with their tolerance and correction.
     deviations : tuple of ndarray, shape (n,)
         Relative deviations of damping and frequency at the knots.
@@ -63,7 +63,7 @@ class Deviating(Trajectories):
     """
 
     def __init__(
-        self, motions: Motions, deviations: tuple[np.ndarray, np.ndarray], given: Mapping[str, float]
+        self, motions: DrawMotions, deviations: tuple[np.ndarray, np.ndarray], given: Mapping[str, float]
     ) -> None:
         self._solver, self._motions, self._deviations = motions.solver, motions, deviations  # type: ignore[assignment]
         self._given = {**dict.fromkeys(motions.solver.names, 0.0), **given}
@@ -286,16 +286,16 @@ class Single:
     def sizes(self, u: Array) -> tuple[Array, Array]:
         """Return the energy-weighted mean of |log g| and |h| over the record, of draws (n, K): (n,) each."""
         g, h = self.deviations(u)
-        return size_of(self.weighing, self.result, g), size_of(self.weighing, self.result, h)
+        return size_of(self.result, g), size_of(self.result, h)
 
     def ratios(self, amplitudes: Sequence[float], u: Array, sensor: float) -> tuple[Ratio, ...]:
         """Return equivalent damping ratios at amplitudes (rad or m), deviation and sensor included in their sds."""
-        drawn, rng = Drawn.of(self.result, u), np.random.default_rng(1)
+        drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         return tuple(ratio_at(self.weighing, [drawn], a, sensor, rng) for a in amplitudes)
 
     def ratio_draws(self, amplitudes: Array, u: Array, sensor: float) -> Array:
         """Return the same as draws, (n, m); nan at amplitudes that no motion has."""
-        drawn, rng = Drawn.of(self.result, u), np.random.default_rng(1)
+        drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         none, columns = np.full(len(u), np.nan), []
         for a in amplitudes:
             ratios = ratios_drawn(self.weighing, drawn, float(a), sensor, rng)
@@ -312,7 +312,7 @@ class Single:
             solver = solver.at(np.asarray(t, float), quantity or solver.quantity)
         assert solver.kernel  # compiled before several threads ask for it
         none = np.full(solver.t.size, np.nan)
-        motions = at_once(Motions(solver, fit.parameters, fit.active).at, u)
+        motions = at_once(DrawMotions(solver, fit.parameters, fit.active).at, u)
         return np.stack([none if y is None else y for y in motions]) if len(u) else np.empty((0, none.size))
 
     def carried_on(self, half: Single, z: Array, seed: int) -> Ahead:
@@ -464,7 +464,7 @@ def _rebuild(data: Data, candidate: Candidate, found: Found, knots: np.ndarray |
         data = replace(data, y=found.working[: data.y.size], readings=data.recorded)
     solver = data.solver(found.terms, candidate.restoring, found.epsilon, knots)
     parameters = Parameters(solver.names, found.priors, found.known)
-    active, p = active_of(candidate, solver), parameters.values(found.z)
+    active, p = active_of(parameters, solver), parameters.values(found.z)
     if isinstance(solver, AveragedSolver):
         z, g, h = np.split(found.u, [found.z.size, found.z.size + knots.size])
         solver = solver.corrected(parameters.values(z), active, np.expm1(g), h) or solver
@@ -477,8 +477,8 @@ def _rebuild(data: Data, candidate: Candidate, found: Found, knots: np.ndarray |
     about = linearise(solver, data, fit, found.u)
     if about is None:
         raise Refusal(ESCAPED)
-    variances, samples = (found.exact_variance, found.variance), data.y.size / found.inflation
-    result = Result.of(candidate, solver, fit, about, variances, samples)
+    noise = found.variance, found.inflation
+    result = Result.of(candidate, data, solver, fit, about, found.exact_variance, noise)
     weighing = Weighing(
         data, found.reference, found.epsilon, found.frictions, {candidate.restoring: solver}, (result,),
         found.variance, found.inflation, noise=SampleNoise(found.noise),

@@ -50,6 +50,13 @@ class DampingRun(RunLikelihood):
         along = (draws - self.mode) @ self.growth[row]
         return (draws @ self.per_unit[row]) * np.exp(along)
 
+    def ordered(self, names: tuple[str, ...]) -> DampingRun:
+        """Return the run with its parameters in an order."""
+        at, x = [self.names.index(n) for n in names], self.likelihood
+        likelihood = DampingLikelihood(x.log, x.slope[:, at], x.information[:, at][:, :, at])
+        per_unit, growth = self.per_unit[:, at], self.growth[:, at]
+        return DampingRun(names, self.coefficients[at], self.mode[at], likelihood, per_unit, growth)
+
 
 def damping_run(
     weighing: Weighing, result: Result, amplitudes: np.ndarray, approximate: bool
@@ -75,7 +82,7 @@ def damping_run(
     per_unit, growth = np.zeros((amplitudes.size, len(names))), np.zeros((amplitudes.size, len(names)))
     place = {n: i for i, n in enumerate(names)}
     for row, amplitude in enumerate(amplitudes):
-        orbit = orbit_of(weighing, result, float(amplitude))
+        orbit = orbit_of(result, float(amplitude))
         if orbit is None:
             per_unit[row] = np.nan
             continue
@@ -281,7 +288,7 @@ def weigh_specimen(
             logs[model] = min(own[model], most)
             continue
         priors = priors_of(model[0], reference, given)
-        known = [_ordered(run, tuple(priors)) for run in known]
+        known = [run.ordered(tuple(priors)) for run in known]
         common, log_sizes = _common_sizes(known)
         posterior = joined(common, priors, log_sizes, spread=spread, seed=seed)
         logs[model] = posterior.log_evidence + rest
@@ -335,15 +342,6 @@ def _common_sizes(runs: Sequence[DampingRun]) -> tuple[list[DampingRun], np.ndar
         replace(r, likelihood=DampingLikelihood(x.log[:1], x.slope[:1], x.information[:1])) for r, x in parts
     ]
     return exact, np.zeros(1)
-
-
-def _ordered(run: DampingRun, names: tuple[str, ...]) -> DampingRun:
-    """Return a run with its parameters in an order."""
-    at, x = [run.names.index(n) for n in names], run.likelihood
-    likelihood = DampingLikelihood(x.log, x.slope[:, at], x.information[:, at][:, :, at])
-    return DampingRun(
-        names, run.coefficients[at], run.mode[at], likelihood, run.per_unit[:, at], run.growth[:, at]
-    )
 
 
 def _at_reference(run: DampingRun, damping: str, own: Reference, common: Reference) -> DampingRun:

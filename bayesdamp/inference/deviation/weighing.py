@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Self
 
 import numpy as np
@@ -65,6 +64,8 @@ class Result:
     ----------
     candidate : Candidate
         A damping sum under a restoring law.
+    data : Data
+        The record.
     solver : Solver
         Of its motions.
     fit : Fit
@@ -79,6 +80,7 @@ class Result:
     """
 
     candidate: Candidate
+    data: Data
     solver: Solver
     fit: Fit
     exact: LinearModel
@@ -92,32 +94,29 @@ class Result:
     def of(
         cls,
         candidate: Candidate,
+        data: Data,
         solver: Solver,
-        found: Fit,
+        fit: Fit,
         about: Linearised | None,
-        variances: tuple[float, float],
-        samples: float,
+        exact_variance: float,
+        noise: tuple[float, float],
     ) -> Self:
         """Weigh a fit.
 
         Parameters
         ----------
-        candidate, solver, found
-            As the attributes; `found` is the fit.
-        about : Linearised or None
-            The candidate with deviations.
-        variances : tuple of float
-            Of the noise under exact laws, and of the noise that counts.
-        samples : float
-            Number of independent samples that the record stands for.
+        candidate, data, solver, fit, about, exact_variance
+            As the attributes.
+        noise : tuple of float
+            The variance that counts, and the inflation in it.
         """
-        exact_variance, variance = variances
-        model, weighed = exact(found), None
+        variance, samples = noise[0], data.y.size / noise[1]
+        model, weighed = exact(fit), None
         if about is not None:
-            grid = grid_of(solver.knots.size, absorbed=found.parameters.absorbs)
+            grid = grid_of(solver.knots.size, absorbed=fit.parameters.absorbs)
             weighed = weigh(about.model, grid, variance, samples)
         exact_weighed = weigh(model, grid_of(0, exact=True), exact_variance, samples)
-        return cls(candidate, solver, found, model, exact_weighed, exact_variance, about, weighed)
+        return cls(candidate, data, solver, fit, model, exact_weighed, exact_variance, about, weighed)
 
     @property
     def log_evidence(self) -> float:
@@ -219,15 +218,19 @@ class Weighing:
         """The likeliest candidate's result."""
         return max(self.results, key=lambda r: r.log_evidence)
 
+    def result(self, candidate: Candidate) -> Result:
+        """Return a candidate's result."""
+        return next(r for r in (*self.results, *self.forms) if r.candidate == candidate)
+
     @property
     def terms(self) -> tuple[str, ...]:
         """The damping terms that candidates are made of."""
         return next(iter(self.solvers.values())).terms
 
-    def result_of(self, candidate: Candidate, solver: Solver, found: Fit, approximate: bool) -> Result:
+    def result_of(self, candidate: Candidate, solver: Solver, fit: Fit, approximate: bool) -> Result:
         """Weigh another fit on the same record and under the same noise."""
         noise = self.variance, self.inflation
-        return weigh_fit(candidate, solver, found, self.data, noise, approximate, self.noise_known)
+        return _weigh_fit(candidate, self.data, solver, fit, noise, approximate, self.noise_known)
 
 
 def weigh_all(
@@ -264,127 +267,71 @@ def weigh_all(
     Refusal
         Where no motion follows the record, or no candidate can be compiled.
     """
-    priors = dict(priors or {})
-    known_under = partial(_known_under, data=data, known=known, priors=priors)
-    every_candidate = list(candidates)
-    refused = {c: why for c in every_candidate if (why := _why_unsolved(c))}
-    candidates = [c for c in every_candidate if c not in refused]
-    if not candidates:
+    given, priors = list(candidates), dict(priors or {})
+    refused = {c: why for c in given if (why := _why_unsolved(c))}
+    asked = [c for c in given if c not in refused]
+    if not asked:
         raise Refusal(next(iter(refused.values())))
     reference = reference or Reference(float(f"{data.amplitude:.2g}"), float(f"{data.frequency:.2g}"))
-    terms = tuple(dict.fromkeys(t for c in candidates for t in c.damping))
-    known_epsilon = known_under(candidates[0].restoring).get("epsilon")
-    epsilon = reference.friction_width if known_epsilon is None else known_epsilon
-    laws = list(dict.fromkeys(c.restoring for c in candidates))
-    knots = knots_of(data.end, data.cycles)
-    solvers = {law: data.solver(terms, law, epsilon, knots) for law in laws}
-    scales = {law: _scales(solvers[law], data, reference, priors, known_under(law)) for law in laws}
-    fits: dict[Candidate, Fit] = {}
-
-    def seek(c: Candidate, near: Fit | None) -> None:
-        solver, of_law = solvers[c.restoring], {**scales[c.restoring], **known_under(c.restoring)}
-        start = first_values(c, data, of_law)
-        parameters = parameters_of(c, solver, data, reference, priors, of_law)
-        own_starts, new = starts_of(c, parameters), None
-        if near is not None:
-            coefficients = {TERMS.get(t).parameter for t in c.damping}
-            begin = near.parameters.named(near.z) | {k: v for k, v in start.items() if k in coefficients}
-            new = search(c, solver, data, parameters, [begin | own for own in own_starts], windows=False)
-        if new is None:
-            new = search(c, solver, data, parameters, [start | own for own in own_starts], windows=True)
-        if new is None:
-            refused[c] = "no motion under it stays in phase with the record"
-        else:
-            fits[c] = new
-
-    plain = tuple(t for t in terms if not TERMS.get(t).inferred)
-
-    def seek_whole(law: str) -> None:
-        if plain and plain != terms:
-            seek(Candidate(plain, law), None)
-        seek(Candidate(terms, law), fits.get(Candidate(plain, law)))
-
-    for solver in solvers.values():
-        assert solver.kernel  # compiled before several threads ask for it
-    at_once(seek_whole, laws)
+    fits = _Fits(data, asked, reference, priors, known or {}, refused)
+    at_once(fits.seek_whole, fits.laws)
     for _ in range(ROUNDS if data.averaged is not None else 0):
-        _correct(solvers, fits)
-        _refit_all(data, solvers, fits)
-    frictions = [] if known_epsilon is not None else _frictions(data, solvers, fits, reference.peak_velocity)
+        fits.correct()
+        fits.repeat()
+    stated = fits.known_under(fits.laws[0])
+    frictions = [] if "epsilon" in stated else fits.frictions()
     if frictions:
         density = np.array([f.weight for f in frictions]) / _cells(np.log([f.epsilon for f in frictions]))
-        first, usual = int(np.argmax(density)), int(np.argmin([abs(f.epsilon - epsilon) for f in frictions]))
+        off = [abs(f.epsilon - fits.epsilon) for f in frictions]
+        first, usual = int(np.argmax(density)), int(np.argmin(off))
         if np.log(density[first] / max(density[usual], 1e-300)) > LEAD:
-            epsilon = frictions[first].epsilon
-            for law in laws:
-                solvers[law] = replace(solvers[law], epsilon=epsilon)
-            _refit_all(data, solvers, fits)
-    every = [Candidate(terms, law) for law in laws]
-    every = [c if c in fits else Candidate(plain, c.restoring) for c in every]
-    whole = [c for c in every if c in fits]
-    abouts = _relinearise_all(whole, solvers, data, fits)
+            fits.epsilon = frictions[first].epsilon
+            fits.solvers = {law: replace(s, epsilon=fits.epsilon) for law, s in fits.solvers.items()}
+            fits.repeat()
+    abouts = fits.about_modes()
     if not abouts:
         raise Refusal("no motion under any of the laws stays in phase with the record")
-    stated = known_under(laws[0]).get("noise_sd")
+    noise_sd, whole = stated.get("noise_sd"), fits.whole
     law = min(abouts, key=lambda name: abouts[name][1])
-    adapted = adapt(noises, data, solvers[law], abouts[law][0], known_under(law), priors, approximate)
+    at, known_values = abouts[law][0], fits.known_under(law)
+    adapted = adapt(noises, data, fits.solvers[law], at, known_values, priors, approximate)
     if adapted is not None and adapted.noise.name != GAUSSIAN:
-        data = adapted.data
-        _refit_all(data, solvers, fits)
-        abouts = _relinearise_all(whole, solvers, data, fits)
+        data = fits.data = adapted.data
+        fits.repeat()
+        abouts = fits.about_modes()
         at = abouts[law][0]
         kappa = inflation(data.t, at.left, data.frequency, at.u.size, adapted.variance)
         variance = kappa * adapted.variance
-        stated = float(np.sqrt(adapted.variance))
-    elif stated is None:
+        noise_sd = float(np.sqrt(adapted.variance))
+    elif noise_sd is None:
         variance, kappa = _noise(data, abouts, approximate)
         if adapted is not None and adapted.variance > variance:
             variance, kappa = adapted.variance, kappa * adapted.variance / variance
     else:
-        variance, kappa = data.least_variance + stated**2 / data.thinned, 1.0
+        variance, kappa = data.least_variance + noise_sd**2 / data.thinned, 1.0
     logs = {}
     for name, (at, _) in abouts.items():
-        grid = grid_of(knots.size, coarse=True, absorbed=at.fit.parameters.absorbs)
+        grid = grid_of(at.knots, coarse=True, absorbed=at.fit.parameters.absorbs)
         logs[name] = weigh(at.model, grid, variance, data.y.size / kappa).log_evidence
     possible = {name for name, log in logs.items() if log > max(logs.values()) - REACH}
-    for c in candidates:
+    for c in asked:
         if c.restoring not in possible:
             refused.setdefault(c, "its restoring law is out of the question")
 
     def weigh_one(c: Candidate) -> Result | None:
-        if c not in fits:
-            seek(c, fits.get(Candidate(terms, c.restoring), fits.get(Candidate(plain, c.restoring))))
-        if c not in fits:
+        fit, noise = fits.of(c), (variance, kappa)
+        if fit is None:
             return None
-        noise = variance, kappa
-        return weigh_fit(c, solvers[c.restoring], fits[c], data, noise, approximate, stated is not None)
+        return _weigh_fit(c, data, fits.solvers[c.restoring], fit, noise, approximate, noise_sd is not None)
 
-    results = [
-        r for r in at_once(weigh_one, [c for c in candidates if c.restoring in possible]) if r is not None
-    ]
+    results = [r for r in at_once(weigh_one, [c for c in asked if c.restoring in possible]) if r is not None]
     # In an order that does not depend on which thread was first.
-    order = dict.fromkeys([*every, *(Candidate(terms, law) for law in laws), *every_candidate])
-    refused = {c: refused[c] for c in order if c in refused}
+    order = dict.fromkeys([*whole, *(Candidate(fits.terms, law) for law in fits.laws), *given])
     return Weighing(
-        data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused,
-        noise_known=stated is not None, noise=SampleNoise() if adapted is None else adapted.noise,
-        epsilon_known=known_epsilon is not None,
+        data, reference, fits.epsilon, tuple(frictions), fits.solvers, tuple(results), variance, kappa,
+        {c: refused[c] for c in order if c in refused}, noise_known=noise_sd is not None,
+        noise=SampleNoise() if adapted is None else adapted.noise, epsilon_known="epsilon" in stated,
     )  # fmt: skip
-
-
-def _known_under(
-    law: str, data: Data, known: Known | None, priors: Mapping[str, Prior]
-) -> Mapping[str, float]:
-    """Return what is known of a law's parameters.
-
-    Velocities and accelerations do not depend on where the law's zero is. It is put at 0, as the zero of terms that
-    depend on the position.
-    """
-    stated = known(law) if callable(known) else known or {}
-    shift = LAWS.get(law).shift
-    if shift and data.quantity != "angle" and shift not in priors:
-        return {shift: 0.0, **stated}
-    return stated
 
 
 def _why_unsolved(candidate: Candidate) -> str:
@@ -398,119 +345,183 @@ def _why_unsolved(candidate: Candidate) -> str:
     return ""
 
 
-def _scales(
-    solver: Solver, data: Data, reference: Reference, priors: Mapping[str, Prior], known: Mapping[str, float]
-) -> dict[str, float]:
-    """Return the reference values of the terms under a law; the equilibrium is that of a viscous fit."""
-    rest = data.rest
-    if "rest" in solver.further:
-        c, viscous = Candidate(("viscous",), solver.restoring), replace(solver, terms=("viscous",))
-        parameters = parameters_of(c, viscous, data, reference, priors, known)
-        near = search(c, viscous, data, parameters, [first_values(c, data, known)], windows=True)
+class _Fits:
+    """Fits of candidates to one record, under solvers with a common width of friction.
+
+    Under each law, the sum of all terms is fitted first, and the other candidates start from its fit. Candidates that
+    no motion follows are added to `refused`, with the reason.
+    """
+
+    def __init__(
+        self,
+        data: Data,
+        candidates: Sequence[Candidate],
+        reference: Reference,
+        priors: Mapping[str, Prior],
+        known: Known,
+        refused: dict[Candidate, str],
+    ) -> None:
+        self.data, self.reference, self.priors, self.known, self.refused = (
+            data,
+            reference,
+            priors,
+            known,
+            refused,
+        )
+        self.terms = tuple(dict.fromkeys(t for c in candidates for t in c.damping))
+        self.plain = tuple(t for t in self.terms if not TERMS.get(t).inferred)
+        self.laws = list(dict.fromkeys(c.restoring for c in candidates))
+        self.fits: dict[Candidate, Fit] = {}
+        self.epsilon = self.known_under(self.laws[0]).get("epsilon", reference.friction_width)
+        knots = knots_of(data.end, data.cycles)
+        self.solvers = {law: data.solver(self.terms, law, self.epsilon, knots) for law in self.laws}
+        self.scales = {law: self._scales(law) for law in self.laws}
+        for solver in self.solvers.values():
+            assert solver.kernel  # compiled before several threads ask for it
+
+    def known_under(self, law: str) -> Mapping[str, float]:
+        """Return what is known of a law's parameters.
+
+        Velocities and accelerations do not depend on where the law's zero is. It is put at 0, as the zero of terms that
+        depend on the position.
+        """
+        stated, shift = self.known(law) if callable(self.known) else self.known, LAWS.get(law).shift
+        if shift and self.data.quantity != "angle" and shift not in self.priors:
+            return {shift: 0.0, **stated}
+        return stated
+
+    def _scales(self, law: str) -> dict[str, float]:
+        """Return the reference values of the terms under a law; the equilibrium is that of a viscous fit."""
+        data, rest, known = self.data, self.data.rest, self.known_under(law)
+        if "rest" in self.solvers[law].further:
+            c, viscous = Candidate(("viscous",), law), replace(self.solvers[law], terms=("viscous",))
+            parameters = parameters_of(c, viscous, data, self.reference, self.priors, known)
+            fit = search(viscous, data, parameters, [first_values(c, data, known)], windows=True)
+            if fit is not None:
+                rest = data.rest_under(law, fit.values[viscous.law_places])
+        return self.reference.scales(rest)
+
+    def seek_whole(self, law: str) -> None:
+        """Fit the sum of all terms, after that of the terms without parameters of their own."""
+        if self.plain and self.plain != self.terms:
+            self._seek(Candidate(self.plain, law), None)
+        self._seek(Candidate(self.terms, law), self.fits.get(Candidate(self.plain, law)))
+
+    @property
+    def whole(self) -> list[Candidate]:
+        """The sum of most terms that is fitted, under each law."""
+        every = [Candidate(self.terms, law) for law in self.laws]
+        return [c if c in self.fits else Candidate(self.plain, c.restoring) for c in every]
+
+    def of(self, c: Candidate) -> Fit | None:
+        """Return a candidate's fit."""
+        if c not in self.fits:
+            plain = self.fits.get(Candidate(self.plain, c.restoring))
+            self._seek(c, self.fits.get(Candidate(self.terms, c.restoring), plain))
+        return self.fits.get(c)
+
+    def _seek(self, c: Candidate, near: Fit | None) -> None:
+        data, solver = self.data, self.solvers[c.restoring]
+        known = {**self.scales[c.restoring], **self.known_under(c.restoring)}
+        start = first_values(c, data, known)
+        parameters = parameters_of(c, solver, data, self.reference, self.priors, known)
+        own_starts, fit = starts_of(c, parameters), None
         if near is not None:
-            rest = data.rest_under(solver.restoring, near.values[viscous.law_places])
-    return reference.scales(rest)
+            coefficients = {TERMS.get(t).parameter for t in c.damping}
+            begin = near.parameters.named(near.z) | {k: v for k, v in start.items() if k in coefficients}
+            fit = search(solver, data, parameters, [begin | own for own in own_starts], windows=False)
+        if fit is None:
+            fit = search(solver, data, parameters, [start | own for own in own_starts], windows=True)
+        if fit is None:
+            self.refused[c] = "no motion under it stays in phase with the record"
+        else:
+            self.fits[c] = fit
+
+    def correct(self) -> None:
+        """Correct averaged motions with the ODE, under each law at the fit with the most terms."""
+        most = {
+            c.restoring: fit for c, fit in sorted(self.fits.items(), key=lambda item: len(item[0].damping))
+        }
+
+        def corrected(law: str) -> AveragedSolver | None:
+            solver = self.solvers[law]
+            assert isinstance(solver, AveragedSolver)
+            return solver.corrected(most[law].values, most[law].active)
+
+        new = zip(most, at_once(corrected, most), strict=True)
+        self.solvers |= {law: solver for law, solver in new if solver is not None}
+
+    def repeat(self) -> None:
+        """Repeat the fits with changed solvers or data."""
+        every = list(self.fits)
+        fits = at_once(lambda c: refit(self.solvers[c.restoring], self.data, self.fits[c]), every)
+        self.fits |= {c: fit for c, fit in zip(every, fits, strict=True) if fit is not None}
+
+    def about_modes(self) -> dict[str, tuple[Linearised, float]]:
+        """Return the sums of most terms by law, about their modes, with the variance of what each leaves."""
+        whole = [c for c in self.whole if c in self.fits]
+        abouts = at_once(
+            lambda c: relinearise(self.solvers[c.restoring], self.data, self.fits[c], None), whole
+        )
+        return {c.restoring: about for c, about in zip(whole, abouts, strict=True) if about is not None}
+
+    def frictions(self) -> list[Friction]:
+        """Return every width ε that is tried, under the best law and all terms; none where no friction stands out."""
+        switching = [i for i, t in enumerate(self.terms) if TERMS.get(t).switches]
+        if not self.fits or not switching:
+            return []
+        best = min(self.fits, key=lambda c: self.fits[c].squares)
+        near, solver = self.fits[best], self.solvers[best.restoring]
+        if not any(near.values[i] > 0 for i in switching):
+            return []
+        m, peak = len(self.terms), self.reference.peak_velocity
+
+        def under(share: float) -> tuple[float, float, np.ndarray] | None:
+            """Return ε, the log likelihood, and the terms' parameters."""
+            fit = refit(replace(solver, epsilon=share * peak), self.data, near)
+            if fit is None:
+                return None
+            log = -0.5 * self.data.y.size * np.log(fit.squares)
+            return share * peak, log, fit.values[: solver.law_places.start]
+
+        tried = [width for width in at_once(under, SHARES) if width is not None]
+        for _ in range(BETWEEN if len(tried) > 2 else 0):
+            between = _between(
+                np.log([e / peak for e, _, _ in tried]), np.array([log for _, log, _ in tried])
+            )
+            new = None if between is None else under(float(np.exp(between)))
+            if new is None:
+                break
+            tried.append(new)
+        tried.sort(key=lambda width: -width[0])
+        logs = np.array([log for _, log, _ in tried])
+        weights = np.exp(logs - logs.max()) * _cells(np.log([e for e, _, _ in tried]))
+        each = zip(tried, (weights / weights.sum()).tolist(), strict=True)
+        return [Friction(e, w, tuple(p[:m].tolist()), tuple(p[m:].tolist())) for (e, _, p), w in each]
 
 
-def _correct(solvers: dict[str, Solver], fits: Mapping[Candidate, Fit]) -> None:
-    """Correct averaged motions with the ODE, under each law at the fit with the most terms."""
-    most = {c.restoring: at for c, at in sorted(fits.items(), key=lambda item: len(item[0].damping))}
-
-    def corrected(law: str) -> AveragedSolver | None:
-        solver = solvers[law]
-        assert isinstance(solver, AveragedSolver)
-        return solver.corrected(most[law].values, most[law].active)
-
-    for law, solver in zip(most, at_once(corrected, most), strict=True):
-        if solver is not None:
-            solvers[law] = solver
-
-
-def _refit_all(data: Data, solvers: Mapping[str, Solver], fits: dict[Candidate, Fit]) -> None:
-    """Repeat the fits with changed solvers or data."""
-    every = list(fits)
-    refits = at_once(lambda c: refit(solvers[c.restoring], data, fits[c]), every)
-    fits |= {c: new for c, new in zip(every, refits, strict=True) if new is not None}
-
-
-def _relinearise_all(
-    whole: Sequence[Candidate], solvers: Mapping[str, Solver], data: Data, fits: Mapping[Candidate, Fit]
-) -> dict[str, tuple[Linearised, float]]:
-    """Return the sums of all terms by law, about their modes, with the variance of what each leaves."""
-    abouts = at_once(lambda c: relinearise(solvers[c.restoring], data, fits[c], None), whole)
-    return {c.restoring: about for c, about in zip(whole, abouts, strict=True) if about is not None}
-
-
-def exact_variance(data: Data, found: Fit, kappa: float) -> float:
+def exact_variance(data: Data, fit: Fit, kappa: float) -> float:
     """Return the variance of the noise, in the record's unit squared, if a fit under exact laws were right."""
-    return data.least_variance + kappa * found.squares / max(data.y.size - found.z.size, 1)
+    return data.least_variance + kappa * fit.squares / max(data.y.size - fit.z.size, 1)
 
 
-def weigh_fit(
+def _weigh_fit(
     candidate: Candidate,
-    solver: Solver,
-    found: Fit,
     data: Data,
+    solver: Solver,
+    fit: Fit,
     noise: tuple[float, float],
     approximate: bool,
     stated: bool,
 ) -> Result:
     """Weigh a candidate's fit.
 
-    Parameters
-    ----------
-    candidate, solver, found, data
-        The candidate, its motions, its fit, and the record.
-    noise : tuple of float
-        The variance that counts, and the inflation in it.
-    approximate : bool
-        Whether deviations from the laws are weighed too.
-    stated : bool
-        Whether the noise is known and not estimated from the record, so that it also counts under exact laws.
+    `noise` is the variance that counts, and the inflation in it; `stated`: it is known and not estimated from the
+    record, so that it also counts under exact laws.
     """
-    variance, kappa = noise
-    own = variance if stated else exact_variance(data, found, kappa)
-    about = relinearise(solver, data, found, variance) if approximate else None
-    samples = data.y.size / kappa
-    return Result.of(candidate, solver, found, about[0] if about else None, (own, variance), samples)
-
-
-def _frictions(
-    data: Data, solvers: Mapping[str, Solver], fits: Mapping[Candidate, Fit], peak: float
-) -> list[Friction]:
-    """Return every width ε that is tried, under the best law and all terms; none where no friction stands out.
-
-    Widths are shares of `peak`, the velocity of the reference.
-    """
-    terms = next(iter(solvers.values())).terms
-    switching = [i for i, t in enumerate(terms) if TERMS.get(t).switches]
-    if not fits or not switching:
-        return []
-    best = min(fits, key=lambda c: fits[c].squares)
-    near = fits[best]
-    if not any(near.values[i] > 0 for i in switching):
-        return []
-    m, law = len(terms), solvers[best.restoring].law_places
-
-    def under(share: float) -> tuple[float, float, np.ndarray] | None:
-        """Return ε, the log likelihood, and the terms' parameters."""
-        new = refit(replace(solvers[best.restoring], epsilon=share * peak), data, near)
-        if new is None:
-            return None
-        return share * peak, -0.5 * data.y.size * np.log(new.squares), new.values[: law.start]
-
-    tried = [width for width in at_once(under, SHARES) if width is not None]
-    for _ in range(BETWEEN if len(tried) > 2 else 0):
-        between = _between(np.log([e / peak for e, _, _ in tried]), np.array([log for _, log, _ in tried]))
-        new = None if between is None else under(float(np.exp(between)))
-        if new is None:
-            break
-        tried.append(new)
-    tried.sort(key=lambda width: -width[0])
-    logs = np.array([log for _, log, _ in tried])
-    weights = np.exp(logs - logs.max()) * _cells(np.log([e for e, _, _ in tried]))
-    each = zip(tried, (weights / weights.sum()).tolist(), strict=True)
-    return [Friction(e, w, tuple(p[:m].tolist()), tuple(p[m:].tolist())) for (e, _, p), w in each]
+    own = noise[0] if stated else exact_variance(data, fit, noise[1])
+    about = relinearise(solver, data, fit, noise[0]) if approximate else None
+    return Result.of(candidate, data, solver, fit, about[0] if about else None, own, noise)
 
 
 def _between(at: np.ndarray, logs: np.ndarray) -> float | None:

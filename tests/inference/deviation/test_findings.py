@@ -158,9 +158,7 @@ def test_between_knots_deviations_are_a_bridge() -> None:
 def test_a_midline_that_drifts_has_a_size(weighing: Weighing) -> None:
     """1 % of the amplitude over the record, within five standard errors of its 35 means. Control: without it, 0."""
     best = max(weighing.results, key=lambda r: r.log_evidence)
-    assert midline_drift(weighing, best) == 0
+    assert midline_drift(best) == 0
     line = 0.01 * A * np.linspace(-0.5, 0.5, weighing.data.t.size)
     moved = replace(best, fit=replace(best.fit, residual=best.fit.residual + line))
-    assert midline_drift(weighing, moved) == pytest.approx(
-        0.01, abs=5 * SD / A * np.sqrt(12 / TIMES.size) + 1e-4
-    )
+    assert midline_drift(moved) == pytest.approx(0.01, abs=5 * SD / A * np.sqrt(12 / TIMES.size) + 1e-4)

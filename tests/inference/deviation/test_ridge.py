@@ -12,7 +12,7 @@ from scipy.stats import norm
 from bayesdamp.inference.deviation import sampling
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.ridge import Ridge
-from bayesdamp.inference.deviation.sampling import Reference, reference_of
+from bayesdamp.inference.deviation.sampling import SamplingStart, reference_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.priors import SHARED_SIGMAS
 from tests.validation.laws import Case, case
@@ -35,7 +35,7 @@ def weighed(**known: float) -> tuple[Weighing, Result]:
 
 
 @cache
-def started(approximate: bool) -> tuple[Ridge, Reference]:
+def started(approximate: bool) -> tuple[Ridge, SamplingStart]:
     found = reference_of(*weighed(), approximate)
     assert isinstance(found.parameters, Ridge)
     return found.parameters, found

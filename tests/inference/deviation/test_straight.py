@@ -11,7 +11,7 @@ import pytest
 from bayesdamp.inference.deviation import sampling
 from bayesdamp.inference.deviation.parameters import Straight, straight_at
 from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.sampling import APART, LOOSER, Motions, motions_near, reference_of
+from bayesdamp.inference.deviation.sampling import APART, LOOSER, DrawMotions, motions_near, reference_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -118,10 +118,10 @@ def test_looser_motions_are_as_near_as_they_say() -> None:
     found = motions_near(result.solver, start.parameters, result.fit.active, start.weighed, sd)
     assert found.tolerance in LOOSER
     rows = start.weighed.draws(start.parameters.positive, 20, np.random.default_rng(9))[0]
-    close = Motions(result.solver, start.parameters, result.fit.active, 1e-10)
+    close = DrawMotions(result.solver, start.parameters, result.fit.active, 1e-10)
     bare = replace(found, correction=0.0)
 
-    def off(motions: Motions) -> float:
+    def off(motions: DrawMotions) -> float:
         pairs = [(motions.at(row), close.at(row)) for row in rows]
         return max(float(np.linalg.norm(a - b)) / sd for a, b in pairs if a is not None and b is not None)
 

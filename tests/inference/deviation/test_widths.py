@@ -93,7 +93,7 @@ def test_all_terms_together_lose_under_each_width_what_their_fit_says() -> None:
     made = friction(SHARE, 1)
     result = next(r for r in made.results if set(r.candidate.damping) == {"viscous", "coulomb"})
     solver = made.solvers["linear"]
-    orbit = orbit_of(made, result, 0.02)
+    orbit = orbit_of(result, 0.02)
     assert orbit is not None
     for f in made.frictions:
         work = works_on(orbit, solver, np.array([f.further]), np.ones(2, bool), f.epsilon)[0]

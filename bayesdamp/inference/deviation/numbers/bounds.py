@@ -69,7 +69,7 @@ def bounds_of_others(
         if name not in result.candidate.damping and TERMS.get(name).bounded
         for form in _forms(weighing, result, name)
     ]
-    base = columns_of(weighing, result, approximate)
+    base = columns_of(result, approximate)
     if base is None or not forms:
         return {}
     columns, target = base
@@ -124,7 +124,7 @@ def _difference(more: Shape, less: Shape) -> Shape:
     return lambda x, v, epsilon: more(x, v, epsilon) - less(x, v, epsilon)
 
 
-def columns_of(weighing: Weighing, result: Result, approximate: bool) -> tuple[np.ndarray, np.ndarray] | None:
+def columns_of(result: Result, approximate: bool) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the linear model's columns (n, K) and what they are fitted to, (n,)."""
     fit, about = result.fit, result.about
     if not approximate or about is None:

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from bayesdamp.inference.deviation.numbers.draws import Drawn, quantity
+from bayesdamp.inference.deviation.numbers.draws import CandidateDraws, quantity
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
@@ -121,19 +121,19 @@ def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     return at[good], np.minimum.accumulate(sizes[good])
 
 
-def share_of_time(weighing: Weighing, result: Result, amplitude: float) -> float:
+def share_of_time(result: Result, amplitude: float) -> float:
     """Return when the motion has this amplitude, as a share of the record."""
     at, sizes = turning_amplitudes(result.motion)
     if at.size < 2:
         return 0.5
     t = np.interp(-np.log(amplitude), -np.log(sizes), at)
-    return float(np.clip(t / weighing.data.end, 0.0, 1.0))
+    return float(np.clip(t / result.data.end, 0.0, 1.0))
 
 
-def orbit_of(weighing: Weighing, result: Result, amplitude: float) -> Orbit | None:
+def orbit_of(result: Result, amplitude: float) -> Orbit | None:
     """Return the orbit of an amplitude under a result's own law."""
     name, law = result.candidate.restoring, result.law
-    rest = weighing.data.equilibrium(name, law)
+    rest = result.data.equilibrium(name, law)
     return None if rest is None else orbit_at(float(amplitude), name, tuple(map(float, law)), rest)
 
 
@@ -146,16 +146,14 @@ def works_on(
     return solver.works(x, v, weight, further, active, epsilon)
 
 
-def ratios_per_unit(
-    weighing: Weighing, d: Drawn, amplitude: float, every_term: bool = False
-) -> np.ndarray | None:
+def ratios_per_unit(d: CandidateDraws, amplitude: float, every_term: bool = False) -> np.ndarray | None:
     """Return damping ratios per unit of each coefficient; None where no orbit has the amplitude.
 
     Of shape (n, m), or (1, m) where they are the same for all draws. With `every_term`, terms without parameters of
     their own that the candidate does not have are included.
     """
     solver = d.result.solver
-    orbit = orbit_of(weighing, d.result, amplitude)
+    orbit = orbit_of(d.result, amplitude)
     if orbit is None:
         return None
     simple = np.array([not TERMS.get(t).inferred for t in solver.terms])
@@ -185,7 +183,11 @@ def between_knots(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def ratio_at(
-    weighing: Weighing, drawn: Sequence[Drawn], amplitude: float, sensor: float, rng: np.random.Generator
+    weighing: Weighing,
+    drawn: Sequence[CandidateDraws],
+    amplitude: float,
+    sensor: float,
+    rng: np.random.Generator,
 ) -> Ratio:
     """Return the equivalent damping ratio at an amplitude over all draws.
 
@@ -193,7 +195,7 @@ def ratio_at(
     ----------
     weighing : Weighing
         Of the candidates.
-    drawn : sequence of Drawn
+    drawn : sequence of CandidateDraws
         Draws of each candidate.
     amplitude : float
         In rad or m.
@@ -204,7 +206,7 @@ def ratio_at(
     """
     values, noises, weights = [], [], []
     for d in drawn:
-        per_unit = ratios_per_unit(weighing, d, amplitude)
+        per_unit = ratios_per_unit(d, amplitude)
         if per_unit is None:
             continue
         values.append(_with_deviations(weighing, d, amplitude, per_unit, rng))
@@ -220,10 +222,10 @@ def ratio_at(
 
 
 def ratios_drawn(
-    weighing: Weighing, d: Drawn, amplitude: float, sensor: float, rng: np.random.Generator
+    weighing: Weighing, d: CandidateDraws, amplitude: float, sensor: float, rng: np.random.Generator
 ) -> np.ndarray | None:
     """Return the draws behind `ratio_at`, (n,), of one candidate; None where no orbit has the amplitude."""
-    per_unit = ratios_per_unit(weighing, d, amplitude)
+    per_unit = ratios_per_unit(d, amplitude)
     if per_unit is None:
         return None
     ratios = _with_deviations(weighing, d, amplitude, per_unit, rng)
@@ -231,17 +233,17 @@ def ratios_drawn(
 
 
 def _with_deviations(
-    weighing: Weighing, d: Drawn, amplitude: float, per_unit: np.ndarray, rng: np.random.Generator
+    weighing: Weighing, d: CandidateDraws, amplitude: float, per_unit: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
     """Return ratios of the draws with their deviations, (n,)."""
-    share = share_of_time(weighing, d.result, amplitude)
+    share = share_of_time(d.result, amplitude)
     ratios = _under_frictions(weighing, d, amplitude, per_unit, rng)
     g = at_share(d.g, share) + between_knots(d.g, rng)
     return ratios * np.exp(g) / (1 + at_share(d.h, share))
 
 
 def _under_frictions(
-    weighing: Weighing, d: Drawn, amplitude: float, per_unit: np.ndarray, rng: np.random.Generator
+    weighing: Weighing, d: CandidateDraws, amplitude: float, per_unit: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
     """Return ratios of the draws, (n,), each under one of the widths of friction, drawn by their probability."""
     ratios = np.sum(d.coefficients * per_unit, axis=1)
@@ -249,7 +251,7 @@ def _under_frictions(
     switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
     if not switching or not frictions:
         return ratios
-    orbit = orbit_of(weighing, d.result, amplitude)
+    orbit = orbit_of(d.result, amplitude)
     assert orbit is not None  # `per_unit` was computed on it
     # The loss of all terms together: how it is split among terms that cannot be told apart is arbitrary.
     whole = weighing.solvers[d.result.candidate.restoring]

@@ -40,7 +40,7 @@ def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class CandidateDraws:
     """Draws of one candidate.
 
     Attributes
@@ -114,7 +114,7 @@ def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[C
 
 def drawn_from(
     weighing: Weighing, chosen: Mapping[Candidate, float], approximate: bool, rng: np.random.Generator
-) -> list[Drawn]:
+) -> list[CandidateDraws]:
     """Draw from the candidates that count, from each in proportion to its probability."""
     likeliest, total = [], 0.0
     for c, p in sorted(chosen.items(), key=lambda item: -item[1]):
@@ -124,14 +124,13 @@ def drawn_from(
             break
     drawn = []
     for c, p in likeliest:
-        result = next(r for r in (*weighing.results, *weighing.forms) if r.candidate == c)
         count = round(DRAWS * p / total)
         if count:
-            drawn.append(draws_of(result, count, approximate, rng))
+            drawn.append(draws_of(weighing.result(c), count, approximate, rng))
     return drawn
 
 
-def draws_of(result: Result, count: int, approximate: bool, rng: np.random.Generator) -> Drawn:
+def draws_of(result: Result, count: int, approximate: bool, rng: np.random.Generator) -> CandidateDraws:
     """Draw from one candidate; only `DISTINCT` draws, repeated, where it has inferred parameters of its terms."""
     weighed = result.weighed if approximate else result.exact_weighed
     assert weighed is not None
@@ -143,10 +142,12 @@ def draws_of(result: Result, count: int, approximate: bool, rng: np.random.Gener
         own = result.sampled.draws
         u = own[rng.choice(len(own), few, replace=few > len(own))]
     u = u[np.arange(count) * few // count]
-    return Drawn.of(result, u if approximate else np.pad(u[:, :d], ((0, 0), (0, 2 * solver.knots.size))))
+    return CandidateDraws.of(
+        result, u if approximate else np.pad(u[:, :d], ((0, 0), (0, 2 * solver.knots.size)))
+    )
 
 
-def shares_of(weighing: Weighing, drawn: Sequence[Drawn]) -> np.ndarray:
+def shares_of(weighing: Weighing, drawn: Sequence[CandidateDraws]) -> np.ndarray:
     """Return the share of the dissipated energy by term, (draws, m)."""
     shares = []
     for d in drawn:
@@ -155,7 +156,7 @@ def shares_of(weighing: Weighing, drawn: Sequence[Drawn]) -> np.ndarray:
     return np.concatenate(shares)
 
 
-def _works(weighing: Weighing, d: Drawn) -> np.ndarray:
+def _works(weighing: Weighing, d: CandidateDraws) -> np.ndarray:
     """Return the mean power per unit of each coefficient over the record's own motion, (n, m) or (1, m)."""
     from bayesdamp.physics.kernel.dense import at_times
 

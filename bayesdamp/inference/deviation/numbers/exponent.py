@@ -96,7 +96,7 @@ def _problem(
     solver = power_solver(weighing, starts[0]["exponent"] if starts else 1.0)
     assert solver.kernel  # compiled before several threads ask for it
     parameters = parameters_of(candidate, solver, data, data.middle, {}, {**known, **scales})
-    top = search(candidate, solver, data, parameters, starts, windows=False)
+    top = search(solver, data, parameters, starts, windows=False)
     if top is None:
         return None
     place = parameters.free_names.index("exponent")
@@ -147,7 +147,7 @@ def power_starts(weighing: Weighing) -> list[dict[str, float]]:
     solver = weighing.solvers[best.candidate.restoring]
     ratios = []
     for a in (middle.amplitude * NEAR, middle.amplitude, middle.amplitude / NEAR):
-        orbit = orbit_of(weighing, best, a)
+        orbit = orbit_of(best, a)
         if orbit is None:
             return []
         works = works_on(orbit, solver, best.further, best.fit.active)[0]

@@ -100,7 +100,7 @@ def _weigh(
         first = first_values(c, data, fixed)
         begin = {**near, **{n: first[n] for n in (TERMS.get(t).parameter for t in c.damping)}}
         each = [{**begin, **start} for start in starts or starts_of(c, parameters)]
-        rival = search(c, solver, data, parameters, each, windows=False)
+        rival = search(solver, data, parameters, each, windows=False)
         return None if rival is None else weighing.result_of(c, solver, rival, approximate)
 
     assert solver.kernel  # compiled before several threads ask for it
