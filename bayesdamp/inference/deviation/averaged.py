@@ -102,7 +102,7 @@ class _Curves:
 
 
 @dataclass(frozen=True)
-class _Block:
+class _BlockFit:
     """One block against the curves.
 
     z: complex amplitude; midline; share: the amplitude's noise variance relative to a sample's; left: residuals of the
@@ -210,7 +210,7 @@ def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, end: float) -
     return make_lsq_spline(t, values, knots, 3, w=weight / weight.max())
 
 
-def _fit_block(t: np.ndarray, y: np.ndarray, at: float, curves: _Curves) -> _Block:
+def _fit_block(t: np.ndarray, y: np.ndarray, at: float, curves: _Curves) -> _BlockFit:
     """Fit the values of a block, against the curves at time `at`."""
     phase, base = curves.phase(t), float(curves.log_size(at))
     size = np.exp(curves.log_size(t) - base)
@@ -222,7 +222,7 @@ def _fit_block(t: np.ndarray, y: np.ndarray, at: float, curves: _Curves) -> _Blo
     rows = np.column_stack(columns)
     inverse = np.linalg.inv(rows.T @ rows)
     c = inverse @ (rows.T @ y)
-    return _Block(complex(c[0], c[1]), float(c[2]), float(inverse[0, 0]), y - rows @ c, t.size - c.size)
+    return _BlockFit(complex(c[0], c[1]), float(c[2]), float(inverse[0, 0]), y - rows @ c, t.size - c.size)
 
 
 def _bend(values: np.ndarray, weight: np.ndarray) -> float:

@@ -193,10 +193,10 @@ def tangents_at(solver: Solver, at: Fit, u: np.ndarray, tolerance: float | None 
     return columns
 
 
-def exact(found: Fit) -> LinearModel:
+def exact(fit: Fit) -> LinearModel:
     """Return the linear model of a candidate's fit under exact laws."""
-    target = found.residual + found.tangents @ found.z
-    return condensed(found.tangents, target, *found.parameters.masks)
+    target = fit.residual + fit.tangents @ fit.z
+    return condensed(fit.tangents, target, *fit.parameters.masks)
 
 
 def linearise(solver: Solver, data: Data, at: Fit, u: np.ndarray | None = None) -> Linearised | None:

@@ -354,7 +354,9 @@ def _inseparable(d: CandidateDraws) -> tuple[tuple[str, str], ...]:
     return tuple(pairs)
 
 
-def posterior_of(weighing: Weighing, result: Result, found: Sampled) -> tuple[dict[str, object], np.ndarray]:
+def posterior_of(
+    weighing: Weighing, result: Result, sampled: Sampled
+) -> tuple[dict[str, object], np.ndarray]:
     """Summarise the draws of a candidate's motions.
 
     Returns
@@ -369,17 +371,17 @@ def posterior_of(weighing: Weighing, result: Result, found: Sampled) -> tuple[di
     """
     parameters = result.fit.parameters
     d, n = parameters.free.size, result.solver.knots.size
-    values = parameters.values(found.draws[:, :d])[:, parameters.free]
+    values = parameters.values(sampled.draws[:, :d])[:, parameters.free]
     rows = zip(parameters.free_names, values.T, noise_sds(weighing, result), strict=True)
-    sizes = size_of(result, found.draws[:, d : d + n]) if found.draws.shape[1] > d else np.zeros(1)
+    sizes = size_of(result, sampled.draws[:, d : d + n]) if sampled.draws.shape[1] > d else np.zeros(1)
     summary = {
         "parameters": {name: _summary(own, float(noise)) for name, own, noise in rows},
         "deviation": np.quantile(sizes, (0.025, 0.5, 0.975)).tolist(),
         "unexplained": left_over(result)[0],
-        "log_evidence": found.log_evidence,
-        "stderr": found.stderr,
-        "acceptance": found.acceptance,
-        "temperatures": found.temperatures,
+        "log_evidence": sampled.log_evidence,
+        "stderr": sampled.stderr,
+        "acceptance": sampled.acceptance,
+        "temperatures": sampled.temperatures,
     }
     return summary, values
 

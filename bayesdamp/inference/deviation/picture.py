@@ -14,7 +14,7 @@ POINTS = 3000
 """Samples of a record that a picture shows, thinned to the extremes of each stretch."""
 
 
-def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
+def picture(weighing: Weighing, numbers: Findings) -> Mapping[str, np.ndarray]:
     """Return the arrays of a picture by name.
 
     t, record, fit, residual: thinned, (p,); amplitudes, where the record is taken as such. amplitude, ratio, low, high:
@@ -22,10 +22,10 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
     each sum's own fit under exact laws. work/TERM: the energy lost in a cycle by each term, per unit of inertia.
     """
     data = weighing.data
-    best = weighing.result(found.best)
+    best = weighing.result(numbers.best)
     t, y, fitted = (data.of_amplitude(values) for values in (data.times, data.recorded, best.motion.y))
     rows = _extremes(y)
-    curve = found.curve
+    curve = numbers.curve
     amplitude = np.array([r.amplitude for r in curve])
     arrays: dict[str, np.ndarray] = {
         "t": t[rows],
@@ -37,19 +37,19 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
         "low": np.array([r.low for r in curve]),
         "high": np.array([r.high for r in curve]),
     }
-    if found.exponents:
-        arrays["exponent"] = np.array(found.exponents)
-    if found.free is not None:
-        arrays["free/amplitude"] = found.free.amplitude
-        for name, values in (("ratio", found.free.ratio), ("lost", found.free.lost)):
+    if numbers.exponents:
+        arrays["exponent"] = np.array(numbers.exponents)
+    if numbers.free is not None:
+        arrays["free/amplitude"] = numbers.free.amplitude
+        for name, values in (("ratio", numbers.free.ratio), ("lost", numbers.free.lost)):
             for end, column in zip(("", "_low", "_high"), values.T, strict=True):
                 arrays[f"free/{name}{end}"] = column
-    terms, solver = weighing.terms, weighing.solvers[found.best.restoring]
+    terms, solver = weighing.terms, weighing.solvers[numbers.best.restoring]
     orbits = [orbit_of(best, float(a)) for a in amplitude]
     energy = np.array([np.nan if o is None else o.energy for o in orbits])
     none = np.full(len(terms), np.nan)
     for r in weighing.results:
-        if r.candidate.restoring != found.best.restoring:
+        if r.candidate.restoring != numbers.best.restoring:
             continue
         values = r.fit.values
         further = values[None, len(terms) : solver.law_places.start]

@@ -421,69 +421,69 @@ def found_of(weighing: Weighing, result: Result) -> Found:
     )
 
 
-def under(one: Single, priors: Mapping[str, Prior]) -> Single:
+def under(single: Single, priors: Mapping[str, Prior]) -> Single:
     """Return a candidate about the same motion under other priors of what it infers.
 
     Raises Refusal where it cannot be followed there.
     """
-    parameters, found = one.result.fit.parameters, one.found
-    other, d = replace(parameters, priors=priors), found.z.size
-    z, start = (other.scores(parameters.named(scores)) for scores in (found.z, found.u[:d]))
-    moved = replace(found, priors=priors, z=z, u=np.concatenate([start, found.u[d:]]))
-    return _rebuild(one.weighing.data, one.result.candidate, moved)
+    parameters, end = single.result.fit.parameters, single.found
+    other, d = replace(parameters, priors=priors), end.z.size
+    z, start = (other.scores(parameters.named(scores)) for scores in (end.z, end.u[:d]))
+    moved = replace(end, priors=priors, z=z, u=np.concatenate([start, end.u[d:]]))
+    return _rebuild(single.weighing.data, single.result.candidate, moved)
 
 
-def first_half(one: Single) -> Single:
+def first_half(single: Single) -> Single:
     """Return a candidate on the first half of its record.
 
     It has the knots, the noise and the motion of the whole, so that its evidence is a factor of the whole's. Raises
     Refusal where the record is not taken as samples, or has too few.
     """
-    data, knots = one.weighing.data, one.result.solver.knots
+    data, knots = single.weighing.data, single.result.solver.knots
     if data.averaged is not None:
         raise Refusal("not applicable: a record that is taken as amplitudes and phases is not cut in halves")
-    count, inferred = data.t.size // 2, one.found.u.size
+    count, inferred = data.t.size // 2, single.found.u.size
     if count <= inferred:
         raise Refusal(f"half the record has {count} samples for {inferred} parameters and deviations")
-    return _rebuild(data.first(count), one.result.candidate, one.found, knots)
+    return _rebuild(data.first(count), single.result.candidate, single.found, knots)
 
 
-def put_together(signal: Signal, restoring: str, found: Found) -> Single:
+def put_together(signal: Signal, restoring: str, end: Found) -> Single:
     """Return the candidate on its record, without a search. Raises Refusal where it was found on another record."""
-    damping = tuple(t for t in found.terms if TERMS.get(t).parameter in found.priors)
-    return _rebuild(prepared(signal, found.averaged), Candidate(damping, restoring), found)
+    damping = tuple(t for t in end.terms if TERMS.get(t).parameter in end.priors)
+    return _rebuild(prepared(signal, end.averaged), Candidate(damping, restoring), end)
 
 
-def _rebuild(data: Data, candidate: Candidate, found: Found, knots: np.ndarray | None = None) -> Single:
+def _rebuild(data: Data, candidate: Candidate, end: Found, knots: np.ndarray | None = None) -> Single:
     """Return a candidate from the end of its search; knots in s, by default the record's own.
 
     Raises Refusal where it was found on another record.
     """
     knots = knots_of(data.end, data.cycles) if knots is None else knots
-    if found.working is not None:
-        data = replace(data, y=found.working[: data.y.size], readings=data.recorded)
-    solver = data.solver(found.terms, candidate.restoring, found.epsilon, knots)
-    parameters = Parameters(solver.names, found.priors, found.known)
-    active, p = active_of(parameters, solver), parameters.values(found.z)
+    if end.working is not None:
+        data = replace(data, y=end.working[: data.y.size], readings=data.recorded)
+    solver = data.solver(end.terms, candidate.restoring, end.epsilon, knots)
+    parameters = Parameters(solver.names, end.priors, end.known)
+    active, p = active_of(parameters, solver), parameters.values(end.z)
     if isinstance(solver, AveragedSolver):
-        z, g, h = np.split(found.u, [found.z.size, found.z.size + knots.size])
+        z, g, h = np.split(end.u, [end.z.size, end.z.size + knots.size])
         solver = solver.corrected(parameters.values(z), active, np.expm1(g), h) or solver
     motion = solver.solve(p, active, tangents=NONE)
     moved = solver.solve(p, active, tangents=PARAMETERS, tolerance=SEARCHED)
     if motion is None or moved is None:
         raise Refusal(ESCAPED)
-    tangents = parameters.by_scores(moved.tangents, found.z)
-    fit = Fit(parameters, active, found.z, data.y - motion.y, tangents, motion)
-    about = linearise(solver, data, fit, found.u)
+    tangents = parameters.by_scores(moved.tangents, end.z)
+    fit = Fit(parameters, active, end.z, data.y - motion.y, tangents, motion)
+    about = linearise(solver, data, fit, end.u)
     if about is None:
         raise Refusal(ESCAPED)
-    noise = found.variance, found.inflation
-    result = Result.of(candidate, data, solver, fit, about, found.exact_variance, noise)
+    noise = end.variance, end.inflation
+    result = Result.of(candidate, data, solver, fit, about, end.exact_variance, noise)
     weighing = Weighing(
-        data, found.reference, found.epsilon, found.frictions, {candidate.restoring: solver}, (result,),
-        found.variance, found.inflation, noise=SampleNoise(found.noise),
+        data, end.reference, end.epsilon, end.frictions, {candidate.restoring: solver}, (result,),
+        end.variance, end.inflation, noise=SampleNoise(end.noise),
     )  # fmt: skip
-    return Single(weighing, result, found)
+    return Single(weighing, result, end)
 
 
 def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Posterior:

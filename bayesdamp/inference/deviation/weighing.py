@@ -273,7 +273,7 @@ def weigh_all(
     if not asked:
         raise Refusal(next(iter(refused.values())))
     reference = reference or Reference(float(f"{data.amplitude:.2g}"), float(f"{data.frequency:.2g}"))
-    fits = _Fits(data, asked, reference, priors, known or {}, refused)
+    fits = _CandidateFits(data, asked, reference, priors, known or {}, refused)
     at_once(fits.seek_whole, fits.laws)
     for _ in range(ROUNDS if data.averaged is not None else 0):
         fits.correct()
@@ -345,7 +345,7 @@ def _why_unsolved(candidate: Candidate) -> str:
     return ""
 
 
-class _Fits:
+class _CandidateFits:
     """Fits of candidates to one record, under solvers with a common width of friction.
 
     Under each law, the sum of all terms is fitted first, and the other candidates start from its fit. Candidates that

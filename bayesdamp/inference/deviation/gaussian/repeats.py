@@ -61,7 +61,7 @@ class RunLikelihood:
 
     @staticmethod
     def of_scores(
-        priors: Mapping[str, Prior], coefficients: Sequence[str], z: np.ndarray, found: DampingLikelihood
+        priors: Mapping[str, Prior], coefficients: Sequence[str], z: np.ndarray, likelihood: DampingLikelihood
     ) -> RunLikelihood:
         """Turn the likelihood of scores into one of parameters.
 
@@ -74,11 +74,11 @@ class RunLikelihood:
         z : ndarray, shape (k,)
             Scores at the best motion, where the maps from scores to parameters are linearised; those of half-normal
             priors are linear.
-        found : DampingLikelihood
+        likelihood : DampingLikelihood
             As a function of the scores.
         """
         values, slopes = _maps(priors, z)
-        changed = found.mapped(z - values / slopes, np.diag(1.0 / slopes))
+        changed = likelihood.mapped(z - values / slopes, np.diag(1.0 / slopes))
         which = np.array([n in coefficients for n in priors], bool)
         return RunLikelihood(tuple(priors), which, values, changed)
 
