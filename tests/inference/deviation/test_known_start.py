@@ -113,8 +113,9 @@ def shifted(data: Data, by: float) -> Data:
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_the_true_damping_is_named_at_any_rate(kind: str, rate: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nine intervals of 95 % on one seed: at least one of them misses with a probability of 0.37, two with 0.07; the seed
-    is one at which none does, and the same for intervals without averaging."""
+    """Nine intervals of 95 % on one seed: one of them or more misses with a probability of 0.37, two or more with 0.07.
+
+    The seed is one at which none does, and the same for intervals without averaging."""
     signal = record(kind, rate)
     verdict = asked(signal)
     assert (prepared(signal).windows is not None) == (rate >= 160)
