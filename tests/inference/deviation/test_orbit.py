@@ -32,7 +32,7 @@ def rest_of(restoring: str, law: np.ndarray, near: float, reach: float) -> float
 def cycle_at(
     amplitude: float, terms: tuple[str, ...], epsilon: float, restoring: str, law: np.ndarray, rest: float
 ) -> SimpleNamespace | None:
-    """The cycle whose turning points are twice the amplitude apart, if there is one."""
+    """Return the cycle whose turning points are twice the amplitude apart, if there is one."""
     orbit = orbit_at(amplitude, restoring, tuple(map(float, law)), rest)
     if orbit is None:
         return None
@@ -44,7 +44,7 @@ def cycle_at(
 
 @pytest.mark.parametrize("law", LAWS.names())
 def test_harmonic_ratios(law: str) -> None:
-    """ζ/ω, 2μ/(πω²A), 4μA/(3π): of a linear spring at any amplitude, of every law at a small one."""
+    """Ratios are ζ/ω, 2μ/(πω²A) and 4μA/(3π): for a linear spring at any amplitude, for every law at a small one."""
     amplitude = A if law == "linear" else 1e-4
     p = LAWS.get(law).start(W, 0.2, {})
     law_p = np.array([p[n] for n in LAWS.get(law).parameters])
@@ -58,7 +58,7 @@ def test_harmonic_ratios(law: str) -> None:
 
 @pytest.mark.parametrize("amplitude", [0.5, 1.5, 2.8])
 def test_a_pendulum_of_large_amplitude(amplitude: float) -> None:
-    """Energy 2k sin²(A/2); work of the terms by quadrature over the angle, x = A sin φ."""
+    """The energy is 2k sin²(A/2), and the work of the terms a quadrature over the angle, x = A sin φ."""
     k = W**2
     found = cycle_at(amplitude, PAPER_TERMS, SMALL, "pendulum", np.array([k, 0.1]), 0.1)
     assert found is not None
@@ -80,7 +80,7 @@ def test_a_pendulum_of_large_amplitude(amplitude: float) -> None:
 
 
 def test_an_uneven_spring_turns_at_equal_energies() -> None:
-    """A horizontal pendulum under strong gravity: its turning points, 2A apart, have one potential."""
+    """A horizontal pendulum under strong gravity has turning points, 2A apart, of equal potential."""
     law = np.array([20.0, 15.0, 0.0])
     rest = rest_of("horizontal_pendulum", law, 0.0, 2.0)
     assert rest is not None
@@ -101,7 +101,7 @@ def test_an_uneven_spring_turns_at_equal_energies() -> None:
 
 
 def test_no_cycle_beyond_the_barrier() -> None:
-    """A softening spring's is at √(k/−β) = 0.577, a pendulum's at π."""
+    """The barrier of a softening spring is at √(k/−β) = 0.577, that of a pendulum at π."""
     spring, pendulum = np.array([20.0, 0.0, -60.0]), np.array([20.0, 0.0])
     for amplitude, inside in ((0.5, True), (0.57, True), (0.59, False), (0.9, False)):
         assert (cycle_at(amplitude, ("viscous",), SMALL, "duffing", spring, 0.0) is not None) is inside

@@ -54,15 +54,15 @@ def test_it_is_the_linear_model_at_the_mode_to_first_order(approximate: bool) ->
 
 
 def log_of_scales(z: np.ndarray, ridge: Ridge) -> float:
-    """Log density of normal scores, but for constants: those that share a scale summed over it."""
+    """Return the log density of normal scores without constants, with the shared scale summed over."""
     shared = ridge.base.shared
     each = np.array([norm.logpdf(z[shared], 0.0, s).sum() for s in SHARED_SIGMAS])
     return float(logsumexp(each)) - 0.5 * float(np.sum(z[~shared] ** 2))
 
 
 def test_the_prior_keeps_its_density() -> None:
-    """The determinant by differences of the scores; every positive score that is moved counts twice, as it is not cut
-    off in u."""
+    """The determinant agrees with differences of the scores; every positive score that is moved counts twice, as it
+    is not cut off in u."""
     ridge, start = started(False)
     moved = int(np.sum(ridge.base.positive[ridge.moved]))
     assert moved == 2
@@ -81,9 +81,12 @@ def test_the_prior_keeps_its_density() -> None:
 
 
 def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the Stribeck velocity known the motion is nearly linear in all else; that is integrated over its prior.
-    Evidence within a tenth of a nat, the sd of the static excess within 20 %, its mean within a fifth of an sd (300
-    draws: false alarms below 1 in 1,000). Control: draws along the tangent have half of that sd."""
+    """With the Stribeck velocity known the motion is nearly linear in everything else; the quadrature is over its
+    prior.
+
+    The evidence agrees within a tenth of a nat, the sd of the static excess within 20 %, and its mean within a fifth
+    of an sd (300 draws: false alarms below 1 in 1,000). Control: draws along the tangent have half of that sd.
+    """
     weighing, result = weighed()
     names, priors = result.fit.parameters.free_names, result.fit.parameters.priors
     place = names.index("static_excess")

@@ -67,7 +67,7 @@ def test_they_are_the_scores_at_the_anchor_to_first_order() -> None:
 
 
 def test_the_prior_keeps_its_density() -> None:
-    """The determinant by differences of the scores themselves."""
+    """The determinant agrees with differences of the scores."""
     found, z = coordinates()
     rng = np.random.default_rng(2)
     for _ in range(5):
@@ -88,9 +88,12 @@ def test_where_a_parameter_is_known_there_are_none() -> None:
 
 
 def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With gravity known all else is told well, and its linear model is right: that is integrated over gravity's prior.
-    Within a tenth of a nat, and gravity's mean within five standard errors (false alarm 1 in 1.7 million). Control:
-    draws that start from the linear model of the scores miss it by nats."""
+    """With gravity known everything else is well determined, and its linear model is right; the quadrature is over
+    gravity's prior.
+
+    The evidence agrees within a tenth of a nat, and gravity's mean within five standard errors (false alarm 1 in 1.7
+    million). Control: draws that start from the linear model of the scores miss it by nats.
+    """
     weighing, result = weighed()
     place = result.fit.parameters.free_names.index("gravity")
     prior = result.fit.parameters.priors["gravity"]
@@ -111,7 +114,7 @@ def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyP
 
 
 def test_looser_motions_are_as_near_as_they_say() -> None:
-    """On other draws than those that were tried; control: without the correction they are further off."""
+    """This holds for other draws than those that were tried; control: without the correction they are further off."""
     weighing, result = weighed()
     start = reference_of(weighing, result, True)
     sd = float(np.sqrt(weighing.variance))
@@ -130,7 +133,7 @@ def test_looser_motions_are_as_near_as_they_say() -> None:
 
 
 def test_a_step_along_gravity_keeps_what_the_record_tells() -> None:
-    """Angle at rest and frequency after a step along their tangent; control: along the scores they are lost."""
+    """Angle at rest and frequency stay the same along their tangent; control: along the scores they change."""
     _, result = weighed()
     parameters, z = result.fit.parameters, result.fit.z
     found, law = coordinates()[0], LAWS.get("horizontal_pendulum")
