@@ -38,8 +38,8 @@ from bayesdamp.inference.deviation.numbers.draws import (
     quantity,
     shares_of,
 )
-from bayesdamp.inference.deviation.numbers.exponent import LEAST, MOST
 from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
+from bayesdamp.inference.deviation.numbers.rivals import LEAST_EXPONENT, MOST_EXPONENT
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
@@ -211,7 +211,7 @@ def findings(
     of_best = next((d for d in drawn if d.result.candidate == best), None)
     exponent = quantity(np.array(weighing.exponents)) if weighing.exponents else None
     untold = _undetermined(of_best) if of_best is not None else ()
-    if exponent and exponent.high - exponent.low > 0.95 * AS_WIDE * (MOST - LEAST):
+    if exponent and exponent.high - exponent.low > 0.95 * AS_WIDE * (MOST_EXPONENT - LEAST_EXPONENT):
         untold = (*untold, "exponent")
     likeliest = max(everything, key=lambda c: everything[c])
     leading = weighing.result(likeliest)

@@ -13,8 +13,7 @@ from bayesdamp.inference.deviation.averaged import Averaging
 from bayesdamp.inference.deviation.candidate import Candidate, refit
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.numbers.bounds import columns_of
-from bayesdamp.inference.deviation.numbers.exponent import exponents_of
-from bayesdamp.inference.deviation.numbers.rivals import with_rivals
+from bayesdamp.inference.deviation.numbers.rivals import exponents_of, with_rivals
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, MOST_CYCLES, prepared_for
 from bayesdamp.inference.deviation.weighing import START, Known, Result, Weighing, weigh_all
 from bayesdamp.machine.threads import at_once

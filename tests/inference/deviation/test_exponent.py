@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
-from bayesdamp.inference.deviation.numbers.exponent import _distribution
+from bayesdamp.inference.deviation.numbers.rivals import _distribution
 
 
 def test_a_steep_fall_leaves_a_distribution() -> None:

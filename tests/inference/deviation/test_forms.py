@@ -46,7 +46,7 @@ def found(kind: str, exponent: float = 1.0) -> Findings:
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0])
 def test_the_exponent_is_found(exponent: float) -> None:
-    """95 % intervals, made wider: else one of the three would fail with a probability of 1/7; the seed was not chosen."""
+    """95 % intervals, made wider: else one of three would fail with a probability of 1/7; the seed was not chosen."""
     q = found("power", exponent).exponent
     assert q is not None
     assert q.low - 0.01 < exponent < q.high + 0.01
