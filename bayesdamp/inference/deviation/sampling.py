@@ -130,7 +130,7 @@ def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Sampl
     In straight coordinates, about the mode in them, where there are any; else the model by which it was weighed.
     Along a ridge where there is one.
     """
-    model = result.exact if not approximate or result.about is None else result.about.model
+    model = exact(result.fit) if not approximate or result.about is None else result.about.model
     weighed = result.weighed if approximate else result.exact_weighed
     assert weighed is not None
     start = _straightened(weighing, result, approximate) or SamplingStart(
@@ -220,9 +220,9 @@ def sampled_result(
 
     def ratio(u: np.ndarray) -> np.ndarray:
         """Return the log of the motions' likelihood over the linear model's, of draws (n, K): (n,)."""
-        exact = np.array(at_once(squares, u))
+        solved = np.array(at_once(squares, u))
         linear = np.sum((u @ model.root.T - model.target) ** 2, axis=1) + model.rest
-        return 0.5 * (linear - exact) / variance + [parameters.log_prior_ratio(row[:d]) for row in u]
+        return 0.5 * (linear - solved) / variance + [parameters.log_prior_ratio(row[:d]) for row in u]
 
     own_seed = crc32(result.candidate.name.encode()) + seed % 2**32
     sampled = sample_posterior(ratio, start.weighed, parameters.positive, draws=draws, seed=own_seed)

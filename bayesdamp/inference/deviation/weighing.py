@@ -22,7 +22,7 @@ from bayesdamp.inference.deviation.candidate import (
 )
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
-from bayesdamp.inference.deviation.gaussian.linear import LinearModel, Weighed, weigh
+from bayesdamp.inference.deviation.gaussian.linear import Weighed, weigh
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
 from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.deviation.sample_noise import (
@@ -70,8 +70,8 @@ class Result:
         Of its motions.
     fit : Fit
         Under exact laws.
-    exact, exact_weighed, exact_variance
-        Under exact laws: the linear model, its posterior and evidence, and the variance of the noise.
+    exact_weighed, exact_variance
+        Under exact laws: posterior and evidence of the linear model, and the variance of the noise.
     about, weighed
         Under approximate laws: the linear model about the mode, and its posterior and evidence; None where laws hold
         exactly, or no motion with deviations was found.
@@ -83,7 +83,6 @@ class Result:
     data: Data
     solver: Solver
     fit: Fit
-    exact: LinearModel
     exact_weighed: Weighed
     exact_variance: float
     about: Linearised | None = None
@@ -111,12 +110,12 @@ class Result:
             The variance that counts, and the inflation in it.
         """
         variance, samples = noise[0], data.y.size / noise[1]
-        model, weighed = exact(fit), None
+        weighed = None
         if about is not None:
             grid = grid_of(solver.knots.size, absorbed=fit.parameters.absorbs)
             weighed = weigh(about.model, grid, variance, samples)
-        exact_weighed = weigh(model, grid_of(0, exact=True), exact_variance, samples)
-        return cls(candidate, data, solver, fit, model, exact_weighed, exact_variance, about, weighed)
+        exact_weighed = weigh(exact(fit), grid_of(0, exact=True), exact_variance, samples)
+        return cls(candidate, data, solver, fit, exact_weighed, exact_variance, about, weighed)
 
     @property
     def log_evidence(self) -> float:

@@ -39,7 +39,7 @@ def cycle_at(
     solver = Solver(terms, restoring, np.zeros(1), "angle", amplitude, W, epsilon, np.zeros(2))
     work = works_on(orbit, solver, np.zeros((1, 0)), np.ones(len(terms), bool))[0]
     ratios = work / (4 * np.pi * orbit.energy)
-    return SimpleNamespace(amplitude=orbit.amplitude, energy=orbit.energy, work=work, ratios=ratios)
+    return SimpleNamespace(energy=orbit.energy, work=work, ratios=ratios)
 
 
 @pytest.mark.parametrize("law", LAWS.names())
@@ -50,7 +50,6 @@ def test_harmonic_ratios(law: str) -> None:
     law_p = np.array([p[n] for n in LAWS.get(law).parameters])
     found = cycle_at(amplitude, PAPER_TERMS, SMALL * amplitude * W, law, law_p, 0.2)
     assert found is not None
-    assert found.amplitude == amplitude
     expected = [1 / W, 2 / (math.pi * W**2 * amplitude), 4 * amplitude / (3 * math.pi)]
     assert found.ratios == pytest.approx(expected, rel=1e-4)
     assert found.energy == pytest.approx(0.5 * W**2 * amplitude**2, rel=1e-6)

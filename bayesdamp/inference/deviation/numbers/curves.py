@@ -31,15 +31,12 @@ class Orbit:
 
     Attributes
     ----------
-    amplitude : float
-        In rad or m.
     energy : float
         Potential energy at its turning points, per unit of inertia.
     x, speed, width : ndarray, shape (n,)
         Positions, speeds, and widths for integration over x.
     """
 
-    amplitude: float
     energy: float
     x: np.ndarray
     speed: np.ndarray
@@ -84,7 +81,7 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
         return None
     speed = np.sqrt(2 * np.maximum(energy - inside, 0.0))
     width = amplitude * np.cos(_PHASE) * np.pi / POINTS
-    return Orbit(amplitude, energy, x, speed, width)
+    return Orbit(energy, x, speed, width)
 
 
 def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float) -> float:
