@@ -104,7 +104,7 @@ def test_a_wrong_law_does_not_fit() -> None:
     assert np.sqrt(found.squares / TIMES.size) > 0.02
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_coefficients_are_never_negative(seed: int) -> None:
     """For a viscous record with noise, all three terms are at zero or above, and the fit is no worse than the truth."""
     made = case_of("linear", mu_c=0.0, mu_q=0.0)
@@ -135,7 +135,7 @@ def test_a_way_that_escapes_is_none() -> None:
     assert fit(made.solver, made.parameters, np.ones(3, bool), made.y, z, noise=1e-9) is None
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_nonnegative_least_squares_are_scipys(seed: int) -> None:
     rng = np.random.default_rng(seed)
     root, target = rng.standard_normal((12, 3)), rng.standard_normal(12)
