@@ -278,18 +278,11 @@ def weigh_all(
         fits.correct()
         fits.repeat()
     stated = fits.known_under(fits.laws[0])
-    frictions = [] if "epsilon" in stated else fits.frictions()
-    if frictions:
-        density = np.array([f.weight for f in frictions]) / _cells(np.log([f.epsilon for f in frictions]))
-        off = [abs(f.epsilon - fits.epsilon) for f in frictions]
-        first, usual = int(np.argmax(density)), int(np.argmin(off))
-        if np.log(density[first] / max(density[usual], 1e-300)) > LEAD:
-            fits.epsilon = frictions[first].epsilon
-            fits.solvers = {law: replace(s, epsilon=fits.epsilon) for law, s in fits.solvers.items()}
-            fits.repeat()
+    frictions = [] if "epsilon" in stated else fits.choose_friction()
     abouts = fits.about_modes()
     if not abouts:
         raise Refusal("no motion under any of the laws stays in phase with the record")
+    # The noise is that of the sum of all terms under the law that leaves least.
     noise_sd, whole = stated.get("noise_sd"), fits.whole
     law = min(abouts, key=lambda name: abouts[name][1])
     at, known_values = abouts[law][0], fits.known_under(law)
@@ -308,6 +301,7 @@ def weigh_all(
             variance, kappa = adapted.variance, kappa * adapted.variance / variance
     else:
         variance, kappa = data.least_variance + noise_sd**2 / data.thinned, 1.0
+    # Laws that are far behind with all terms are not weighed any further.
     logs = {}
     for name, (at, _) in abouts.items():
         grid = grid_of(at.knots, coarse=True, absorbed=at.fit.parameters.absorbs)
@@ -360,13 +354,8 @@ class _CandidateFits:
         known: Known,
         refused: dict[Candidate, str],
     ) -> None:
-        self.data, self.reference, self.priors, self.known, self.refused = (
-            data,
-            reference,
-            priors,
-            known,
-            refused,
-        )
+        self.data, self.reference, self.priors = data, reference, priors
+        self.known, self.refused = known, refused
         self.terms = tuple(dict.fromkeys(t for c in candidates for t in c.damping))
         self.plain = tuple(t for t in self.terms if not TERMS.get(t).inferred)
         self.laws = list(dict.fromkeys(c.restoring for c in candidates))
@@ -464,8 +453,22 @@ class _CandidateFits:
         )
         return {c.restoring: about for c, about in zip(whole, abouts, strict=True) if about is not None}
 
-    def frictions(self) -> list[Friction]:
-        """Return every width ε that is tried, under the best law and all terms; none where no friction stands out."""
+    def choose_friction(self) -> list[Friction]:
+        """Use the likeliest width of friction if it is clearly ahead of the usual one; return all that were tried."""
+        frictions = self._try_widths()
+        if frictions:
+            cells = _cells(np.log([f.epsilon for f in frictions]))
+            density = np.array([f.weight for f in frictions]) / cells
+            first = int(np.argmax(density))
+            usual = int(np.argmin([abs(f.epsilon - self.epsilon) for f in frictions]))
+            if np.log(density[first] / max(density[usual], 1e-300)) > LEAD:
+                self.epsilon = frictions[first].epsilon
+                self.solvers = {law: replace(s, epsilon=self.epsilon) for law, s in self.solvers.items()}
+                self.repeat()
+        return frictions
+
+    def _try_widths(self) -> list[Friction]:
+        """Return widths ε and their probabilities, under the best law and all terms; none without friction."""
         switching = [i for i, t in enumerate(self.terms) if TERMS.get(t).switches]
         if not self.fits or not switching:
             return []
