@@ -197,11 +197,8 @@ def with_samples(weighing: Weighing, approximate: bool, seed: int = 0) -> Weighi
     best = max(r.log_evidence for r in every)
     close = sorted((r for r in every if r.log_evidence > best - BEHIND), key=lambda r: -r.log_evidence)[:MOST]
     sampled = {id(r): sampled_result(weighing, r, approximate, seed) for r in close}
-    return replace(
-        weighing,
-        results=tuple(sampled.get(id(r), r) for r in weighing.results),
-        forms=tuple(sampled.get(id(r), r) for r in weighing.forms),
-    )
+    results = tuple(sampled.get(id(r), r) for r in weighing.results)
+    return replace(weighing, results=results, forms=tuple(sampled.get(id(r), r) for r in weighing.forms))
 
 
 def sampled_result(

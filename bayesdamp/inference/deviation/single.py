@@ -153,23 +153,15 @@ class Single:
         about, data, parameters = self.result.about, self.weighing.data, self.result.fit.parameters
         if about is None or self.result.weighed is None:
             raise Refusal(ESCAPED)
-        target = Target(
-            Signal(data.t, data.y, data.quantity),
-            self.oscillator,
-            "gaussian",
-            parameters.priors,
-            {**parameters.known, "epsilon": self.result.solver.epsilon, **self.known},
-            deviation=self._deviation(),
-        )
+        signal = Signal(data.t, data.y, data.quantity)
+        known = {**parameters.known, "epsilon": self.result.solver.epsilon, **self.known}
+        deviation = self._deviation()
+        target = Target(signal, self.oscillator, "gaussian", parameters.priors, known, deviation=deviation)
         likelihood = Likelihood.near(target, about.z, TOLERANCE * data.recorded_amplitude)
         scores = self.scores[:, : about.z.size]
-        return Mode(
-            about.z,
-            likelihood.log_posterior(about.z),
-            np.linalg.inv(np.atleast_2d(np.cov(scores.T))),
-            likelihood,
-            linear=LinearPosterior(scores, float(self.result.weighed.log_evidence)),
-        )
+        information = np.linalg.inv(np.atleast_2d(np.cov(scores.T)))
+        linear = LinearPosterior(scores, float(self.result.weighed.log_evidence))
+        return Mode(about.z, likelihood.log_posterior(about.z), information, likelihood, linear=linear)
 
     def _deviation(self) -> Deviation:
         """Return the deviations about those of the mode, with the combinations of hyperparameters that count."""
@@ -380,15 +372,9 @@ def single(
     """
     asked = Candidate(tuple(damping), restoring)
     whole = Candidate((*PAPER_TERMS, *(t for t in damping if t not in PAPER_TERMS)), restoring)
+    both = dict.fromkeys([whole, asked])
     with threadpool_limits(1, "blas"):
-        weighing = weigh_all(
-            data,
-            dict.fromkeys([whole, asked]),
-            known=known,
-            priors=priors,
-            reference=reference,
-            noises=noises,
-        )
+        weighing = weigh_all(data, both, known=known, priors=priors, reference=reference, noises=noises)
     result = next((r for r in weighing.results if set(r.candidate.damping) == set(damping)), None)
     if result is None:
         raise Refusal(weighing.refused.get(asked, ESCAPED))

@@ -150,15 +150,10 @@ def joined(
         spreads, masses = np.array([spread or 0.0]), np.ones(1)
     else:
         spreads, masses = SPREADS, np.diff(erf(EDGES / (SPREAD * np.sqrt(2.0))))
-    likelihoods = [r.likelihood for r in runs]
-    problem = _Problem(
-        np.stack([x.log for x in likelihoods]),
-        np.stack([x.slope for x in likelihoods]),
-        np.stack([x.information for x in likelihoods]),
-        offset,
-        slopes,
-        runs[0].coefficients,
+    log, slope, information = (
+        np.stack([getattr(r.likelihood, part) for r in runs]) for part in ("log", "slope", "information")
     )
+    problem = _Problem(log, slope, information, offset, slopes, runs[0].coefficients)
     probable = _probable_combos(problem, log_sizes, spreads)
     combo, at = (a.ravel() for a in np.meshgrid(probable, np.arange(spreads.size), indexing="ij"))
     normals = problem.integrated(combo, spreads[at])

@@ -63,12 +63,8 @@ def bounds_of_others(
 
     Of friction with a parameter of its own, only what it adds to dry friction is bounded.
     """
-    forms = [
-        form
-        for name in others()
-        if name not in result.candidate.damping and TERMS.get(name).bounded
-        for form in _forms(weighing, result, name)
-    ]
+    absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
+    forms = [form for name in absent for form in _forms(weighing, result, name)]
     base = columns_of(result, approximate)
     if base is None or not forms:
         return {}

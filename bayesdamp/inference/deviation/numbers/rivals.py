@@ -114,11 +114,8 @@ def _sums(weighing: Weighing, form: str, like: str) -> list[tuple[str, ...]]:
     paper = [t for t in weighing.solvers[law].terms if t in PAPER_TERMS and t != like]
     if not TERMS.get(form).inferred:
         return [(*c, form) for n in range(len(paper) + 1) for c in combinations(paper, n)]
-    near = {
-        frozenset(r.candidate.damping)
-        for r in weighing.results
-        if r.candidate.restoring == law and r.log_evidence > best.log_evidence - BEHIND
-    }
+    close = [r.candidate for r in weighing.results if r.log_evidence > best.log_evidence - BEHIND]
+    near = {frozenset(c.damping) for c in close if c.restoring == law}
     sums = [s for s in sorted(near, key=lambda s: (len(s), sorted(s))) if like in s and s <= {*paper, like}]
     return [(*(t for t in paper if t in s), form) for s in sums]
 
