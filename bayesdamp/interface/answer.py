@@ -9,17 +9,15 @@ from functools import cached_property
 import numpy as np
 
 from bayesdamp.config.sections import DEVIATIONS
-from bayesdamp.inference.deviation.findings import SENSOR, Findings, findings
+from bayesdamp.inference.deviation.findings import SENSOR, Findings, findings, posterior_of
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.numbers.rivals import place_of
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sample_noise import GAUSSIAN, SampleNoise, noises_of
-from bayesdamp.inference.deviation.sampled.candidates import with_samples
-from bayesdamp.inference.deviation.sampled.table import posterior_of
-from bayesdamp.inference.deviation.several.run_likelihood import DampingRun, damping_run
-from bayesdamp.inference.deviation.several.specimen import OtherForm, WeighedRun
+from bayesdamp.inference.deviation.sampling import with_samples
 from bayesdamp.inference.deviation.single import found_of
+from bayesdamp.inference.deviation.specimen import DampingRun, OtherForm, WeighedRun, damping_run
 from bayesdamp.inference.deviation.weighing import Known, Result, Weighing
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS

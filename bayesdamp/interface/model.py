@@ -12,7 +12,7 @@ from bayesdamp import types
 from bayesdamp.calls import told
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import prepared
-from bayesdamp.inference.deviation.numbers.averaging import averaging_of
+from bayesdamp.inference.deviation.quick import averaging_of
 from bayesdamp.inference.deviation.sample_noise import MOST_CYCLES, noises_of, prepared_for
 from bayesdamp.inference.deviation.single import Single, single
 from bayesdamp.inference.deviation.weighing import START, weigh_all

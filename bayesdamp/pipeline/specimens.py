@@ -11,14 +11,7 @@ import numpy as np
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.curves.weighted import summarise
 from bayesdamp.inference.deviation.gaussian.repeats import Repeats
-from bayesdamp.inference.deviation.several.specimen import (
-    Model,
-    WeighedRun,
-    WeighedSpecimen,
-    common_reference,
-    priors_of,
-    weigh_specimen,
-)
+from bayesdamp.inference.deviation.specimen import Model, WeighedRun, WeighedSpecimen, common_reference, priors_of, weigh_specimen
 from bayesdamp.inference.curves.population import Sample, population
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model

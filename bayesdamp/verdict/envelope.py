@@ -14,7 +14,7 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
 from bayesdamp.inference.deviation.numbers.draws import quantity
-from bayesdamp.inference.deviation.several.specimen import WeighedSpecimen
+from bayesdamp.inference.deviation.specimen import WeighedSpecimen
 from bayesdamp.inference.envelope.candidates import KNOTS, Candidate
 from bayesdamp.inference.envelope.decay import Curve, Decay
 from bayesdamp.inference.envelope.posterior import RateLikelihood, likelihood_of

@@ -11,7 +11,7 @@ from scipy.special import ndtr
 
 from bayesdamp.formatting import rounded, with_interval
 from bayesdamp.inference.deviation.findings import SENSOR
-from bayesdamp.inference.deviation.several.specimen import WeighedRun, WeighedSpecimen, weigh_specimen
+from bayesdamp.inference.deviation.specimen import WeighedRun, WeighedSpecimen, weigh_specimen
 from bayesdamp.priors import Prior
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of

@@ -43,8 +43,16 @@ PARTS = {
         ("inference/noise/*.py", "inference/model/*.py"), ("tests/inference/noise", "tests/inference/model")
     ),
     "deviation": Part(
-        ("inference/deviation/gaussian/*.py", "inference/deviation/sampled/*.py"),
-        ("tests/inference/deviation/gaussian", "tests/inference/deviation/sampled"),
+        (
+            "inference/deviation/gaussian/*.py",
+            "inference/deviation/sampling.py",
+            "inference/deviation/ridge.py",
+        ),
+        (
+            "tests/inference/deviation/gaussian",
+            "tests/inference/deviation/test_ridge.py",
+            "tests/inference/deviation/test_straight.py",
+        ),
     ),
     "verdict": Part(("verdict/*.py",), ("tests/verdict",)),
 }

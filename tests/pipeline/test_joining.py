@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.several.specimen import OtherForm, weigh_specimen
+from bayesdamp.inference.deviation.specimen import OtherForm, weigh_specimen
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.specimens import (
     WIDE,

@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
-from bayesdamp.inference.deviation.several.run_likelihood import DampingRun
-from bayesdamp.inference.deviation.several.specimen import FAR, Model, OtherForm, WeighedRun, weigh_specimen
+from bayesdamp.inference.deviation.specimen import (
+    FAR,
+    DampingRun,
+    Model,
+    OtherForm,
+    WeighedRun,
+    weigh_specimen,
+)
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.odds import FURTHER_TERM, OTHERS
 from bayesdamp.priors import SharedHalfNormal

@@ -1,5 +1,7 @@
-"""A record of hundreds of cycles and more as amplitudes and phases, in blocks: what of it the averaged motion is
-compared with, as many numbers for a million cycles as for a thousand."""
+"""A record of hundreds of cycles or more as amplitudes and phases, in blocks.
+
+The averaged motion is compared with these: as many numbers for a million cycles as for a thousand.
+"""
 
 from __future__ import annotations
 
@@ -16,26 +18,26 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 FEWEST_CYCLES = 400.0
-"""Cycles from which on a record is taken so (conventional)."""
+"""Cycles from which on a record is averaged (conventional)."""
 BLOCKS = 64
-"""Of which each stands for as many cycles that are solved as are read at once: of 400 cycles the damping is three times
-larger, and its ratio, where the amplitude falls to a twentieth, 0.4 %."""
+"""Number of blocks. Each stands for as many cycles that are solved as are read at once: with 400 cycles the damping is
+three times larger, and its ratio, where the amplitude falls to a twentieth, 0.4 %."""
 PIECES = 20
 """Of the splines that amplitude and phase are taken against."""
 LEAST_SAMPLES = 24
 """In a block."""
 COVERED = 0.98
-"""Share of the record in which turning points must be seen."""
+"""Share of the record that must have turning points."""
 HOLE, BESIDE = 0.4, 50
-"""Share of a block without any sample from which on the record is left to the equation of motion, and swings on either
-side by which those within are counted (conventional)."""
+"""Share of a block without any sample from which on the record is left to the equation of motion, and number of swings
+on either side by which the swings in a hole are counted (conventional)."""
 UNLIKE = 1.3
 """Factor by which the noise of blocks may differ."""
 OVERTONES = 3
-"""Multiples of the frequency that are taken out of a block besides it."""
+"""Multiples of the frequency that are also removed from a block."""
 BENT = 0.3
-"""Curvature of amplitude and phase within a block, as a share of their sd, up to which they are told by their mean; by
-chance alone it is 0.1."""
+"""Largest curvature of amplitude and phase within a block, as a share of their sd, for which their mean describes them;
+by chance alone it is 0.1."""
 PASSES = 3
 CLOSE = 0.1
 """Posterior standard deviations by which averaging may move a parameter."""
@@ -43,9 +45,23 @@ CLOSE = 0.1
 
 @dataclass(frozen=True)
 class Averaged:
-    """t: ends of the blocks in s of the oscillation that is solved, y: amplitudes, phases and midlines in turn, each
-    (3b,), as an `AveragedSolver` gives them. noise: their sd, in the record's unit; samples: that each stands for;
-    residual: what blocks leave of the record's values, (n,)."""
+    """A record as amplitudes, phases and midlines of b blocks.
+
+    Attributes
+    ----------
+    t : ndarray, shape (3b,)
+        Ends of the blocks, in s of the oscillation that is solved.
+    y : ndarray, shape (3b,)
+        Amplitudes, phases and midlines in turn, as an `AveragedSolver` gives them.
+    track : Track
+        Points of the blocks in the record and in the oscillation that is solved.
+    noise : float
+        Sd of y's noise, in the record's unit.
+    samples : int
+        Number of samples that each value stands for.
+    residual : ndarray, shape (n,)
+        What the blocks leave of the record's values.
+    """
 
     t: np.ndarray
     y: np.ndarray
@@ -59,8 +75,13 @@ class Averaged:
 class Averaging:
     """How far averaged motions are from the equation of motion.
 
-    cycles: of the record; error: the most by which averaging moves a parameter of the likeliest candidate, in its
-    posterior sds, the start apart; infinite where the ODE does not follow.
+    Attributes
+    ----------
+    cycles : float
+        Of the record.
+    error : float
+        Largest shift of a parameter of the likeliest candidate, in its posterior sds, apart from the start; infinite
+        where the equation of motion cannot be followed.
     """
 
     cycles: float
@@ -68,7 +89,7 @@ class Averaging:
 
     @property
     def close(self) -> bool:
-        """Whether the one may stand for the other."""
+        """Whether averaged motions can replace the equation of motion."""
         return self.error <= CLOSE
 
 
@@ -79,28 +100,42 @@ class _Curves:
     phase: BSpline
     log_size: BSpline
 
-    def with_added(
-        self, t: np.ndarray, phase: np.ndarray, log_size: np.ndarray, weight: np.ndarray
-    ) -> _Curves:
-        """With smooth curves through what is missing at times t, (b,)."""
-        from scipy.interpolate import BSpline
 
-        end = self.phase.t[-1]
-        curves = (self.phase, self.log_size)
-        more = (_smooth(t, values, weight, end) for values in (phase, log_size))
-        return _Curves(*(BSpline(old.t, old.c + one.c, 3) for old, one in zip(curves, more, strict=True)))
+@dataclass(frozen=True)
+class _BlockFit:
+    """One block against the curves.
 
-
-def averaged(t: np.ndarray, y: np.ndarray, seen: Features, first: float) -> Averaged | None:
-    """Amplitudes and phases of values y (n,) at times t (n,), s from 0; None where the record has few cycles, or is not
-    sampled alike all over, or where neither changes smoothly.
-
-    first: the time of t = 0 on the features' clock.
+    z: complex amplitude; midline; share: the amplitude's noise variance relative to a sample's; left: residuals of the
+    values, (m,); freedom: their degrees of freedom.
     """
+
+    z: complex
+    midline: float
+    share: float
+    left: np.ndarray
+    freedom: int
+
+
+def average_of(t: np.ndarray, y: np.ndarray, features: Features, first: float) -> Averaged | None:
+    """Take a record as amplitudes and phases.
+
+    None where the record has few cycles, is not sampled evenly enough, or where neither changes smoothly.
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Times in s, from 0, and values.
+    features : Features
+        Of the record.
+    first : float
+        The time of t = 0 on the features' clock, in s.
+    """
+    from scipy.interpolate import BSpline
+
     duration = float(t[-1])
-    if duration < FEWEST_CYCLES * seen.period or t.size < LEAST_SAMPLES * BLOCKS:
+    if duration < FEWEST_CYCLES * features.period or t.size < LEAST_SAMPLES * BLOCKS:
         return None
-    curves = _seen(seen, first, duration)
+    curves = _first_curves(features, first, duration)
     if curves is None:
         return None
     ends = curves.phase(np.array([0.0, duration]))
@@ -109,20 +144,22 @@ def averaged(t: np.ndarray, y: np.ndarray, seen: Features, first: float) -> Aver
     places[0], places[-1] = 0, t.size
     if np.diff(places).min() < LEAST_SAMPLES:
         return None
-    middles = np.array([t[a:b].mean() for a, b in pairwise(places)])
+    parts = list(pairwise(places))
+    middles = np.array([t[a:b].mean() for a, b in parts])
     for number in range(PASSES):
-        blocks = [
-            _block(t[a:b], y[a:b], at, curves) for (a, b), at in zip(pairwise(places), middles, strict=True)
-        ]
-        z, middle, share = (np.array(one) for one in list(zip(*blocks, strict=True))[:3])
-        left = np.concatenate([b[3] for b in blocks])
-        variance = float(left @ left) / sum(b[4] for b in blocks)
-        sd = np.sqrt(variance * share)
+        blocks = [_fit_block(t[a:b], y[a:b], at, curves) for (a, b), at in zip(parts, middles, strict=True)]
+        z, midline = np.array([b.z for b in blocks]), np.array([b.midline for b in blocks])
+        left = np.concatenate([b.left for b in blocks])
+        variance = float(left @ left) / sum(b.freedom for b in blocks)
+        sd = np.sqrt(variance * np.array([b.share for b in blocks]))
+        weight = np.abs(z) / sd
         off, log = np.angle(z), np.log(np.abs(z)) - curves.log_size(middles)
-        bent = max(_bend(off, np.abs(z) / sd), _bend(log, np.abs(z) / sd))
-        if bent < BENT and number:  # the turning points' own phase is off by what noise does to them
+        bent = max(_bend(off, weight), _bend(log, weight))
+        if bent < BENT and number:  # the noise shifts the turning points' own phase
             break
-        curves = curves.with_added(middles, off, log, np.abs(z) / sd)
+        both = ((curves.phase, off), (curves.log_size, log))
+        more = [(old, _smooth(middles, values, weight, old.t[-1])) for old, values in both]
+        curves = _Curves(*(BSpline(old.t, old.c + new.c, 3) for old, new in more))
     else:
         return None
     if sd.max() > UNLIKE * np.median(sd) or sd.min() * UNLIKE < np.median(sd):
@@ -131,30 +168,33 @@ def averaged(t: np.ndarray, y: np.ndarray, seen: Features, first: float) -> Aver
     if track is None:
         return None
     noise = float(np.sqrt(np.mean(sd**2)))
-    threes = np.column_stack([np.abs(z), np.abs(z) * off, np.sqrt(2) * middle]).ravel()
+    threes = np.column_stack([np.abs(z), np.abs(z) * off, np.sqrt(2) * midline]).ravel()
     samples = int(np.median(np.diff(places))) // 2
     until = track.times[:, -1].copy()
     until[-1] = max(until[-1], duration / slowness)  # the last block ends where the record does
     return Averaged(np.repeat(until, NUMBERS), threes, track, noise, samples, left)
 
 
-def _seen(seen: Features, first: float, duration: float) -> _Curves | None:
-    """Phase and amplitude by the turning points, or where holes part these by the middles of swings; None where they
-    are not seen over nearly all of the record, or a hole is long."""
-    t, sizes, count = seen.turning_times - first, seen.turning_amplitudes, np.arange(seen.turning_times.size)
-    phase = np.pi * (count + (0 if seen.turning_values[0] > seen.turning_values[1] else 1))
-    if seen.swing_times.size >= t.size:  # of more than one piece
-        begins = t[0]
-        t, sizes = seen.swing_times - first, seen.swing_sizes
+def _first_curves(features: Features, first: float, duration: float) -> _Curves | None:
+    """Return phase and amplitude by the turning points, or by the middles of swings where the record has holes.
+
+    None where they do not cover nearly all of the record, or a hole is long.
+    """
+    t, sizes = features.turning_times - first, features.turning_amplitudes
+    from_top = features.turning_values[0] > features.turning_values[1]
+    phase = np.pi * (np.arange(t.size) + (0 if from_top else 1))
+    if features.swing_times.size >= t.size:  # in more than one piece
         from scipy.ndimage import median_filter
 
+        begin = t[0]
+        t, sizes = features.swing_times - first, features.swing_sizes
         gaps = np.diff(t)
-        if gaps.max() > HOLE * duration / BLOCKS + seen.period:
+        if gaps.max() > HOLE * duration / BLOCKS + features.period:
             return None
-        # The usual gap near each, which is half a period: a hole of so many is counted by it.
+        # The usual gap nearby is half a period: it tells how many half periods a hole has.
         usual = median_filter(gaps, 2 * BESIDE + 1, mode="nearest")
         count = np.concatenate([[0], np.cumsum(np.round(gaps / usual))])
-        phase = phase[0] + np.pi * (count - count[np.searchsorted(t, begins)] + 0.5)
+        phase = phase[0] + np.pi * (count - count[np.searchsorted(t, begin)] + 0.5)
     inside = (t >= 0) & (t <= duration)
     t, phase, sizes = t[inside], phase[inside], np.maximum(sizes[inside], 1e-300)
     if t.size < 8 * PIECES or t[-1] - t[0] < COVERED * duration:
@@ -163,19 +203,15 @@ def _seen(seen: Features, first: float, duration: float) -> _Curves | None:
 
 
 def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, end: float) -> BSpline:
-    """A cubic spline of `PIECES` equal pieces from 0 to `end`, by least squares through values at times t, (m,)."""
+    """Fit a cubic spline of `PIECES` equal pieces from 0 to `end` by least squares to values at times t, (m,)."""
     from scipy.interpolate import make_lsq_spline
 
-    inner = np.linspace(0.0, end, PIECES + 1)
-    knots = np.concatenate([[0.0] * 3, inner, [end] * 3])
+    knots = np.concatenate([[0.0] * 3, np.linspace(0.0, end, PIECES + 1), [end] * 3])
     return make_lsq_spline(t, values, knots, 3, w=weight / weight.max())
 
 
-def _block(
-    t: np.ndarray, y: np.ndarray, at: float, curves: _Curves
-) -> tuple[complex, float, float, np.ndarray, int]:
-    """A block's complex amplitude against the curves at time `at`, its midline, the amplitude's variance by noise as a
-    share of a sample's, what is left of the values, and its degrees of freedom."""
+def _fit_block(t: np.ndarray, y: np.ndarray, at: float, curves: _Curves) -> _BlockFit:
+    """Fit the values of a block, against the curves at time `at`."""
     phase, base = curves.phase(t), float(curves.log_size(at))
     size = np.exp(curves.log_size(t) - base)
     turned = size * np.exp(1j * phase)
@@ -184,37 +220,30 @@ def _block(
     for k in range(2, OVERTONES + 1):
         columns += [np.cos(k * phase), np.sin(k * phase)]
     rows = np.column_stack(columns)
-    square = rows.T @ rows
-    inverse = np.linalg.inv(square)
+    inverse = np.linalg.inv(rows.T @ rows)
     c = inverse @ (rows.T @ y)
-    left = y - rows @ c
-    return complex(c[0], c[1]), float(c[2]), float(inverse[0, 0]), left, t.size - c.size
+    return _BlockFit(complex(c[0], c[1]), float(c[2]), float(inverse[0, 0]), y - rows @ c, t.size - c.size)
 
 
 def _bend(values: np.ndarray, weight: np.ndarray) -> float:
-    """Root mean square of what a block's mean is off its middle, in sds: a 24th of the second difference."""
+    """Return the rms distance of blocks' means from their middles, in sds: a 24th of the second difference."""
     return float(np.sqrt(np.mean((np.diff(values, 2) * weight[1:-1]) ** 2)) / 24)
 
 
 def _track(curves: _Curves, middles: np.ndarray, slowness: float, sizes: np.ndarray) -> Track | None:
-    """The blocks' points in the record and in the oscillation that is solved; None where the phase turns back."""
-    origin, rate = float(curves.phase(0.0)), curves.phase.derivative()
-    real_phases = curves.phase(middles)[:, None] + REAL_OFFSETS
-    phases = origin + (curves.phase(middles)[:, None] - origin) / slowness + OFFSETS
-    real = [
-        _when(curves.phase, rate, wanted, middles)
-        for wanted in (real_phases, origin + slowness * (phases - origin))
-    ]
+    """Return the blocks' points in the record and in the oscillation that is solved; None where the phase goes back."""
+    phase, rate = curves.phase, curves.phase.derivative()
+    origin, end = float(phase(0.0)), phase.t[-1]
+    real_phases = phase(middles)[:, None] + REAL_OFFSETS
+    phases = origin + (phase(middles)[:, None] - origin) / slowness + OFFSETS
+    real = []
+    for wanted in (real_phases, origin + slowness * (phases - origin)):
+        # Times (b, s) at which the phase is as wanted, by Newton's method.
+        t = np.clip(middles[:, None] + (wanted - phase(middles)[:, None]) / rate(middles)[:, None], 0.0, end)
+        for _ in range(20):
+            t = np.clip(t - (phase(t) - wanted) / rate(t), 0.0, end)
+        real.append(t)
     times = real[1] / slowness
     if np.any(np.diff(times[:, 0]) <= 0) or np.any(np.diff(times, axis=1) <= 0) or times.min() < 0:
         return None
     return Track(slowness, times, phases, real[0], real_phases, sizes)
-
-
-def _when(phase: BSpline, rate: BSpline, wanted: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Times at which the phase is as wanted, (b, s), by Newton's method from times (b,)."""
-    end = phase.t[-1]
-    t = np.clip(near[:, None] + (wanted - phase(near)[:, None]) / rate(near)[:, None], 0.0, end)
-    for _ in range(20):
-        t = np.clip(t - (phase(t) - wanted) / rate(t), 0.0, end)
-    return t

@@ -1,8 +1,8 @@
-"""One candidate, a damping sum under a restoring law: its fit, its linear model, and its weight."""
+"""One candidate, a damping sum under a restoring law: its parameters, its fit, and its linear model about a motion."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
-from bayesdamp.inference.deviation.gaussian.linear import Linear, condensed, normals
+from bayesdamp.inference.deviation.gaussian.linear import LinearModel, condensed, normals
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit, fit, nonnegative
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.model.target import default_prior
@@ -23,16 +23,15 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Reference, candidate_name
 
 STARTS = (-1.0, 0.0, 1.0)
-"""Scores of a further parameter from which searches start."""
+"""Scores of a term's own parameter from which searches start."""
 RELINEARISED = 8
 """Gauss–Newton steps of parameters and deviations together, at most."""
 STEPS = ((1.0, 0.0), (0.5, 0.0), (1.0, 10.0), (1.0, 1e3), (1.0, 1e5))
-"""Steps that are tried in turn: the share of a step, and how firmly the scores are held. Parameters that a record tells
-only together (a spring's angle and gravity, of small swings) would else be sent along a line where their motion
-follows a curve, and no share of that step is any better."""
+"""Steps that are tried in turn: the share of a step, and how firmly the scores are held. Where a record determines only
+a combination of parameters (a spring's angle and gravity, of small swings), a plain step leads along a straight line
+where the motion follows a curve, and no share of that step is any better."""
 SETTLED = 0.3
-"""Largest change of the motion, in standard deviations of the whole record's noise, by a step after which there is no
-other."""
+"""Largest change of the motion by the last step, in standard deviations of the whole record's noise."""
 MOST_G, MOST_H = 3.0, 0.4
 """Largest log deviation of the damping and deviation of the frequency that are followed."""
 
@@ -52,17 +51,65 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Linearised:
-    """A candidate about one motion: u = (scores, g, h) there, damping being multiplied by exp g and the restoring force
-    by 1 + 2h, the linear model, the residual's part that no parameter
-    and no deviation takes, (n,)."""
+    """A candidate about one motion, whose damping is multiplied by exp g and its restoring force by 1 + 2h.
 
-    candidate: Candidate
+    Attributes
+    ----------
+    fit : Fit
+        The candidate's fit under exact laws.
+    u : ndarray, shape (K,)
+        Scores, g and h at the knots.
+    motion : Motion
+        At u.
+    residual : ndarray, shape (n,)
+        Record minus motion.
+    model : LinearModel
+        Of the record about the motion.
+    left : ndarray, shape (n,)
+        The part of the residual that no parameter and no deviation explains.
+    """
+
     fit: Fit
-    parameters: Parameters
     u: np.ndarray
     motion: Motion
-    model: Linear
+    residual: np.ndarray
+    model: LinearModel
     left: np.ndarray
+
+    @property
+    def z(self) -> np.ndarray:
+        """Scores, (d,)."""
+        return self.u[: self.fit.z.size]
+
+    @property
+    def values(self) -> np.ndarray:
+        """All of the motion's parameters, (k,)."""
+        return self.fit.parameters.values(self.z)
+
+    @property
+    def deviations(self) -> tuple[np.ndarray, np.ndarray]:
+        """Relative deviations of damping, exp g − 1, and frequency, h, at the knots."""
+        g, h = np.split(self.u[self.fit.z.size :], 2)
+        return np.expm1(g), h
+
+    @property
+    def knots(self) -> int:
+        """Number of knots of the deviations."""
+        return (self.u.size - self.fit.z.size) // 2
+
+    @property
+    def squares(self) -> float:
+        """Sum of the squared residuals, in the record's unit squared."""
+        return float(np.sum(self.residual**2))
+
+    def variance(self, data: Data) -> float:
+        """Return the noise's variance that is left, in the record's unit squared."""
+        degrees = max(self.left.size - self.u.size, 1)
+        return data.least_variance + float(self.left @ self.left) / degrees
+
+    def distance(self, u: np.ndarray, variance: float) -> float:
+        """Return how far the motion at u is from this one, in standard deviations of the whole record's noise."""
+        return float(np.linalg.norm(self.model.root @ (self.u - u))) / np.sqrt(variance)
 
 
 def parameters_of(
@@ -73,154 +120,174 @@ def parameters_of(
     priors: Mapping[str, Prior],
     known: Mapping[str, float],
 ) -> Parameters:
-    """Default priors for what is neither known nor given one."""
+    """Return the parameters: given priors, default priors for what is neither known nor given one, known values."""
     osc = Oscillator(candidate.damping, candidate.restoring)
-    found: dict[str, Prior] = {}
+    inferred: dict[str, Prior] = {}
     for name in solver.names:
-        absent = name not in osc.parameters
-        if absent or (name in known and name not in osc.coefficients):
+        if name not in osc.parameters or (name in known and name not in osc.coefficients):
             continue
-        found[name] = (
-            priors[name] if name in priors else default_prior(name, osc, "gaussian", reference, data.features)
-        )
-    return Parameters(solver.names, found, {k: v for k, v in known.items() if k not in found})
+        given = priors.get(name)
+        inferred[name] = given or default_prior(name, osc, "gaussian", reference, data.features)
+    return Parameters(solver.names, inferred, {k: v for k, v in known.items() if k not in inferred})
 
 
 def first_values(candidate: Candidate, data: Data, known: Mapping[str, float]) -> dict[str, float]:
-    """Where a search starts: the record's frequency, its start, and its decay shared by the terms."""
+    """Return where a search starts: the record's frequency, its start, and its decay shared by the terms."""
     law = LAWS.get(candidate.restoring)
-    fallen = np.log(max(data.amplitude / max(data.final_amplitude, 1e-12), 1.0001))
-    ratio = fallen / (2 * np.pi * max(data.cycles, 1.0)) / len(candidate.damping)
-    middle = np.sqrt(data.amplitude * max(data.final_amplitude, 1e-3 * data.amplitude))
-    found = {
-        TERMS.get(t).parameter: ratio / TERMS.get(t).ratio_per_unit(float(middle), data.frequency)
-        for t in candidate.damping
-    }
+    decay = np.log(max(data.amplitude / max(data.final_amplitude, 1e-12), 1.0001))
+    ratio = decay / (2 * np.pi * max(data.cycles, 1.0)) / len(candidate.damping)
+    middle = float(np.sqrt(data.amplitude * max(data.final_amplitude, 1e-3 * data.amplitude)))
+    terms = [TERMS.get(t) for t in candidate.damping]
+    coefficients = {t.parameter: ratio / t.ratio_per_unit(middle, data.frequency) for t in terms}
     given = {k: v for k, v in known.items() if k in law.parameters}
-    return {
-        **found,
-        **law.start(data.frequency, data.rest, given),
-        "theta0": data.start[0],
-        "omega0": data.start[1],
-    }
+    start = {"theta0": data.start[0], "omega0": data.start[1]}
+    return {**coefficients, **law.start(data.frequency, data.rest, given), **start}
 
 
 def starts_of(candidate: Candidate, parameters: Parameters) -> list[dict[str, float]]:
-    """Values of the terms' further parameters that searches start from: low, middle and high in their priors."""
+    """Return values of the terms' own parameters that searches start from: low, middle and high in their priors."""
     names = [p.name for t in candidate.damping for p in TERMS.get(t).inferred if p.name in parameters.priors]
-    scores = [
-        (0.7,) if parameters.priors[n].reflected else (STARTS if len(names) == 1 else STARTS[::2])
-        for n in names
-    ]
+    either = STARTS if len(names) == 1 else STARTS[::2]
+    scores = [(0.7,) if parameters.priors[n].reflected else either for n in names]
     return [
         {n: float(parameters.priors[n].value(np.asarray(z))) for n, z in zip(names, row, strict=True)}
         for row in product(*scores)
     ]
 
 
-def active_of(candidate: Candidate, solver: Solver) -> np.ndarray:
-    """Which of the solver's terms act in a candidate, (m,)."""
-    return np.array([t in candidate.damping for t in solver.terms])
+def active_of(parameters: Parameters, solver: Solver) -> np.ndarray:
+    """Return which of the solver's terms act, (m,): those whose coefficients are inferred."""
+    return np.array([TERMS.get(t).parameter in parameters.priors for t in solver.terms])
 
 
-def linearised(
-    candidate: Candidate, solver: Solver, data: Data, found: Fit, u: np.ndarray | None = None
-) -> Linearised | None:
-    """The linear model of a candidate about u = (scores, g, h), its fit with no deviations where that is not given."""
-    n = solver.knots.size
-    u = np.concatenate([found.z, np.zeros(2 * n)]) if u is None else u
-    z, g, h = np.split(u, [found.z.size, found.z.size + n])
-    if np.max(np.abs(g), initial=0.0) > MOST_G or np.max(np.abs(h), initial=0.0) > MOST_H:
-        return None
-    motion = solver.solve(found.parameters.values(z), found.active, np.expm1(g), h, NONE)
-    columns = columns_at(solver, found, u, SEARCHED)
-    if motion is None or columns is None:
-        return None
-    r = data.y - motion.y
-    model = condensed(columns, r + columns @ u, *_masks(found.parameters))
-    # Least squares of r by the columns, from their factor that is there already.
-    left = r - columns @ np.linalg.lstsq(model.root, model.target - model.root @ u, rcond=1e-12)[0]
-    return Linearised(candidate, found, found.parameters, u, motion, model, left)
+def search(
+    solver: Solver, data: Data, parameters: Parameters, starts: Sequence[Mapping[str, float]], windows: bool
+) -> Fit | None:
+    """Return the best of the fits from the starts, which give values of parameters by name; the others are 0."""
+    best: Fit | None = None
+    active = active_of(parameters, solver)
+    for start in starts:
+        z = parameters.scores({**dict.fromkeys(parameters.free_names, 0.0), **start})
+        z[parameters.positive] = np.maximum(z[parameters.positive], 0.0)
+        new = fit(solver, parameters, active, data.y, z, noise=data.noise, windows=windows)
+        if new is not None and (best is None or new.squares < best.squares):
+            best = new
+    return best
 
 
-def columns_at(
-    solver: Solver, found: Fit, u: np.ndarray, tolerance: float | None = None
-) -> np.ndarray | None:
+def refit(solver: Solver, data: Data, at: Fit) -> Fit | None:
+    """Search again from a fit, on other data or with another solver; None where the motion escapes."""
+    return fit(solver, at.parameters, at.active, data.y, at.z, noise=data.noise, windows=False)
+
+
+def tangents_at(solver: Solver, at: Fit, u: np.ndarray, tolerance: float | None = None) -> np.ndarray | None:
     """Return the tangents of a candidate's motion by u = (scores, log g, h), (n, K); None where it escapes."""
-    d, n = found.z.size, solver.knots.size
+    d, n = at.z.size, solver.knots.size
     z, g, h = np.split(u, [d, d + n])
-    moved = solver.solve(found.parameters.values(z), found.active, np.expm1(g), h, ALL, tolerance=tolerance)
-    if moved is None:
+    motion = solver.solve(at.parameters.values(z), at.active, np.expm1(g), h, ALL, tolerance=tolerance)
+    if motion is None:
         return None
-    scores = found.parameters.by_scores(moved.tangents, z)
-    columns = np.column_stack([scores, moved.tangents[:, len(solver.names) :]])
+    scores = at.parameters.by_scores(motion.tangents, z)
+    columns = np.column_stack([scores, motion.tangents[:, len(solver.names) :]])
     columns[:, d : d + n] *= np.exp(g)
     return columns
 
 
-def exact(found: Fit) -> Linear:
-    """The linear model of a candidate's fit under exact laws."""
-    target = found.residual + found.tangents @ found.z
-    return condensed(found.tangents, target, *_masks(found.parameters))
+def exact(fit: Fit) -> LinearModel:
+    """Return the linear model of a candidate's fit under exact laws."""
+    target = fit.residual + fit.tangents @ fit.z
+    return condensed(fit.tangents, target, *fit.parameters.masks)
 
 
-def _masks(parameters: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which scores are positive, share a scale, and are of the damping, (d,) each."""
-    return parameters.positive, parameters.shared, parameters.damping
+def linearise(solver: Solver, data: Data, at: Fit, u: np.ndarray | None = None) -> Linearised | None:
+    """Return a candidate's linear model about u = (scores, g, h), by default its fit without deviations.
+
+    None where the deviations are too large, or the motion escapes.
+    """
+    n = solver.knots.size
+    u = np.concatenate([at.z, np.zeros(2 * n)]) if u is None else u
+    z, g, h = np.split(u, [at.z.size, at.z.size + n])
+    if np.max(np.abs(g), initial=0.0) > MOST_G or np.max(np.abs(h), initial=0.0) > MOST_H:
+        return None
+    motion = solver.solve(at.parameters.values(z), at.active, np.expm1(g), h, NONE)
+    columns = tangents_at(solver, at, u, SEARCHED)
+    if motion is None or columns is None:
+        return None
+    r = data.y - motion.y
+    model = condensed(columns, r + columns @ u, *at.parameters.masks)
+    # Least squares of r by the columns, with the factor that `condensed` has already computed.
+    left = r - columns @ np.linalg.lstsq(model.root, model.target - model.root @ u, rcond=1e-12)[0]
+    return Linearised(at, u, motion, r, model, left)
 
 
-def relinearised(
-    candidate: Candidate,
+def relinearise(
     solver: Solver,
     data: Data,
-    found: Fit,
+    fit: Fit,
     variance: float | None,
-    at: Linearised | None = None,
+    start: Linearised | None = None,
     near: bool = False,
 ) -> tuple[Linearised, float] | None:
-    """The model about the mode of parameters and deviations together, and the noise's variance of what is left.
+    """Return the model about the mode of parameters and deviations together, and the noise's variance.
 
-    variance: of the noise; None where it is read from what no parameter and no deviation takes. at: where to start, the
-    fit with no deviations where that is not given; near: that the mode is near it, and need not be gone to where the
-    model has it within `SETTLED`.
+    Parameters
+    ----------
+    solver : Solver
+        Of the motions.
+    data : Data
+        The record.
+    fit : Fit
+        Under exact laws.
+    variance : float or None
+        Of the noise, in the record's unit squared; None: of what no parameter and no deviation explains.
+    start : Linearised, optional
+        Where to start; by default the fit without deviations.
+    near : bool
+        Whether the mode is near the start, which is then returned if the model has its mode within `SETTLED`.
     """
-    at = at or linearised(candidate, solver, data, found)
+    at = start or linearise(solver, data, fit)
     if at is None:
         return None
-    grid = grid_of(solver.knots.size, coarse=True, absorbed=found.parameters.absorbs)
+    d, grid = fit.z.size, grid_of(solver.knots.size, coarse=True, absorbed=fit.parameters.absorbs)
     first = 0
     for _ in range(RELINEARISED):
-        used = variance if variance is not None else _variance(at, data)
-        squares = float(np.sum((data.y - at.motion.y) ** 2))
-        there = None
-        for i, (share, held) in enumerate(STEPS[first:], first):
-            best = mode_of(at.model, grid, used, at.u[: found.z.size], held)
-            if near and _far(at, best, used) < SETTLED:
+        used = variance if variance is not None else at.variance(data)
+        new = None
+        for i, (share, hold) in enumerate(STEPS[first:], first):
+            mode = mode_of(at.model, grid, used, at.z, hold)
+            if near and at.distance(mode, used) < SETTLED:
                 return at, used
-            new = at.u + share * (best - at.u)
-            new[: found.z.size] = found.parameters.retracted(
-                candidate.restoring, at.u[: found.z.size], new[: found.z.size]
-            )
-            there = linearised(candidate, solver, data, found, new)
-            if there is not None and float(np.sum((data.y - there.motion.y) ** 2)) <= squares * (1 + 1e-6):
-                first = max(i - 1, 0)
+            u = at.u + share * (mode - at.u)
+            u[:d] = fit.parameters.retracted(solver.restoring, at.z, u[:d])
+            trial = linearise(solver, data, fit, u)
+            if trial is not None and trial.squares <= at.squares * (1 + 1e-6):
+                new, first = trial, max(i - 1, 0)
                 break
-            there = None
-        if there is None:
+        if new is None:
             break
-        moved = _far(there, at.u, used)
-        at = there
+        moved, at = new.distance(at.u, used), new
         if moved < SETTLED:
             break
-    return at, variance if variance is not None else _variance(at, data)
+    return at, variance if variance is not None else at.variance(data)
 
 
 def mode_of(
-    model: Linear, grid: Grid, variance: float, scores: np.ndarray | None = None, held: float = 0.0
+    model: LinearModel, grid: Grid, variance: float, scores: np.ndarray | None = None, hold: float = 0.0
 ) -> np.ndarray:
-    """u at the mode under the likeliest hyperparameters, with no negative coefficient.
+    """Return u at the mode under the likeliest hyperparameters, with no negative coefficient.
 
-    held: how firmly the scores are held where they are (Marquardt's parameter, in units of the prior's information).
+    Parameters
+    ----------
+    model : LinearModel
+        The record about a motion.
+    grid : Grid
+        Hyperparameters of the deviations.
+    variance : float
+        Of the noise, in the record's unit squared.
+    scores : ndarray, shape (d,), optional
+        Where the scores are held.
+    hold : float
+        How firmly they are held there (Marquardt's parameter, in units of the prior's information).
     """
     top = int(np.argmax(normals(model, grid, variance, model.count).log))
     d, total = model.positive.size, model.root.shape[1]
@@ -231,42 +298,7 @@ def mode_of(
     stacked = np.concatenate([model.root @ root / sd, np.eye(total)])
     aim = np.concatenate([model.target / sd, np.zeros(total)])
     positive = np.concatenate([model.positive, np.zeros(total - d, bool)])
-    if scores is not None and held > 0:
-        stacked = np.concatenate([stacked, np.sqrt(held) * np.eye(d, total)])
-        aim = np.concatenate([aim, np.sqrt(held) * scores])
+    if scores is not None and hold > 0:
+        stacked = np.concatenate([stacked, np.sqrt(hold) * np.eye(d, total)])
+        aim = np.concatenate([aim, np.sqrt(hold) * scores])
     return root @ nonnegative(stacked, aim, positive)
-
-
-def _far(at: Linearised, u: np.ndarray, variance: float) -> float:
-    """How far another motion is from this one, in standard deviations of the whole record's noise."""
-    return float(np.linalg.norm(at.model.root @ (at.u - u))) / np.sqrt(variance)
-
-
-def _variance(at: Linearised, data: Data) -> float:
-    return data.least_variance + float(at.left @ at.left) / max(at.left.size - at.u.size, 1)
-
-
-def refit(solver: Solver, data: Data, at: Fit) -> Fit | None:
-    """Search again from a fit, on other data or with another solver; None where the motion escapes."""
-    return fit(solver, at.parameters, at.active, data.y, at.z, noise=data.noise, windows=False)
-
-
-def searched(
-    candidate: Candidate,
-    solver: Solver,
-    data: Data,
-    parameters: Parameters,
-    starts: list[Mapping[str, float]],
-    windows: bool,
-) -> Fit | None:
-    """The best of the fits from the starts."""
-    best: Fit | None = None
-    for start in starts:
-        z = parameters.scores({**dict.fromkeys(parameters.free_names, 0.0), **start})
-        z[parameters.positive] = np.maximum(z[parameters.positive], 0.0)
-        found = fit(
-            solver, parameters, active_of(candidate, solver), data.y, z, noise=data.noise, windows=windows
-        )
-        if found is not None and (best is None or found.squares < best.squares):
-            best = found
-    return best

@@ -13,28 +13,40 @@ from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, TOLERANCE
 
 LESS, MORE, AGAIN, MOST_DAMPING = 0.2, 8.0, 1e-6, 1e8
-"""Factors by which the damping of a step falls and grows, from where it grows at least, and from where no step is tried
-(conventional)."""
+"""Factors by which the damping of a step falls and grows, the least value from which it grows, and the value from which
+no step is tried (conventional)."""
 MOST_STEPS = 40
 """Steps that are taken."""
 ROUGH, CLOSE = 1e-3, 1e-7
-"""Relative fall of the sum of squares from which a window's, and the record's, search has ended."""
+"""Relative fall of the sum of squares below which a window's, and the record's, search ends."""
 NOTHING = 0.1
-"""Share of the fall that ends a search which a step must promise to be tried."""
+"""A step is tried only if it promises this share of the fall that ends a search."""
 LARGEST = 1e100
 """Tangent beyond which a motion depends chaotically on its start, and sums of squares overflow (conventional)."""
 FIRST_CYCLES = 2.0
 SEARCHED = 1e-7
-"""Error of a step, as a share of the amplitude, while a search is under way, and of all tangents: steps short enough
-for forces with a corner, which the motion itself need not show (measured: at 1e-6 a bound is a tenth too low)."""
+"""Error of a step, as a share of the amplitude, during a search, and of all tangents: steps short enough for forces
+with a corner, which the motion itself need not show (measured: at 1e-6 a bound is a tenth too low)."""
 
 
 @dataclass(frozen=True)
 class Fit:
     """A candidate's best motion under exact laws.
 
-    z: scores, (d,); residual: record minus motion, (n,), in the record's unit; tangents: of the motion by the scores,
-    (n, d).
+    Attributes
+    ----------
+    parameters : Parameters
+        Inferred and known parameters.
+    active : ndarray of bool, shape (m,)
+        Which of the solver's terms act.
+    z : ndarray, shape (d,)
+        Scores.
+    residual : ndarray, shape (n,)
+        Record minus motion, in the record's unit.
+    tangents : ndarray, shape (n, d)
+        Of the motion by the scores.
+    motion : Motion
+        The best motion.
     """
 
     parameters: Parameters
@@ -78,11 +90,26 @@ def fit(
     windows: bool = True,
     integrated: bool = True,
 ) -> Fit | None:
-    """The best motion from scores z, (d,); None where every way leads to a motion that escapes.
+    """Find the best motion; None where every way leads to a motion that escapes.
 
-    noise: a lower bound of the noise's sd in the record's unit, for the weight of the priors. windows: whether the
-    record is taken in growing windows from its first two cycles, so that no cycle is skipped. integrated: whether
-    motions are integrated, so that a search with long steps goes first.
+    Parameters
+    ----------
+    solver : Solver or AmplitudeSolver
+        Of the motions.
+    parameters : Parameters
+        Inferred and known parameters.
+    active : ndarray of bool, shape (m,)
+        Which of the solver's terms act.
+    y : ndarray, shape (n,)
+        The record.
+    z : ndarray, shape (d,)
+        Scores from which the search starts.
+    noise : float
+        A lower bound of the noise's sd in the record's unit, for the weight of the priors.
+    windows : bool
+        Whether the search goes through growing windows from the first two cycles, so that no cycle is skipped.
+    integrated : bool
+        Whether motions are integrated, so that a search with long steps goes first.
     """
     stages: list[tuple[int | None, float]] = []
     span = FIRST_CYCLES * 2 * np.pi / solver.frequency
@@ -110,7 +137,7 @@ def _search(
     noise: float,
     tolerance: float,
 ) -> Fit | None:
-    """Search for the best motion with motions that are solved to one tolerance; None where one escapes on the way."""
+    """Search with motions that are solved to one tolerance; None where one escapes on the way."""
 
     def solve(z: np.ndarray, tangents: int, tolerance: float) -> Motion | None:
         return solver.solve(parameters.values(z), active, tangents=tangents, stop=y.size, tolerance=tolerance)
@@ -132,7 +159,7 @@ def _search(
         plain = np.concatenate([triangle, np.sqrt(variance) * np.eye(z.size)])
         wanted = np.concatenate([target + triangle @ z, np.zeros(z.size)])
         left = float(r @ r) - float(target @ target)
-        # Of the prior too: where the motion does not change with a score, the prior alone would send it to 0.
+        # The scale includes the prior: where the motion does not change with a score, the prior would send it to 0.
         scale = np.linalg.norm(plain, axis=0)
         cost = float(r @ r) + variance * float(z @ z)
         while True:

@@ -21,24 +21,31 @@ SMALL_STEP = 1e-6
 class Parameters(Scores):
     """Which of a kernel's parameters are inferred, with their priors, and the values of the others.
 
-    names: (k,), the kernel's order; priors: of those that are inferred; known: of the others, absent coefficients at 0.
+    Attributes
+    ----------
+    names : tuple of str
+        The kernel's k parameters, in its order.
+    priors : mapping of str to Prior
+        Of the d parameters that are inferred, in the same order.
+    known : mapping of str to float
+        Values of the others; absent coefficients are 0.
     """
 
     names: tuple[str, ...]
     priors: Mapping[str, Prior]
     known: Mapping[str, float]
 
-    @cached_property
-    def free(self) -> np.ndarray:
-        """Places in `names` of what is inferred, (d,)."""
-        return np.array([i for i, n in enumerate(self.names) if n in self.priors], int)
-
     def __post_init__(self) -> None:
         object.__setattr__(self, "priors", {n: self.priors[n] for n in self.names if n in self.priors})
 
     @cached_property
+    def free(self) -> np.ndarray:
+        """Places in `names` of the inferred parameters, (d,)."""
+        return np.array([i for i, n in enumerate(self.names) if n in self.priors], int)
+
+    @cached_property
     def free_names(self) -> tuple[str, ...]:
-        """Names of what is inferred, in the kernel's order."""
+        """Names of the inferred parameters, in the kernel's order."""
         return tuple(self.priors)
 
     @property
@@ -54,12 +61,22 @@ class Parameters(Scores):
         return np.array([n in own for n in self.free_names], bool)
 
     @property
+    def masks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Which scores are positive, share a scale, and are of the damping, (d,) each."""
+        return self.positive, self.shared, self.damping
+
+    @property
     def damping_names(self) -> tuple[str, ...]:
         """Names of the inferred parameters of damping terms."""
         return tuple(n for n, yes in zip(self.free_names, self.damping, strict=True) if yes)
 
+    @property
+    def absorbs(self) -> tuple[bool, bool]:
+        """Whether an inferred parameter contains a constant deviation of the damping, and of the frequency."""
+        return bool(np.any(self.positive)), "stiffness" in self.priors
+
     def log_prior(self, z: np.ndarray) -> np.ndarray:
-        """Log density of scores z, (..., d), shape (...); −∞ where a score that must not be negative is."""
+        """Return the log density of scores z, (..., d): (...); −∞ where a positive score is negative."""
         return log_prior_of(z, self.positive, self.shared)
 
     @cached_property
@@ -67,29 +84,28 @@ class Parameters(Scores):
         return np.array([self.known.get(n, 0.0) for n in self.names], float)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """The kernel's parameters at scores z, (..., d): shape (..., k)."""
+        """Return the kernel's parameters at scores z, (..., d): (..., k)."""
         return self._filled(z, range(self.free.size))
 
     def _filled(self, z: np.ndarray, scores: Iterable[int]) -> np.ndarray:
-        """The kernel's parameters, (..., k): what is known, and what these of the scores, (..., d), stand for."""
+        """Return the kernel's parameters, (..., k): the known ones, and those of some of the scores z, (..., d)."""
         p = np.empty((*z.shape[:-1], self._fixed.size))
         p[...] = self._fixed
         for j in scores:
             p[..., self.free[j]] = self.priors[self.free_names[j]].value(z[..., j])
         return p
 
-    @property
-    def absorbs(self) -> tuple[bool, bool]:
-        """Whether a constant deviation of damping, and of frequency, is in a parameter that is inferred already."""
-        return bool(np.any(self.positive)), "stiffness" in self.priors
+    def named(self, z: np.ndarray) -> dict[str, float]:
+        """Return all of the kernel's parameters at scores z, (d,), by name."""
+        return dict(zip(self.names, map(float, self.values(z)), strict=True))
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
-        """Scores of values by name, (d,): ±6 where a prior ends, and as far away as a fit has them elsewhere."""
-        found = [float(self.priors[n].score(values[n])) for n in self.free_names]
-        return np.nan_to_num(found, posinf=6.0, neginf=-6.0)
+        """Return the scores of values by name, (d,): ±6 where a prior ends, as far away as needed elsewhere."""
+        scores = [float(self.priors[n].score(values[n])) for n in self.free_names]
+        return np.nan_to_num(scores, posinf=6.0, neginf=-6.0)
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Tangents by the scores at z, (n, d), of those by the kernel's parameters, (n, k)."""
+        """Turn tangents by the kernel's parameters, (n, k), into tangents by the scores at z, (n, d)."""
         return tangents[:, self.free] * self.rates(z)
 
     def plain(self, z: np.ndarray) -> np.ndarray:
@@ -100,17 +116,26 @@ class Parameters(Scores):
         """Return the log of the prior's density at z, (d,), over that of the same prior of these scores: 0."""
         return 0.0
 
-    def named(self, z: np.ndarray) -> dict[str, float]:
-        """All of the kernel's parameters at scores z, (d,), by name."""
-        return dict(zip(self.names, map(float, self.values(z)), strict=True))
-
 
 @dataclass(frozen=True)
 class Straight(Parameters):
-    """Parameters whose law's scores and θ₀'s are replaced by v = z₀ + J (ν − ν₀), ν the law's natural coordinates and J
-    the slopes of the scores by them at the anchor: there v and the scores z agree to first order.
+    """Parameters with coordinates v in place of the scores of the restoring law and of θ₀.
 
-    places: of v among all scores, (b,); at: their names; anchor: z₀, (b,); origin: ν₀, (b,); root: J⁻¹, (b, b).
+    v = z₀ + J (ν − ν₀), where ν are the law's natural coordinates and J the slopes of the scores by them at the anchor:
+    there v and the scores z agree to first order.
+
+    Attributes
+    ----------
+    law : RestoringLaw
+        Whose natural coordinates are used.
+    places : ndarray of int, shape (b,)
+        Of v among all scores.
+    at : tuple of str
+        Names of the parameters that v replaces.
+    anchor, origin : ndarray, shape (b,)
+        z₀ and ν₀.
+    root : ndarray, shape (b, b)
+        J⁻¹.
     """
 
     law: RestoringLaw
@@ -121,37 +146,32 @@ class Straight(Parameters):
     root: np.ndarray
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """The kernel's parameters at z, (..., d): shape (..., k); NaN where no parameters have these coordinates."""
+        """Return the kernel's parameters at z, (..., d): (..., k); NaN where no parameters have these coordinates."""
         if z.ndim > 1:
             return np.array([self.values(row) for row in z])
-        p = self._filled(z, self._others)
-        p[self.free[self.places]] = self._of_law(z[self.places])
+        p = self._filled(z, [i for i in range(self.free.size) if i not in self.places])
+        p[self.free[self.places]] = self._law_values(z[self.places])
         return p
 
-    @cached_property
-    def _others(self) -> tuple[int, ...]:
-        """Places among the scores of what is not of the law."""
-        return tuple(i for i in range(self.free.size) if i not in self.places)
-
-    def _of_law(self, v: np.ndarray) -> np.ndarray:
-        """Values of what v stands for, both (b,); NaN where there are none."""
+    def _law_values(self, v: np.ndarray) -> np.ndarray:
+        """Return the values of the parameters that v replaces, both (b,); NaN where there are none."""
         natural = self.origin + self.root @ (v - self.anchor)
-        found = self.law.from_natural(dict(zip(self.at, natural.tolist(), strict=True)))
-        return np.full(v.size, np.nan) if found is None else np.array([found[name] for name in self.at])
+        values = self.law.from_natural(dict(zip(self.at, natural.tolist(), strict=True)))
+        return np.full(v.size, np.nan) if values is None else np.array([values[name] for name in self.at])
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Tangents by v of those by the kernel's parameters, (n, k): shape (n, d)."""
-        found = super().by_scores(tangents, z)
-        found[:, self.places] = tangents[:, self.free[self.places]] @ self._slopes(z)
-        return found
+        """Turn tangents by the kernel's parameters, (n, k), into tangents by v, (n, d)."""
+        columns = super().by_scores(tangents, z)
+        columns[:, self.places] = tangents[:, self.free[self.places]] @ self.slopes(z)
+        return columns
 
     def plain(self, z: np.ndarray) -> np.ndarray:
-        """Standard normal scores of v, both (d,); NaN where there are none."""
-        found = z.copy()
-        found[self.places] = self._plain_of(self._of_law(z[self.places]))
-        return found
+        """Return the standard normal scores of v, both (d,); NaN where there are none."""
+        scores = z.copy()
+        scores[self.places] = self._law_scores(self._law_values(z[self.places]))
+        return scores
 
-    def _plain_of(self, values: np.ndarray) -> list[float]:
+    def _law_scores(self, values: np.ndarray) -> list[float]:
         return [float(self.priors[name].score(value)) for name, value in zip(self.at, values, strict=True)]
 
     def retracted(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
@@ -159,59 +179,43 @@ class Straight(Parameters):
         return new
 
     def log_prior_ratio(self, z: np.ndarray) -> float:
-        """Log of the prior's density at v, (d,), over that of the same prior of scores v; −∞ where it has none."""
-        p = self._of_law(z[self.places])
-        plain = np.array(self._plain_of(p))
+        """Return the log of the prior's density at v, (d,), over that of the same prior of scores v; −∞ for none."""
+        plain = np.array(self._law_scores(self._law_values(z[self.places])))
         if not np.all(np.isfinite(plain)):
             return -np.inf
-        slopes = self._slopes(z)
         rates = [float(self.priors[name].rate(score)) for name, score in zip(self.at, plain, strict=True)]
-        sign, log = np.linalg.slogdet(slopes / np.array(rates)[:, None])
+        sign, log = np.linalg.slogdet(self.slopes(z) / np.array(rates)[:, None])
         if not np.isfinite(log) or sign == 0:
             return -np.inf
         return float(log - 0.5 * np.sum(plain**2) + 0.5 * np.sum(z[self.places] ** 2))
 
-    def _slopes(self, z: np.ndarray) -> np.ndarray:
-        """Of the values by v, (b, b)."""
-        found = np.empty((self.places.size, self.places.size))
-        for i in range(self.places.size):
-            ends = []
-            for sign in (-1.0, 1.0):
-                moved = z[self.places]
-                moved[i] += sign * SMALL_STEP
-                ends.append(self._of_law(moved))
-            found[:, i] = (ends[1] - ends[0]) / (2 * SMALL_STEP)
-        return found
+    def slopes(self, z: np.ndarray) -> np.ndarray:
+        """Return the slopes of the replaced parameters by v at z, (d,): (b, b)."""
+        v = z[self.places]
+        slopes = np.empty((v.size, v.size))
+        for i, step in enumerate(SMALL_STEP * np.eye(v.size)):
+            slopes[:, i] = (self._law_values(v + step) - self._law_values(v - step)) / (2 * SMALL_STEP)
+        return slopes
 
 
 def straight_at(parameters: Parameters, restoring: str, z: np.ndarray) -> Straight | None:
-    """The straight coordinates laid through scores z, (d,); None where the law has none, or not all of what they are
-    made of is inferred."""
+    """Return the straight coordinates through scores z, (d,).
+
+    None where the law has none, or where not all of the parameters that they are made of are inferred.
+    """
     law = LAWS.get(restoring)
     at = (*law.parameters, "theta0")
     if not set(at) <= set(parameters.free_names):
         return None
-    p = dict(zip(parameters.free_names, map(float, parameters.values(z)[parameters.free]), strict=True))
-    natural = law.natural(p)
+    natural = law.natural({n: v for n, v in parameters.named(z).items() if n in parameters.priors})
     if natural is None or law.from_natural(natural) is None:
         return None
     places = np.array([parameters.free_names.index(name) for name in at])
     origin = np.array([natural[name] for name in at])
-    # Laid with the identity first, whose slopes are those of the values by ν.
-    found = Straight(
-        parameters.names,
-        parameters.priors,
-        parameters.known,
-        law,
-        places,
-        at,
-        z[places],
-        origin,
-        np.eye(len(at)),
-    )
-    by_natural = found._slopes(z)
-    scales = parameters.rates(z)[places]
-    slopes = by_natural / scales[:, None]
+    # With the identity for J⁻¹ the slopes are those of the values by ν.
+    own = (parameters.names, parameters.priors, parameters.known)
+    straight = Straight(*own, law, places, at, z[places], origin, np.eye(len(at)))
+    slopes = straight.slopes(z) / parameters.rates(z)[places][:, None]
     if not np.all(np.isfinite(slopes)) or np.linalg.cond(slopes) > 1e12:
         return None
-    return replace(found, root=np.linalg.inv(slopes))
+    return replace(straight, root=np.linalg.inv(slopes))

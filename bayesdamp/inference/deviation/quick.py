@@ -1,24 +1,30 @@
-"""The answer for one record, within seconds: candidates fitted, weighed and put into numbers."""
+"""The answer for one record, within seconds: candidates fitted and weighed, on averages where these are close."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.inference.deviation.candidate import Candidate
-from bayesdamp.inference.deviation.data import Data, prepared
-from bayesdamp.inference.deviation.numbers.averaging import averaging_of, set_right
-from bayesdamp.inference.deviation.numbers.exponent import exponents_of
-from bayesdamp.inference.deviation.numbers.rivals import with_rivals
+from bayesdamp.inference.deviation.averaged import Averaging
+from bayesdamp.inference.deviation.candidate import Candidate, refit
+from bayesdamp.inference.deviation.data import prepared
+from bayesdamp.inference.deviation.numbers.bounds import columns_of
+from bayesdamp.inference.deviation.numbers.rivals import exponents_of, with_rivals
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, MOST_CYCLES, prepared_for
-from bayesdamp.inference.deviation.weighing import START, Known, Weighing, weigh_all
+from bayesdamp.inference.deviation.weighing import START, Known, Result, Weighing, weigh_all
+from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import all_sums, parse_model
+from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.types import Reference, Signal
+
+NEAR = 10.0
+"""Nats behind the best up to which a candidate is corrected with the equation of motion."""
 
 
 def weighing_of(
@@ -32,41 +38,92 @@ def weighing_of(
     approximate: bool = True,
     noises: Sequence[str] = AUTOMATIC,
 ) -> Weighing:
-    """Weigh damping sums under restoring laws; all of both by default, for a record in metres the laws that translate.
+    """Weigh damping sums under restoring laws.
 
-    Of a record of hundreds of cycles amplitudes and phases are weighed, where that moves no parameter by more than a
-    tenth of its sd, or the record has more cycles than the ODE is solved for. noises: noise models, of which the
-    likeliest is used.
+    A record of hundreds of cycles is taken as amplitudes and phases, where that moves no parameter by more than a tenth
+    of its sd, or where the record has more cycles than the ODE is solved for.
 
-    Raises Refusal where the record shows no oscillation, or no motion stays in phase with it.
+    Parameters
+    ----------
+    signal : Signal
+        The record.
+    damping, restoring : sequence of str
+        Damping sums and restoring laws; by default all of them, for a record in metres the laws that translate.
+    known, priors, reference, approximate
+        As of `weigh_all`.
+    noises : sequence of str
+        Noise models, of which the likeliest is used.
+
+    Raises
+    ------
+    Refusal
+        Where the record shows no oscillation, or no motion stays in phase with it.
     """
     laws = list(restoring) or [n for n in LAWS.names() if signal.unit == "rad" or LAWS.get(n).translates]
     sums = list(damping) or all_sums()
-    candidates = [Candidate(parse_model(s), law) for law in laws for s in sums]
-    # Matrices of a few dozen rows: threads of a linear algebra library only wait for each other.
+    weigh = partial(
+        weigh_all,
+        candidates=[Candidate(parse_model(s), law) for law in laws for s in sums],
+        known=known,
+        priors=priors,
+        reference=reference,
+        approximate=approximate,
+        noises=noises,
+    )
+    known_under = [known(law) if callable(known) else known or {} for law in laws]
+    # The averaged motion's phase only agrees approximately with a start that is given.
+    start_known = any(name in values for values in known_under for name in START)
+    # Matrices of a few dozen rows: threads of a linear algebra library would only wait for each other.
     with threadpool_limits(1, "blas"):
-        of = partial(
-            weigh_all, candidates=candidates, known=known, priors=priors, reference=reference, approximate=approximate,
-            noises=noises,
-        )  # fmt: skip
-        # To a start that is given the averaged motion's phase is no more than near.
-        under = [known(law) if callable(known) else known or {} for law in laws]
-        start_known = any(name in one for one in under for name in START)
-        data = prepared_for(signal, noises, under[0], priors or {}, average=not start_known)
-        weighing = _weighed(of, data, signal, approximate)
+        data = prepared_for(signal, noises, known_under[0], priors or {}, average=not start_known)
+        weighing = weigh(data)
+        if data.averaged is not None and weighing.results:
+            weighing = _corrected(weighing, approximate)
+            averaging = averaging_of(weighing)
+            if averaging is None or averaging.close or data.cycles > MOST_CYCLES:
+                weighing = replace(weighing, averaging=averaging)
+            else:
+                weighing = weigh(prepared(signal, average=False))
         weighing = with_rivals(weighing, approximate)
         return replace(weighing, exponents=exponents_of(weighing, approximate))
 
 
-def _weighed(of: Callable[[Data], Weighing], data: Data, signal: Signal, approximate: bool) -> Weighing:
-    """Candidates weighed on averages where these are close to the ODE, else on samples."""
-    weighing = of(data)
-    if data.averaged is None or not weighing.results:
-        return weighing
-    weighing = set_right(weighing, approximate)
-    averaging = averaging_of(weighing)
-    if averaging is None:
-        return weighing
-    if averaging.close or data.cycles > MOST_CYCLES:
-        return replace(weighing, averaging=averaging)
-    return of(prepared(signal, average=False))
+def _corrected(weighing: Weighing, approximate: bool) -> Weighing:
+    """Return the weighing with the candidates that count corrected by the ODE at their modes, deviations included."""
+    top = weighing.best.log_evidence
+
+    def correct(r: Result) -> Result:
+        if top - r.log_evidence > NEAR:
+            return r
+        assert isinstance(r.solver, AveragedSolver)
+        solver = r.solver.corrected(r.values, r.fit.active, *r.deviations)
+        fit = None if solver is None else refit(solver, weighing.data, r.fit)
+        if solver is None or fit is None:
+            return r
+        return weighing.result_of(r.candidate, solver, fit, approximate)
+
+    weighing = replace(weighing, results=tuple(at_once(correct, weighing.results)))
+    best = weighing.best
+    return replace(weighing, solvers={**weighing.solvers, best.candidate.restoring: best.solver})
+
+
+def averaging_of(weighing: Weighing) -> Averaging | None:
+    """Return how far a weighing is from one by the ODE; None where it is by the ODE."""
+    if weighing.data.averaged is None or not weighing.results:
+        return None
+    result, cycles = weighing.best, weighing.data.cycles
+    assert isinstance(result.solver, AveragedSolver)
+    off = result.solver.error(result.values, result.fit.active, *result.deviations)
+    base = columns_of(result, result.about is not None)
+    if off is None or base is None:
+        return Averaging(cycles, float("inf"))
+    weighed = result.exact_weighed if result.weighed is None else result.weighed
+    variance = result.exact_variance if result.weighed is None else weighing.variance
+    moved, spread = np.zeros(weighed.means.shape[1]), np.zeros(weighed.means.shape[1])
+    # Over the hyperparameters: a parameter that some of them determine well may be loose under others.
+    for weight, factor in zip(weighed.weights, weighed.factors, strict=True):
+        shift, sd = factor @ (factor.T @ (base[0].T @ off)) / variance, np.linalg.norm(factor, axis=1)
+        moved, spread = moved + weight * shift, spread + weight * sd**2
+    rows = [i for i, name in enumerate(result.fit.parameters.free_names) if name not in START]
+    error = float(np.max(np.abs(moved[rows]) / np.sqrt(spread[rows]), initial=0.0))
+    return Averaging(cycles, error)

@@ -1,21 +1,21 @@
-"""The noise of a record's samples: which model it follows, and the values that a least-squares fit is made to.
+"""The noise of a record's samples: which model it follows, and the values that least-squares fits are made to.
 
-The candidates of an answer are fitted and weighed under white Gaussian noise. Any other noise model reaches them
-through two things: the record's values are replaced by the motion plus the model's working residuals, in which an
-outlier counts for little and rounding for nothing, and the variance is that of the white noise which tells as much
-about the oscillation. Both depend on the motion, so that they are found in turn.
+The candidates of an answer are fitted and weighed under white Gaussian noise. Any other noise model enters in two
+places. The record's values are replaced by the motion plus the model's working residuals, in which an outlier counts
+little and rounding not at all; and the variance is that of the white noise which tells as much about the oscillation.
+Both depend on the motion, so that they are updated in turn.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
-from bayesdamp.inference.deviation.candidate import Linearised, linearised, refit, relinearised
+from bayesdamp.inference.deviation.candidate import Linearised, linearise, refit, relinearise
 from bayesdamp.inference.deviation.data import Data, prepared
-from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise._residuals import FittedNoise, fit_noise
 from bayesdamp.physics.kernel import Solver
@@ -26,26 +26,27 @@ from bayesdamp.types import Refusal, Signal
 GAUSSIAN = "gaussian"
 CORRELATED = "correlated"
 AUTOMATIC = (GAUSSIAN, CORRELATED, "student_t", "quantised")
-"""Noise models that are weighed where none is asked for."""
+"""Noise models that are weighed by default."""
 LEAD = 5.0
 """Nats by which another noise model must be ahead of Gaussian noise (conventional)."""
 ORDER = 8
 """Of the autoregression that shows whether residuals can be predicted from those before them (conventional)."""
 MOST_CYCLES = 1200.0
-"""Cycles up to which the ODE is solved where amplitudes and phases do not stand for it: their tangents take 1 GB
-(measured)."""
+"""Cycles up to which the ODE is solved where amplitudes and phases do not describe the record: the tangents then take
+1 GB (measured)."""
 WORTH = 0.7
-"""Share of its variance that noise must fall to under another model than the Gaussian, for the ODE to be solved where
-amplitudes and phases would do: it takes twice as long."""
+"""Share of its variance to which another noise model must reduce the noise for the ODE to be solved where amplitudes
+and phases would do: that takes twice as long."""
 ROUNDS = 10
 """Changes of the working residuals, at most."""
 SETTLED = 0.05
-"""Standard deviations of the whole record's noise by which the motion may still change."""
+"""Largest change of the motion by the last of them, in standard deviations of the whole record's noise."""
+BAND = (0.3, 2.0)
+"""Frequencies near the oscillation, in units of its own."""
 
 
 def noises_of(asked: str | Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the noise models that are weighed: those asked for, or for "auto" the automatic ones and all
-    that plug-ins add."""
+    """Return the noise models to weigh: the given ones, or for "auto" the automatic ones and those of plug-ins."""
     names = (asked,) if isinstance(asked, str) else tuple(asked)
     return (*AUTOMATIC, *NOISES.added()) if names == ("auto",) else names
 
@@ -59,8 +60,8 @@ def prepared_for(
 ) -> Data:
     """Return the data of a signal under these noise models.
 
-    Amplitudes and phases of a record of very many cycles have Gaussian noise. They are not taken where another model is
-    the likeliest on what they leave of the record and tells more.
+    Amplitudes and phases of a record of very many cycles have Gaussian noise. They are not used where another model is
+    the likeliest for their residuals and reduces the noise enough.
 
     Parameters
     ----------
@@ -69,9 +70,9 @@ def prepared_for(
     names : sequence of str
         Noise models to choose from.
     known, priors : mapping
-        Values and priors of the noise's parameters in place of the default priors.
+        Values and priors of the noise's parameters, in place of the default priors.
     average : bool
-        Whether amplitudes and phases may be taken.
+        Whether amplitudes and phases may be used.
 
     Raises
     ------
@@ -81,13 +82,15 @@ def prepared_for(
     data = prepared(signal, average=average and GAUSSIAN in names)
     if data.averaged is None or len(names) == 1 or data.cycles > MOST_CYCLES:
         return data
-    residual, gaps = data.averaged.residual, np.diff(signal.t[: data.averaged.residual.size])
+    residual = data.averaged.residual
     record = replace(signal, t=signal.t[: residual.size], y=signal.y[: residual.size])
-    weighed = _weighed(names, residual, record, data, known, priors)
-    found = SampleNoise(max(weighed, key=lambda one: one.log_evidence), weighed)
-    if found.name in (GAUSSIAN, CORRELATED) or found.ahead < max(LEAD, predictable(residual)):
+    fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
+    weighed = _fit_all(names, residual, fit_one)
+    noise = SampleNoise(max(weighed, key=lambda model: model.log_evidence), weighed)
+    if noise.name in (GAUSSIAN, CORRELATED) or noise.ahead < max(LEAD, predictable(residual)):
         return data
-    variance = found.fitted.variance(residual, record.y - record.y.mean(), gaps)
+    gaps = np.diff(signal.t[: residual.size])
+    variance = noise.fitted.variance(residual, record.y - record.y.mean(), gaps)
     worth = variance < WORTH * float(residual @ residual) / residual.size
     return prepared(signal, average=False) if worth else data
 
@@ -99,7 +102,7 @@ class SampleNoise:
     Attributes
     ----------
     fitted : FittedNoise
-        The model that the answer is under, and its parameters.
+        The model that the answer uses, and its parameters.
     weighed : tuple of FittedNoise
         All models that apply to the record, on the residuals of the sum of all terms.
     """
@@ -109,18 +112,18 @@ class SampleNoise:
 
     @property
     def name(self) -> str:
-        """The noise model that the answer is under."""
+        """The noise model that the answer uses."""
         return self.fitted.name
 
     @property
     def likeliest(self) -> str:
         """The noise model of highest evidence, which may be the correlated one that the answer allows for otherwise."""
-        return max(self.weighed, key=lambda one: one.log_evidence, default=self.fitted).name
+        return max(self.weighed, key=lambda model: model.log_evidence, default=self.fitted).name
 
     @property
     def ahead(self) -> float:
         """Nats by which the answer's model is ahead of Gaussian noise; nan where that was not weighed."""
-        logs = {one.name: one.log_evidence for one in self.weighed}
+        logs = {model.name: model.log_evidence for model in self.weighed}
         return logs.get(self.name, np.nan) - logs.get(GAUSSIAN, np.nan)
 
 
@@ -135,8 +138,8 @@ class Adapted:
     noise : SampleNoise
         The noise model.
     variance : float
-        Variance of the white noise that stands for it, in the record's unit squared, per value of the data. Where the
-        noise is taken as Gaussian but is correlated, the least that its variance near the oscillation is.
+        Variance of the white noise that replaces it, in the record's unit squared, per value of the data. Where the
+        noise is taken as Gaussian but is correlated, a lower bound of its variance near the oscillation.
     """
 
     data: Data
@@ -144,7 +147,7 @@ class Adapted:
     variance: float
 
 
-def adapted(
+def adapt(
     names: Sequence[str],
     data: Data,
     solver: Solver,
@@ -166,7 +169,7 @@ def adapted(
     at : Linearised
         The candidate with all terms, about its mode under Gaussian noise.
     known, priors : mapping
-        Values and priors of parameters, those of noise models among them.
+        Values and priors of parameters, including those of noise models.
     approximate : bool
         Whether laws may hold approximately.
 
@@ -190,19 +193,19 @@ def adapted(
             f"{data.cycles:.0f} cycles are compared as amplitudes and phases, whose noise is Gaussian; "
             f"{names[0]} noise cannot be used"
         )
-    motion = _at_samples(solver, data, at)
+    motion = _at_samples(solver, record, at)
     if motion is None:
         return None
-    weighed = _weighed(names, record.y - motion, record, data, known, priors)
-    by_name = {one.name: one for one in weighed}
-    noise, plain = max(weighed, key=lambda one: one.log_evidence), by_name.get(GAUSSIAN)
-    found, gaps = at.fit, np.diff(record.t)
+    fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
+    weighed = _fit_all(names, record.y - motion, fit_one)
+    by_name = {model.name: model for model in weighed}
+    noise, plain = max(weighed, key=lambda model: model.log_evidence), by_name.get(GAUSSIAN)
+    gaps, gain = np.diff(record.t), predictable(record.y - motion)
     ahead = np.inf if plain is None else noise.log_evidence - plain.log_evidence
-    gain = predictable(record.y - motion)
     if plain is not None and (ahead < LEAD or noise.name == CORRELATED or gain > ahead):
-        # What can be predicted may not be noise, but a second mode, or what a law leaves that does not hold. It is left
-        # to the power of the residual near the oscillation (`inflation`), which is at least that of correlated noise
-        # where this explains as much as any autoregression.
+        # What can be predicted may not be noise, but a second mode, or the misfit of a law that does not hold. It is
+        # left to the power of the residual near the oscillation (`inflation`), which is at least that of correlated
+        # noise where this explains as much as any autoregression.
         other = by_name.get(CORRELATED, plain)
         if other.log_evidence - plain.log_evidence > max(LEAD, gain - LEAD):
             variance = other.variance(record.y - motion, motion - motion.mean(), gaps) / data.thinned
@@ -210,44 +213,58 @@ def adapted(
     for _ in range(ROUNDS):
         residual = record.y - motion
         variance = noise.variance(residual, motion - motion.mean(), gaps)
-        working = noise.working_residuals(residual, gaps, variance)
-        data = data.working(working - residual)
-        there = _mode(at, solver, data, found, approximate)
-        if there is None:
+        data = data.working(noise.working_residuals(residual, gaps, variance) - residual)
+        new = _mode(at, solver, data, approximate)
+        if new is None:
             break
-        moved = float(np.linalg.norm(there.motion.y - at.motion.y)) * np.sqrt(data.thinned / variance)
-        at, found = there, there.fit
-        motion = _at_samples(solver, data, at)
+        moved = float(np.linalg.norm(new.motion.y - at.motion.y)) * np.sqrt(data.thinned / variance)
+        at = new
+        motion = _at_samples(solver, record, at)
         if motion is None or moved < SETTLED:
             break
-        noise = fit_noise(noise.name, record.y - motion, record, data.features, known, priors)
+        noise = fit_one(noise.name, record.y - motion)
     return Adapted(data, SampleNoise(noise, weighed), data.least_variance + variance / data.thinned)
 
 
-def _mode(at: Linearised, solver: Solver, data: Data, found: Fit, approximate: bool) -> Linearised | None:
-    """The candidate about its mode on changed values; None where no motion follows them."""
-    new = refit(solver, data, found)
+def _mode(at: Linearised, solver: Solver, data: Data, approximate: bool) -> Linearised | None:
+    """Return the candidate about its mode on changed values; None where no motion follows them."""
+    new = refit(solver, data, at.fit)
     if new is None:
         return None
     if not approximate:
-        return linearised(at.candidate, solver, data, new)
-    about = relinearised(at.candidate, solver, data, new, None)
+        return linearise(solver, data, new)
+    about = relinearise(solver, data, new, None)
     return None if about is None else about[0]
 
 
-def _at_samples(solver: Solver, data: Data, at: Linearised) -> np.ndarray | None:
-    """The motion at every sample of the record, (m,); None where it escapes."""
-    assert data.record is not None
-    d, n = at.fit.z.size, solver.knots.size
-    z, g, h = np.split(at.u, [d, d + n])
-    every = solver.at(np.array(data.record.t, float), solver.quantity)
-    motion = every.solve(at.parameters.values(z), at.fit.active, np.expm1(g), h, NONE)
+def _at_samples(solver: Solver, record: Signal, at: Linearised) -> np.ndarray | None:
+    """Return the motion at every sample of the record, (m,); None where it escapes."""
+    every = solver.at(np.array(record.t, float), solver.quantity)
+    motion = every.solve(at.values, at.fit.active, *at.deviations, NONE)
     return None if motion is None else motion.y
 
 
+def _fit_all(
+    names: Sequence[str], residual: np.ndarray, fit_one: Callable[[str, np.ndarray], FittedNoise]
+) -> tuple[FittedNoise, ...]:
+    """Fit each noise model that applies to residuals (m,). Raises Refusal where none does."""
+    models: list[FittedNoise] = []
+    refused: list[str] = []
+    for name in names:
+        try:
+            models.append(fit_one(name, residual))
+        except Refusal as refusal:
+            refused.append(str(refusal))
+    if not models:
+        raise Refusal("; ".join(refused))
+    return tuple(models)
+
+
 def predictable(residual: np.ndarray) -> float:
-    """Compute how many nats an autoregression of residuals (m,) is ahead of white Gaussian noise, never less than 0, by
-    least squares and Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978))."""
+    """Compute how many nats an autoregression of residuals (m,) is ahead of white Gaussian noise, never less than 0.
+
+    By least squares and Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978)).
+    """
     rows = np.lib.stride_tricks.sliding_window_view(residual, ORDER + 1)
     before, after = rows[:, :-1], rows[:, -1]
     square = before.T @ before
@@ -256,22 +273,34 @@ def predictable(residual: np.ndarray) -> float:
     return max(float(gain) - 0.5 * ORDER * np.log(len(rows)), 0.0)
 
 
-def _weighed(
-    names: Sequence[str],
-    residual: np.ndarray,
-    record: Signal,
-    data: Data,
-    known: Mapping[str, float],
-    priors: Mapping[str, Prior],
-) -> tuple[FittedNoise, ...]:
-    """Return each noise model that applies to a record, on residuals (m,). Raises Refusal where none does."""
-    every: list[FittedNoise] = []
-    refused: list[str] = []
-    for name in names:
-        try:
-            every.append(fit_noise(name, residual, record, data.features, known, priors))
-        except Refusal as refusal:
-            refused.append(str(refusal))
-    if not every:
-        raise Refusal("; ".join(refused))
-    return tuple(every)
+def inflation(
+    t: np.ndarray, left: np.ndarray, frequency: float, removed: int, variance: float | None = None
+) -> float:
+    """Return κ ≥ 1: the mean power of the residual near the oscillation over that of white noise.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times in s.
+    left : ndarray, shape (n,)
+        Residual of a fit.
+    frequency : float
+        Of the oscillation, in rad/s.
+    removed : int
+        Directions that the fit has removed from the record, nearly all of them near the oscillation.
+    variance : float, optional
+        Of the white noise; by default that of the residual.
+    """
+    n = left.size
+    even = np.interp(np.linspace(t[0], t[-1], n), t, left)
+    power = np.abs(np.fft.rfft(even)) ** 2 / n
+    omega = 2 * np.pi * np.fft.rfftfreq(n, (t[-1] - t[0]) / (n - 1))
+    band = (omega > BAND[0] * frequency) & (omega < BAND[1] * frequency)
+    modes = 2 * int(band.sum())
+    if variance is None:
+        variance = float(left @ left) / max(n - removed, 1)
+    if modes < 6 or variance <= 0:
+        return 1.0
+    # What the fit removed is spread over the band, but it is never more than half of it.
+    remaining = max(modes - removed, 0.5 * modes)
+    return max(1.0, 2 * float(power[band].sum()) / remaining / variance)

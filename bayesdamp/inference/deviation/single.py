@@ -13,99 +13,103 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.checks.diagnostics import summarise, verdict
 from bayesdamp.inference.checks.forecast import Ahead
-from bayesdamp.inference.deviation.candidate import Candidate, active_of, linearised
+from bayesdamp.inference.deviation.candidate import Candidate, active_of, linearise, tangents_at
 from bayesdamp.inference.deviation.data import Data, prepared
-from bayesdamp.inference.deviation.density import ESCAPED, density_of
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit
 from bayesdamp.inference.deviation.numbers.curves import ratio_at, ratios_drawn
 from bayesdamp.inference.deviation.numbers.deviations import size_of
-from bayesdamp.inference.deviation.numbers.draws import Drawn, Quantity, quantity
+from bayesdamp.inference.deviation.numbers.draws import CandidateDraws, Quantity, noise_sds, quantity
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise
-from bayesdamp.inference.deviation.sampled.candidates import sampled_result
-from bayesdamp.inference.deviation.sampled.motions import Motions
-from bayesdamp.inference.deviation.sampled.table import noise_sds
+from bayesdamp.inference.deviation.sampling import DrawMotions, motions_near, sampled_result
 from bayesdamp.inference.deviation.weighing import Result, Weighing, weigh_all
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.mode import LinearPosterior, Mode
+from bayesdamp.inference.model.deviation import Deviation
+from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise._residuals import FittedNoise
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
+from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.averaged import AveragedSolver
-from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
+from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, TOLERANCE
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.priors import Prior
 from bayesdamp.types import Friction, Posterior, Ratio, Reference, Refusal, Signal
 
-APART = 1_000_003
+Array = NDArray[np.float64]
+ESCAPED = "no motion near the fit can be followed with deviations from its law"
+NEGLIGIBLE = 1e-8
+"""Posterior probability under the linear model from which a combination of hyperparameters is left out."""
+DRAWS = 4000
+"""Of the linear model, for values and intervals: an end of an interval is accurate to a thirtieth of its width."""
+SEED_STEP = 1_000_003
 """Between the seeds of independent runs."""
 
 
-def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Posterior:
-    """Draw the motions themselves, by so many independent runs; the first is `compare`'s for as many draws.
+class Deviating(Trajectories):
+    """Motions with fixed deviations, as means over windows, or as amplitudes and phases, where the data are these.
 
-    Returns
-    -------
-    Posterior
-        `arrays["u"]` has each draw with its deviations, (chain, draw, K); `diagnostics` the log evidence in nats, the
-        log of the mean of the runs' evidences, and its standard error. Draws that were copied in the last resampling
-        count once in effective sample sizes.
+    Parameters
+    ----------
+    motions : DrawMotions
+        Of draws, with their tolerance and correction.
+    deviations : tuple of ndarray, shape (n,)
+        Relative deviations of damping and frequency at the knots.
+    given : mapping of str to float
+        Values of the kernel's parameters that are not inferred.
     """
-    began, each, rows = time.perf_counter(), [], []
-    for chain in range(chains):
-        run = sampled_result(single.weighing, single.result, True, seed + APART * chain, draws).sampled
-        assert run is not None
-        each.append(run)
-        # A run leaves its draws in the order of what they descend from, which is none of time.
-        rows.append(run.draws[np.random.default_rng([seed, chain]).permutation(draws)])
-    u = np.stack(rows)
-    values = single.values(u)
-    likelihood = single.log_likelihoods(single.motions(u.reshape(-1, u.shape[-1]))).sum(axis=1)
-    summary = {}
-    for i, name in enumerate(single.names):
-        one, distinct = summarise(values[..., i]), float(np.unique(values[..., i]).size)
-        summary[name] = {**one, **{k: min(one[k], distinct) for k in ("ess_bulk", "ess_tail")}}
-    poor = [run.acceptance for run in each if not run.trusted]
-    outcome = verdict(summary)
-    if poor:
-        outcome = f"the motions could not be led to from the linear model: {min(poor):.2f} of the last moves were taken"
-    logs, errors = np.array([run.log_evidence for run in each]), np.array([run.stderr for run in each])
-    log_evidence, stderr = float(logs.max()), float("nan")
-    if np.isfinite(log_evidence):
-        weights = np.exp(logs - log_evidence)
-        stderr = float(np.linalg.norm(weights * errors) / weights.sum())
-        log_evidence = float(np.logaddexp.reduce(logs) - np.log(chains))
-    return Posterior(
-        sampler="smc",
-        names=single.names,
-        draws=values,
-        log_likelihood=likelihood.reshape(u.shape[:2]),
-        stats={
-            "acceptance_rate": np.repeat([[run.acceptance] for run in each], draws, axis=1),
-            "temperatures": np.repeat([[run.temperatures] for run in each], draws, axis=1),
-        },
-        diagnostics={"log_evidence": log_evidence, "stderr": stderr},
-        seconds=time.perf_counter() - began,
-        outcome=outcome,
-        summaries=summary,
-        arrays={"u": u},
-    )
 
+    def __init__(
+        self, motions: DrawMotions, deviations: tuple[np.ndarray, np.ndarray], given: Mapping[str, float]
+    ) -> None:
+        self._solver, self._motions, self._deviations = motions.solver, motions, deviations  # type: ignore[assignment]
+        self._given = {**dict.fromkeys(motions.solver.names, 0.0), **given}
+        self._rests, self._count = False, motions.solver.t.size
 
-Array = NDArray[np.float64]
-DRAWS = 4000
-"""Of the linear model, behind values and intervals: an end of an interval is good to a thirtieth of its width."""
+    def _solved(
+        self, p: Mapping[str, float], epsilon: float, tangents: int, solver: Solver | None = None
+    ) -> Motion | None:
+        vector = np.array([float(p.get(name, self._given[name])) for name in self._solver.names])
+        motions, tolerance = self._motions, SEARCHED if tangents else self._motions.tolerance
+        motion = motions.solver.solve(
+            vector, motions.active, *self._deviations, tangents, tolerance=tolerance
+        )
+        return motion if motion is None or tangents else replace(motion, y=motion.y + motions.correction)
 
 
 @dataclass(frozen=True)
 class Found:
-    """Where the search on a record ended: all that the rest follows from, without a search.
+    """The end of the search on a record, from which everything else follows without a search.
 
-    terms: of the solver, those of the candidate among them. z: scores of the best motion under exact laws, (d,); u:
-    scores, log g and h of the best under approximate ones, (K,). variance, inflation: of the noise that counts, κ in
-    it; exact_variance: of what exact laws leave; epsilon: the width of friction's turning over, rad/s or m/s; averaged:
-    whether the record was taken as amplitudes and phases. noise: of the samples; working: the values that least squares
-    are made to where it is not Gaussian, (n,).
+    Attributes
+    ----------
+    terms : tuple of str
+        Of the solver, those of the candidate among them.
+    reference : Reference
+        Of the priors.
+    priors, known : mapping
+        Priors of the inferred parameters, and values of the others.
+    z : ndarray, shape (d,)
+        Scores of the best motion under exact laws.
+    u : ndarray, shape (K,)
+        Scores, log g and h of the best motion under approximate ones.
+    variance, inflation : float
+        Of the noise that counts, and κ in it.
+    exact_variance : float
+        Of what exact laws leave.
+    epsilon : float
+        Width of friction, in rad/s or m/s.
+    frictions : tuple of Friction
+        Widths and their probabilities.
+    averaged : bool
+        Whether the record was taken as amplitudes and phases.
+    noise : FittedNoise
+        Of the samples.
+    working : ndarray, shape (n,), optional
+        The values that least squares are made to where the noise is not Gaussian.
     """
 
     terms: tuple[str, ...]
@@ -126,10 +130,14 @@ class Found:
 
 @dataclass(frozen=True)
 class Single:
-    """A candidate with deviations of its damping and restoring laws, linear about its best motion, and what was asked
-    of it.
+    """A candidate with deviations of its damping and restoring laws, linear about its best motion.
 
-    weighing, result: of the candidate alone; found: where the search for it ended.
+    Attributes
+    ----------
+    weighing, result
+        Of the candidate alone.
+    found : Found
+        The end of the search for it.
     """
 
     weighing: Weighing
@@ -138,12 +146,52 @@ class Single:
 
     @cached_property
     def mode(self) -> Mode:
-        """The density of the parameters, deviations integrated out, about its mode. Raises Refusal where no motion with
-        deviations can be followed."""
-        return density_of(self.weighing, self.result, self.scores[:, : self.result.fit.z.size], self.known)
+        """The density of the parameters, deviations integrated out, about its mode.
+
+        Raises Refusal where no motion with deviations can be followed.
+        """
+        about, data, parameters = self.result.about, self.weighing.data, self.result.fit.parameters
+        if about is None or self.result.weighed is None:
+            raise Refusal(ESCAPED)
+        signal = Signal(data.t, data.y, data.quantity)
+        known = {**parameters.known, "epsilon": self.result.solver.epsilon, **self.known}
+        deviation = self._deviation()
+        target = Target(signal, self.oscillator, "gaussian", parameters.priors, known, deviation=deviation)
+        likelihood = Likelihood.near(target, about.z, TOLERANCE * data.recorded_amplitude)
+        scores = self.scores[:, : about.z.size]
+        information = np.linalg.inv(np.atleast_2d(np.cov(scores.T)))
+        linear = LinearPosterior(scores, float(self.result.weighed.log_evidence))
+        return Mode(about.z, likelihood.log_posterior(about.z), information, likelihood, linear=linear)
+
+    def _deviation(self) -> Deviation:
+        """Return the deviations about those of the mode, with the combinations of hyperparameters that count."""
+        weighing, result = self.weighing, self.result
+        fit, solver, about, weighed = result.fit, result.solver, result.about, result.weighed
+        assert about is not None
+        assert weighed is not None
+        d, sd = fit.z.size, float(np.sqrt(weighing.variance))
+        tangents = tangents_at(solver, fit, about.u, SEARCHED)
+        if tangents is None:
+            raise Refusal(ESCAPED)
+        basis, upper = np.linalg.qr(tangents[:, d:])
+        grid = grid_of(solver.knots.size, absorbed=fit.parameters.absorbs)
+        probable = weighed.probable(NEGLIGIBLE)
+        near = motions_near(solver, fit.parameters, fit.active, weighed, sd)
+        probabilities = np.bincount(weighed.combos, weighed.weights, minlength=grid.log_prior.size)[probable]
+        return Deviation(
+            Deviating(near, about.deviations, fit.parameters.known),
+            weighing.variance,
+            weighing.samples,
+            basis,
+            tangents[:, d:] @ about.u[d:],
+            grid.log_prior[probable],
+            grid.factors[probable],
+            upper @ grid.factors[probable] / np.sqrt(weighing.variance),
+            probabilities / probabilities.sum(),
+        )
 
     def with_deviations(self, z: Array, seed: int | Sequence[int]) -> Array:
-        """Scores (n, d), each with a draw of log g and h given them, (n, K)."""
+        """Return scores (n, d), each with a draw of log g and h given them, (n, K)."""
         likelihood, rng = self.mode.likelihood, np.random.default_rng(seed)
         deviation = likelihood.target.deviation
         assert deviation is not None
@@ -159,7 +207,7 @@ class Single:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the inferred parameters."""
+        """Names of the inferred parameters."""
         return self.result.fit.parameters.free_names
 
     @property
@@ -170,41 +218,42 @@ class Single:
 
     @property
     def known(self) -> dict[str, float]:
-        """What is held: parameters, friction's width where there is any, and the noise's sd of a sample."""
+        """Fixed values: parameters, friction's width where there is any, and the noise's parameters."""
         weighing = self.weighing
         own = (*self.oscillator.parameters, "noise_sd")
-        found = {n: v for n, v in self.found.known.items() if n in own}
-        found |= {"epsilon": weighing.epsilon} if self.oscillator.switches else {}
+        known = {n: v for n, v in self.found.known.items() if n in own}
+        known |= {"epsilon": weighing.epsilon} if self.oscillator.switches else {}
         if self.found.working is not None:
-            return {**found, **self.found.noise.values}
+            return {**known, **self.found.noise.values}
         variance = weighing.variance / weighing.inflation * weighing.data.thinned
-        return {**found, "noise_sd": float(np.sqrt(variance))}
+        return {**known, "noise_sd": float(np.sqrt(variance))}
 
     def values(self, u: Array) -> Array:
-        """Inferred parameters in natural units of draws (..., K): (..., p)."""
+        """Return the inferred parameters in natural units of draws (..., K): (..., p)."""
         parameters = self.result.fit.parameters
         return parameters.values(u[..., : parameters.free.size])[..., parameters.free]
 
     def completed(self, posterior: Posterior, seed: int) -> tuple[Posterior, Array]:
-        """Return draws of the parameters with the parts of their sds, and each with deviations, (chain, draw, K): its
-        own, or drawn given the parameters."""
-        parts = {n: min(self.noise_sds[n], one["sd"]) for n, one in posterior.summaries.items()}
-        summaries = {
-            n: {**one, "sd_noise": parts[n], "sd_law": float(np.sqrt(one["sd"] ** 2 - parts[n] ** 2))}
-            for n, one in posterior.summaries.items()
-        }
+        """Return draws of the parameters with the parts of their sds, and each with deviations, (chain, draw, K).
+
+        The deviations are a draw's own, or are drawn given its parameters.
+        """
+        summaries = {}
+        for n, summary in posterior.summaries.items():
+            noise = min(self.noise_sds[n], summary["sd"])
+            law = float(np.sqrt(summary["sd"] ** 2 - noise**2))
+            summaries[n] = {**summary, "sd_noise": noise, "sd_law": law}
         arrays = {n: a for n, a in posterior.arrays.items() if n != "u"}
         whole = replace(posterior, summaries=summaries, arrays=arrays)
         if "u" in posterior.arrays:
             return whole, posterior.arrays["u"]
-        z = np.stack(
-            [self.found.priors[n].score(posterior.draws[..., i]) for i, n in enumerate(self.names)], axis=-1
-        )
+        scores = [self.found.priors[n].score(posterior.draws[..., i]) for i, n in enumerate(self.names)]
+        z = np.stack(scores, axis=-1)
         u = self.with_deviations(z.reshape(-1, z.shape[-1]), [seed, 4])
         return whole, u.reshape(*z.shape[:2], -1)
 
     def quantities(self) -> dict[str, Quantity]:
-        """Each inferred parameter: median, 95 % interval, and the parts of its sd."""
+        """Return each inferred parameter: median, 95 % interval, and the parts of its sd."""
         values, noise = self.values(self.scores), self.noise_sds
         return {
             n: quantity(values[:, i], min(noise[n], float(np.std(values[:, i]))))
@@ -213,11 +262,11 @@ class Single:
 
     @cached_property
     def noise_sds(self) -> dict[str, float]:
-        """The sd that noise alone would leave of each inferred parameter, were the laws exact."""
+        """The sd that noise alone would cause in each inferred parameter, if the laws were exact."""
         return dict(zip(self.names, map(float, noise_sds(self.weighing, self.result)), strict=True))
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
-        """Log g and h at the knots of draws (n, K): (n, k) each."""
+        """Return log g and h at the knots of draws (n, K): (n, k) each."""
         g, h = np.split(u[:, self.result.fit.z.size :], 2, axis=1)
         return g, h
 
@@ -227,39 +276,43 @@ class Single:
         return self.result.solver.knots * self.result.solver.slowness
 
     def sizes(self, u: Array) -> tuple[Array, Array]:
-        """Energy-weighted mean of |log g| and |h| over the record, of draws (n, K): (n,) each."""
+        """Return the energy-weighted mean of |log g| and |h| over the record, of draws (n, K): (n,) each."""
         g, h = self.deviations(u)
-        return size_of(self.weighing, self.result, g), size_of(self.weighing, self.result, h)
+        return size_of(self.result, g), size_of(self.result, h)
 
     def ratios(self, amplitudes: Sequence[float], u: Array, sensor: float) -> tuple[Ratio, ...]:
-        """Equivalent damping ratios at amplitudes (rad or m), deviation and the sensor's floor among their sds."""
-        drawn, rng = Drawn.of(self.result, u), np.random.default_rng(1)
+        """Return equivalent damping ratios at amplitudes (rad or m), deviation and sensor included in their sds."""
+        drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         return tuple(ratio_at(self.weighing, [drawn], a, sensor, rng) for a in amplitudes)
 
     def ratio_draws(self, amplitudes: Array, u: Array, sensor: float) -> Array:
-        """The same as draws, (n, m); nan at amplitudes that no motion has."""
-        drawn, rng = Drawn.of(self.result, u), np.random.default_rng(1)
-        found = [ratios_drawn(self.weighing, drawn, float(a), sensor, rng) for a in amplitudes]
-        none = np.full(len(u), np.nan)
-        return np.column_stack([none if one is None else one for one in found])
+        """Return the same as draws, (n, m); nan at amplitudes that no motion has."""
+        drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
+        none, columns = np.full(len(u), np.nan), []
+        for a in amplitudes:
+            ratios = ratios_drawn(self.weighing, drawn, float(a), sensor, rng)
+            columns.append(none if ratios is None else ratios)
+        return np.column_stack(columns)
 
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
-        """Motions of draws (n, K) at times t (m,) in s within the knots, (n, m); nan where one escapes. By default at
-        the samples that are fitted, in their quantity."""
-        result, solver = self.result, self.result.solver
+        """Return motions of draws (n, K) at times t (m,) in s within the knots, (n, m); nan where one escapes.
+
+        By default at the samples that are fitted, in their quantity.
+        """
+        fit, solver = self.result.fit, self.result.solver
         if t is not None:
             solver = solver.at(np.asarray(t, float), quantity or solver.quantity)
-        motions, none = (
-            Motions(solver, result.fit.parameters, result.fit.active),
-            np.full(solver.t.size, np.nan),
-        )
         assert solver.kernel  # compiled before several threads ask for it
-        found = at_once(motions.at, u)
-        return np.stack([none if y is None else y for y in found]) if len(u) else np.empty((0, none.size))
+        none = np.full(solver.t.size, np.nan)
+        motions = at_once(DrawMotions(solver, fit.parameters, fit.active).at, u)
+        return np.stack([none if y is None else y for y in motions]) if len(u) else np.empty((0, none.size))
 
     def carried_on(self, half: Single, z: Array, seed: int) -> Ahead:
-        """What draws of the scores on the first half, (n, d), say of the second: there the deviations are what their
-        prior makes of the first half's. Raises Refusal where no draw goes on."""
+        """Predict the second half of the record from draws of the scores on the first half, (n, d).
+
+        In the second half the deviations follow from their prior given those of the first. Raises Refusal where no draw
+        can be continued.
+        """
         motions = self.motions(half.with_deviations(z, seed))
         motions = motions[np.all(np.isfinite(motions), axis=1)]
         if not len(motions):
@@ -270,31 +323,31 @@ class Single:
 
     @property
     def best(self) -> Array:
-        """u of the best motion with its deviations, (1, K)."""
+        """The best motion with its deviations: u, (1, K)."""
         about = self.result.about
         assert about is not None
         return about.u[None]
 
     def log_likelihoods(self, motions: Array) -> Array:
-        """Log density of each sample of motions (..., n), in nats: with κ > 1 a sample counts for 1/κ of one, and its
-        noise's variance is κ times larger, so that their sum is the log likelihood that was weighed."""
+        """Return the log density of each sample of motions (..., n), in nats.
+
+        With κ > 1 a sample counts for 1/κ of one, and its noise's variance is κ times larger, so that their sum is the
+        log likelihood that was weighed.
+        """
         weighing = self.weighing
         variance, kappa = weighing.variance, weighing.inflation
         left = np.asarray(weighing.data.y) - motions
         return -0.5 * left**2 / variance - 0.5 * np.log(2 * np.pi * variance) / kappa
 
     def prior_draws(self, count: int, seed: int) -> Array:
-        """u under the prior, (n, K)."""
-        result, rng = self.result, np.random.default_rng([seed, 1])
-        parameters = result.fit.parameters
+        """Draw u from the prior, (n, K)."""
+        parameters, rng = self.result.fit.parameters, np.random.default_rng([seed, 1])
         grid = grid_of(self.knots.size, absorbed=parameters.absorbs)
         z = parameters.prior_draws(count, rng)
         mass = np.exp(grid.log_prior - grid.log_prior.max())
         combos = rng.choice(mass.size, count, p=mass / mass.sum())
-        smooth = np.einsum(
-            "nij,nj->ni", grid.factors[combos], rng.standard_normal((count, 2 * self.knots.size))
-        )
-        return np.concatenate([z, smooth], axis=1)
+        normal = rng.standard_normal((count, 2 * self.knots.size))
+        return np.concatenate([z, np.einsum("nij,nj->ni", grid.factors[combos], normal)], axis=1)
 
 
 def single(
@@ -307,31 +360,32 @@ def single(
     reference: Reference,
     noises: Sequence[str] = AUTOMATIC,
 ) -> Single:
-    """Fit and weigh one candidate. The noise, and friction's width, are those under the sum of all terms, as where
-    candidates are compared: so evidence of two dampings under one law is of one noise.
+    """Fit and weigh one candidate.
 
-    Raises Refusal where no motion stays in phase with the record, or none can be followed with deviations.
+    The noise and friction's width are those under the sum of all terms, as where candidates are compared: so evidence
+    of two dampings under one law is for one noise. Parameters as of `weigh_all`.
+
+    Raises
+    ------
+    Refusal
+        Where no motion stays in phase with the record, or none can be followed with deviations.
     """
     asked = Candidate(tuple(damping), restoring)
     whole = Candidate((*PAPER_TERMS, *(t for t in damping if t not in PAPER_TERMS)), restoring)
+    both = dict.fromkeys([whole, asked])
     with threadpool_limits(1, "blas"):
-        weighing = weigh_all(
-            data,
-            dict.fromkeys([whole, asked]),
-            known=known,
-            priors=priors,
-            reference=reference,
-            noises=noises,
-        )
+        weighing = weigh_all(data, both, known=known, priors=priors, reference=reference, noises=noises)
     result = next((r for r in weighing.results if set(r.candidate.damping) == set(damping)), None)
     if result is None:
         raise Refusal(weighing.refused.get(asked, ESCAPED))
-    return again(data, result.candidate, found_of(weighing, result))
+    return _rebuild(data, result.candidate, found_of(weighing, result))
 
 
 def found_of(weighing: Weighing, result: Result) -> Found:
-    """Where the search for one of the candidates that were weighed ended. Raises Refusal where none with deviations
-    did."""
+    """Return the end of the search for one of the weighed candidates.
+
+    Raises Refusal where no motion with deviations was found.
+    """
     if result.about is None:
         raise Refusal(ESCAPED)
     parameters, solver = result.fit.parameters, result.solver
@@ -353,67 +407,126 @@ def found_of(weighing: Weighing, result: Result) -> Found:
     )
 
 
-def under(one: Single, priors: Mapping[str, Prior]) -> Single:
-    """A candidate about the same motion under other priors of what it infers. Raises Refusal where it cannot be
-    followed there."""
-    parameters, found = one.result.fit.parameters, one.found
-    other, d = replace(parameters, priors=priors), found.z.size
-    z, start = (other.scores(parameters.named(scores)) for scores in (found.z, found.u[:d]))
-    moved = replace(found, priors=priors, z=z, u=np.concatenate([start, found.u[d:]]))
-    return again(one.weighing.data, one.result.candidate, moved)
+def under(single: Single, priors: Mapping[str, Prior]) -> Single:
+    """Return a candidate about the same motion under other priors of what it infers.
+
+    Raises Refusal where it cannot be followed there.
+    """
+    parameters, end = single.result.fit.parameters, single.found
+    other, d = replace(parameters, priors=priors), end.z.size
+    z, start = (other.scores(parameters.named(scores)) for scores in (end.z, end.u[:d]))
+    moved = replace(end, priors=priors, z=z, u=np.concatenate([start, end.u[d:]]))
+    return _rebuild(single.weighing.data, single.result.candidate, moved)
 
 
-def first_half(one: Single) -> Single:
-    """A candidate on the first half of its record, with the knots, the noise and the motion of the whole, so that its
-    evidence is a factor of the whole's. Raises Refusal where the record is not taken as samples, or has too few."""
-    data, knots = one.weighing.data, one.result.solver.knots
+def first_half(single: Single) -> Single:
+    """Return a candidate on the first half of its record.
+
+    It has the knots, the noise and the motion of the whole, so that its evidence is a factor of the whole's. Raises
+    Refusal where the record is not taken as samples, or has too few.
+    """
+    data, knots = single.weighing.data, single.result.solver.knots
     if data.averaged is not None:
         raise Refusal("not applicable: a record that is taken as amplitudes and phases is not cut in halves")
-    count, inferred = data.t.size // 2, one.found.u.size
+    count, inferred = data.t.size // 2, single.found.u.size
     if count <= inferred:
         raise Refusal(f"half the record has {count} samples for {inferred} parameters and deviations")
-    half = data.first(count)
-    return again(half, one.result.candidate, one.found, knots)
+    return _rebuild(data.first(count), single.result.candidate, single.found, knots)
 
 
-def again(data: Data, candidate: Candidate, found: Found, knots: np.ndarray | None = None) -> Single:
-    """What a search found, put together without it. knots: in s, where they are not the record's own. Raises Refusal
-    where it was on another record."""
+def put_together(signal: Signal, restoring: str, end: Found) -> Single:
+    """Return the candidate on its record, without a search. Raises Refusal where it was found on another record."""
+    damping = tuple(t for t in end.terms if TERMS.get(t).parameter in end.priors)
+    return _rebuild(prepared(signal, end.averaged), Candidate(damping, restoring), end)
+
+
+def _rebuild(data: Data, candidate: Candidate, end: Found, knots: np.ndarray | None = None) -> Single:
+    """Return a candidate from the end of its search; knots in s, by default the record's own.
+
+    Raises Refusal where it was found on another record.
+    """
     knots = knots_of(data.end, data.cycles) if knots is None else knots
-    if found.working is not None:
-        data = replace(data, y=found.working[: data.y.size], readings=data.recorded)
-    solver = data.solver(found.terms, candidate.restoring, found.epsilon, knots)
-    parameters = Parameters(solver.names, found.priors, found.known)
-    active, p = active_of(candidate, solver), parameters.values(found.z)
+    if end.working is not None:
+        data = replace(data, y=end.working[: data.y.size], readings=data.recorded)
+    solver = data.solver(end.terms, candidate.restoring, end.epsilon, knots)
+    parameters = Parameters(solver.names, end.priors, end.known)
+    active, p = active_of(parameters, solver), parameters.values(end.z)
     if isinstance(solver, AveragedSolver):
-        z, g, h = np.split(found.u, [found.z.size, found.z.size + knots.size])
+        z, g, h = np.split(end.u, [end.z.size, end.z.size + knots.size])
         solver = solver.corrected(parameters.values(z), active, np.expm1(g), h) or solver
     motion = solver.solve(p, active, tangents=NONE)
     moved = solver.solve(p, active, tangents=PARAMETERS, tolerance=SEARCHED)
     if motion is None or moved is None:
         raise Refusal(ESCAPED)
-    tangents = parameters.by_scores(moved.tangents, found.z)
-    best = Fit(parameters, active, found.z, data.y - motion.y, tangents, motion)
-    about = linearised(candidate, solver, data, best, found.u)
+    tangents = parameters.by_scores(moved.tangents, end.z)
+    fit = Fit(parameters, active, end.z, data.y - motion.y, tangents, motion)
+    about = linearise(solver, data, fit, end.u)
     if about is None:
         raise Refusal(ESCAPED)
-    variances, samples = (found.exact_variance, found.variance), data.y.size / found.inflation
-    result = Result.of(candidate, solver, best, about, variances, samples)
+    noise = end.variance, end.inflation
+    result = Result.of(candidate, data, solver, fit, about, end.exact_variance, noise)
     weighing = Weighing(
-        data,
-        found.reference,
-        found.epsilon,
-        found.frictions,
-        {candidate.restoring: solver},
-        (result,),
-        found.variance,
-        found.inflation,
-        noise=SampleNoise(found.noise),
+        data, end.reference, end.epsilon, end.frictions, {candidate.restoring: solver}, (result,),
+        end.variance, end.inflation, noise=SampleNoise(end.noise),
+    )  # fmt: skip
+    return Single(weighing, result, end)
+
+
+def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Posterior:
+    """Draw the motions themselves, in independent runs; the first is `compare`'s for as many draws.
+
+    Parameters
+    ----------
+    single : Single
+        The candidate.
+    chains, draws : int
+        Number of runs, and of draws in each.
+    seed : int
+        Of the random streams.
+
+    Returns
+    -------
+    Posterior
+        `arrays["u"]` has each draw with its deviations, (chain, draw, K); `diagnostics` the log evidence in nats, the
+        log of the mean of the runs' evidences, and its standard error. Draws that were copied in the last resampling
+        count once in effective sample sizes.
+    """
+    began, runs, rows = time.perf_counter(), [], []
+    for chain in range(chains):
+        run = sampled_result(single.weighing, single.result, True, seed + SEED_STEP * chain, draws).sampled
+        assert run is not None
+        runs.append(run)
+        # A run's draws are in the order of their ancestors, which is not an order in time.
+        rows.append(run.draws[np.random.default_rng([seed, chain]).permutation(draws)])
+    u = np.stack(rows)
+    values = single.values(u)
+    likelihood = single.log_likelihoods(single.motions(u.reshape(-1, u.shape[-1]))).sum(axis=1)
+    summaries = {}
+    for i, name in enumerate(single.names):
+        summary, distinct = summarise(values[..., i]), float(np.unique(values[..., i]).size)
+        summaries[name] = {**summary, **{k: min(summary[k], distinct) for k in ("ess_bulk", "ess_tail")}}
+    poor = [run.acceptance for run in runs if not run.trusted]
+    outcome = verdict(summaries)
+    if poor:
+        outcome = f"sampling did not leave the linear model: {min(poor):.2f} of the last moves were accepted"
+    logs, errors = np.array([run.log_evidence for run in runs]), np.array([run.stderr for run in runs])
+    log_evidence, stderr = float(logs.max()), float("nan")
+    if np.isfinite(log_evidence):
+        weights = np.exp(logs - log_evidence)
+        stderr = float(np.linalg.norm(weights * errors) / weights.sum())
+        log_evidence = float(np.logaddexp.reduce(logs) - np.log(chains))
+    return Posterior(
+        sampler="smc",
+        names=single.names,
+        draws=values,
+        log_likelihood=likelihood.reshape(u.shape[:2]),
+        stats={
+            "acceptance_rate": np.repeat([[run.acceptance] for run in runs], draws, axis=1),
+            "temperatures": np.repeat([[run.temperatures] for run in runs], draws, axis=1),
+        },
+        diagnostics={"log_evidence": log_evidence, "stderr": stderr},
+        seconds=time.perf_counter() - began,
+        outcome=outcome,
+        summaries=summaries,
+        arrays={"u": u},
     )
-    return Single(weighing, result, found)
-
-
-def put_together(signal: Signal, restoring: str, found: Found) -> Single:
-    """The candidate on its record, without a search. Raises Refusal where it was found on another record."""
-    damping = tuple(t for t in found.terms if TERMS.get(t).parameter in found.priors)
-    return again(prepared(signal, found.averaged), Candidate(damping, restoring), found)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Self
 
 import numpy as np
@@ -17,21 +16,21 @@ from bayesdamp.inference.deviation.candidate import (
     first_values,
     parameters_of,
     refit,
-    relinearised,
-    searched,
+    relinearise,
+    search,
     starts_of,
 )
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
-from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, weigh
-from bayesdamp.inference.deviation.gaussian.noise import inflation
+from bayesdamp.inference.deviation.gaussian.linear import Weighed, weigh
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
 from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.deviation.sample_noise import (
     AUTOMATIC,
     GAUSSIAN,
     SampleNoise,
-    adapted,
+    adapt,
+    inflation,
     predictable,
 )
 from bayesdamp.machine.threads import at_once
@@ -44,27 +43,46 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Friction, Reference, Refusal
 
 SHARES = (0.05, 0.02, 0.01, 0.005, 0.002)
-"""ε as shares of the peak velocity that are tried where nobody gave it, its logarithm uniform beforehand."""
-BETWEEN, TOLD = 4, 1.0
+"""Widths ε of friction, as shares of the peak velocity, to try where none is given; log ε is uniform a priori."""
+BETWEEN, CLEAR = 4, 1.0
 """Widths between these that are tried at most, and nats by which the likeliest must be ahead of a neighbour for it."""
 LEAD = 3.0
 """Nats by which another ε must be ahead of the usual one."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
 START = ("theta0", "omega0")
 ROUNDS = 2
-"""How often averaged motions are set right by the ODE, and the fits that this is done at found again."""
+"""Number of rounds that correct the averaged solution with the full equation of motion and refit."""
 REACH = 30.0
-"""Nats behind the best, with all dampings under both, from which a restoring law is out of the question."""
+"""Nats behind the best, with all dampings under both, from which a restoring law is not considered."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """One candidate weighed: log evidence (nats) under exact laws and under approximate ones."""
+    """One candidate weighed.
+
+    Attributes
+    ----------
+    candidate : Candidate
+        A damping sum under a restoring law.
+    data : Data
+        The record.
+    solver : Solver
+        Of its motions.
+    fit : Fit
+        Under exact laws.
+    exact_weighed, exact_variance
+        Under exact laws: posterior and evidence of the linear model, and the variance of the noise.
+    about, weighed
+        Under approximate laws: the linear model about the mode, and its posterior and evidence; None where laws hold
+        exactly, or no motion with deviations was found.
+    sampled : Sampled, optional
+        Draws of the motions themselves.
+    """
 
     candidate: Candidate
+    data: Data
     solver: Solver
     fit: Fit
-    exact: Linear
     exact_weighed: Weighed
     exact_variance: float
     about: Linearised | None = None
@@ -75,29 +93,33 @@ class Result:
     def of(
         cls,
         candidate: Candidate,
+        data: Data,
         solver: Solver,
-        found: Fit,
+        fit: Fit,
         about: Linearised | None,
-        variances: tuple[float, float],
-        samples: float,
+        exact_variance: float,
+        noise: tuple[float, float],
     ) -> Self:
         """Weigh a fit.
 
-        about: the candidate with deviations; variances: of the noise under exact laws, and of that which counts;
-        samples: how many independent ones the record stands for.
+        Parameters
+        ----------
+        candidate, data, solver, fit, about, exact_variance
+            As the attributes.
+        noise : tuple of float
+            The variance that counts, and the inflation in it.
         """
-        own, variance = variances
-        linear, over = exact(found), None
+        variance, samples = noise[0], data.y.size / noise[1]
+        weighed = None
         if about is not None:
-            grid = grid_of(solver.knots.size, absorbed=found.parameters.absorbs)
-            over = weigh(about.model, grid, variance, samples)
-        plain = weigh(linear, grid_of(0, exact=True), own, samples)
-        return cls(candidate, solver, found, linear, plain, own, about, over)
+            grid = grid_of(solver.knots.size, absorbed=fit.parameters.absorbs)
+            weighed = weigh(about.model, grid, variance, samples)
+        exact_weighed = weigh(exact(fit), grid_of(0, exact=True), exact_variance, samples)
+        return cls(candidate, data, solver, fit, exact_weighed, exact_variance, about, weighed)
 
     @property
     def log_evidence(self) -> float:
-        """Under the laws that are asked for, in nats: of the motions where they were sampled, else of the linear
-        model."""
+        """Under the laws asked for, in nats: of the motions where they were sampled, else of the linear model."""
         if self.sampled is not None and self.sampled.trusted:
             return self.sampled.log_evidence
         return (self.exact_weighed if self.weighed is None else self.weighed).log_evidence
@@ -105,23 +127,69 @@ class Result:
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
         """Relative deviations of damping and frequency at the knots, at the mode; None where laws hold exactly."""
-        if self.about is None:
-            return None, None
-        g, h = np.split(self.about.u[self.fit.z.size :], 2)
-        return np.expm1(g), h
+        return (None, None) if self.about is None else self.about.deviations
 
     @property
     def motion(self) -> Motion:
-        """The motion that the record's weights are taken along."""
+        """The motion at the mode."""
         return self.fit.motion if self.about is None else self.about.motion
+
+    @property
+    def z(self) -> np.ndarray:
+        """Scores at the mode, (d,)."""
+        return self.fit.z if self.about is None else self.about.z
+
+    @property
+    def values(self) -> np.ndarray:
+        """The solver's parameters at the mode, (k,)."""
+        return self.fit.parameters.values(self.z)
+
+    @property
+    def law(self) -> np.ndarray:
+        """Parameters of the restoring law at the mode, (r,)."""
+        return self.values[self.solver.law_places]
+
+    @property
+    def further(self) -> np.ndarray:
+        """The terms' own parameters at the mode, as a row, (1, e)."""
+        return self.values[None, len(self.solver.terms) : self.solver.law_places.start]
 
 
 @dataclass(frozen=True)
 class Weighing:
-    """Every candidate on one record. variance: of the noise that counts, κ times that of what is left; frictions:
-    widths of friction's turning over and how probable they are, none where it is known or there is no friction;
-    exponents: quantiles of a power law's exponent, none where it was not asked for; averaging: of a record that is
-    taken as amplitudes and phases, how far these are from the ODE's; noise: of the samples."""
+    """Every candidate on one record.
+
+    Attributes
+    ----------
+    data : Data
+        The record.
+    reference : Reference
+        Of the priors.
+    epsilon : float
+        Width of friction, in rad/s or m/s.
+    frictions : tuple of Friction
+        Widths of friction and their probabilities; none where the width is known or there is no friction.
+    solvers : mapping of str to Solver
+        By restoring law.
+    results : tuple of Result
+        Of the candidates.
+    variance, inflation : float
+        Variance of the noise that counts, and κ: how much larger it is than that of the residuals.
+    refused : mapping of Candidate to str
+        Why other candidates were not weighed.
+    forms : tuple of Result
+        Of other forms of damping.
+    exponents : tuple of float
+        Quantiles of a power law's exponent; none where it was not asked for.
+    noise_known : bool
+        Whether the noise's sd was given.
+    averaging : Averaging, optional
+        Of a record that is taken as amplitudes and phases: how far these are from the ODE's.
+    noise : SampleNoise
+        Of the samples.
+    epsilon_known : bool
+        Whether the width of friction was given.
+    """
 
     data: Data
     reference: Reference
@@ -141,8 +209,27 @@ class Weighing:
 
     @property
     def samples(self) -> float:
-        """How many independent samples the record stands for."""
+        """Number of independent samples that the record stands for."""
         return self.data.y.size / self.inflation
+
+    @property
+    def best(self) -> Result:
+        """The likeliest candidate's result."""
+        return max(self.results, key=lambda r: r.log_evidence)
+
+    def result(self, candidate: Candidate) -> Result:
+        """Return a candidate's result."""
+        return next(r for r in (*self.results, *self.forms) if r.candidate == candidate)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """The damping terms that candidates are made of."""
+        return next(iter(self.solvers.values())).terms
+
+    def result_of(self, candidate: Candidate, solver: Solver, fit: Fit, approximate: bool) -> Result:
+        """Weigh another fit on the same record and under the same noise."""
+        noise = self.variance, self.inflation
+        return _weigh_fit(candidate, self.data, solver, fit, noise, approximate, self.noise_known)
 
 
 def weigh_all(
@@ -155,143 +242,89 @@ def weigh_all(
     approximate: bool = True,
     noises: Sequence[str] = AUTOMATIC,
 ) -> Weighing:
-    """Fit and weigh candidates; those under one law begin with the sum of all terms.
+    """Fit and weigh candidates; the fits under one law start from that of the sum of all terms.
 
-    known: values of parameters, `noise_sd` among them, or a function of a law's name that gives them; priors: by
-    parameter; approximate: whether deviations from the laws are weighed too; noises: the noise models to choose from.
+    Parameters
+    ----------
+    data : Data
+        The record.
+    candidates : iterable of Candidate
+        Damping sums under restoring laws.
+    known : mapping or callable, optional
+        Values of parameters, `noise_sd` among them, or a function of a law's name that returns them.
+    priors : mapping of str to Prior, optional
+        By parameter; the others have default priors.
+    reference : Reference, optional
+        Of the default priors; by default the record's own amplitude and frequency.
+    approximate : bool
+        Whether deviations from the laws are weighed too.
+    noises : sequence of str
+        Noise models to choose from.
+
+    Raises
+    ------
+    Refusal
+        Where no motion follows the record, or no candidate can be compiled.
     """
-    priors = dict(priors or {})
-    known_under = partial(_known_under, data=data, known=known, priors=priors)
-    given_candidates = list(candidates)
-    unsolved = {c: why for c in given_candidates if (why := _why_unsolved(c))}
-    candidates = [c for c in given_candidates if c not in unsolved]
-    if not candidates:
-        raise Refusal(next(iter(unsolved.values())))
+    given, priors = list(candidates), dict(priors or {})
+    refused = {c: why for c in given if (why := _why_unsolved(c))}
+    asked = [c for c in given if c not in refused]
+    if not asked:
+        raise Refusal(next(iter(refused.values())))
     reference = reference or Reference(float(f"{data.amplitude:.2g}"), float(f"{data.frequency:.2g}"))
-    terms = tuple(dict.fromkeys(t for c in candidates for t in c.damping))
-    given = known_under(candidates[0].restoring).get("epsilon")
-    epsilon = reference.friction_width if given is None else given
-    laws = list(dict.fromkeys(c.restoring for c in candidates))
-    knots = knots_of(data.end, data.cycles)
-    solvers = {law: data.solver(terms, law, epsilon, knots) for law in laws}
-    refused: dict[Candidate, str] = dict(unsolved)
-    fits: dict[Candidate, Fit] = {}
-
-    given_to = {law: _given(solvers[law], data, reference, priors, known_under(law)) for law in laws}
-
-    def seek(c: Candidate, near: Fit | None) -> None:
-        solver, of_law = solvers[c.restoring], {**given_to[c.restoring], **known_under(c.restoring)}
-        start = first_values(c, data, of_law)
-        parameters = parameters_of(c, solver, data, reference, priors, of_law)
-        found, each = None, starts_of(c, parameters)
-        if near is not None:
-            coefficients = {TERMS.get(t).parameter for t in c.damping}
-            begun = near.parameters.named(near.z) | {k: v for k, v in start.items() if k in coefficients}
-            found = searched(c, solver, data, parameters, [begun | one for one in each], windows=False)
-        if found is None:
-            found = searched(c, solver, data, parameters, [start | one for one in each], windows=True)
-        if found is None:
-            refused[c] = "no motion under it stays in phase with the record"
-        else:
-            fits[c] = found
-
-    plain = tuple(t for t in terms if not TERMS.get(t).inferred)
-
-    def seek_whole(law: str) -> None:
-        if plain and plain != terms:
-            seek(Candidate(plain, law), None)
-        seek(Candidate(terms, law), fits.get(Candidate(plain, law)))
-
-    for solver in solvers.values():
-        assert solver.kernel  # compiled before several threads ask for it
-    at_once(seek_whole, laws)
+    fits = _CandidateFits(data, asked, reference, priors, known or {}, refused)
+    at_once(fits.seek_whole, fits.laws)
     for _ in range(ROUNDS if data.averaged is not None else 0):
-        _corrected(solvers, fits)
-        _refitted(data, solvers, fits)
-    frictions = [] if given is not None else _frictions(data, solvers, fits, reference.peak_velocity)
-    if frictions:
-        density = np.array([f.weight for f in frictions]) / _cells(np.log([f.epsilon for f in frictions]))
-        first, usual = int(np.argmax(density)), int(np.argmin([abs(f.epsilon - epsilon) for f in frictions]))
-        if np.log(density[first] / max(density[usual], 1e-300)) > LEAD:
-            epsilon = frictions[first].epsilon
-            for law in laws:
-                solvers[law] = replace(solvers[law], epsilon=epsilon)
-            _refitted(data, solvers, fits)
-    every = [Candidate(terms, law) for law in laws]
-    every = [c if c in fits else Candidate(plain, c.restoring) for c in every]
-    whole = [c for c in every if c in fits]
-    wholes = _about(whole, solvers, data, fits)
-    if not wholes:
+        fits.correct()
+        fits.repeat()
+    stated = fits.known_under(fits.laws[0])
+    frictions = [] if "epsilon" in stated else fits.choose_friction()
+    abouts = fits.about_modes()
+    if not abouts:
         raise Refusal("no motion under any of the laws stays in phase with the record")
-    stated = known_under(laws[0]).get("noise_sd")
-    law = min(wholes, key=lambda name: wholes[name][1])
-    other = adapted(noises, data, solvers[law], wholes[law][0], known_under(law), priors, approximate)
-    if other is not None and other.noise.name != GAUSSIAN:
-        data = other.data
-        _refitted(data, solvers, fits)
-        wholes = _about(whole, solvers, data, fits)
-        at = wholes[law][0]
-        kappa = inflation(data.t, at.left, data.frequency, at.u.size, other.variance)
-        variance = kappa * other.variance
-        stated = float(np.sqrt(other.variance))
-    elif stated is None:
-        variance, kappa = _noise(data, wholes, approximate)
-        if other is not None and other.variance > variance:
-            variance, kappa = other.variance, kappa * other.variance / variance
+    # The noise is that of the sum of all terms under the law that leaves least.
+    noise_sd, whole = stated.get("noise_sd"), fits.whole
+    law = min(abouts, key=lambda name: abouts[name][1])
+    at, known_values = abouts[law][0], fits.known_under(law)
+    adapted = adapt(noises, data, fits.solvers[law], at, known_values, priors, approximate)
+    if adapted is not None and adapted.noise.name != GAUSSIAN:
+        data = fits.data = adapted.data
+        fits.repeat()
+        abouts = fits.about_modes()
+        at = abouts[law][0]
+        kappa = inflation(data.t, at.left, data.frequency, at.u.size, adapted.variance)
+        variance = kappa * adapted.variance
+        noise_sd = float(np.sqrt(adapted.variance))
+    elif noise_sd is None:
+        variance, kappa = _noise(data, abouts, approximate)
+        if adapted is not None and adapted.variance > variance:
+            variance, kappa = adapted.variance, kappa * adapted.variance / variance
     else:
-        variance, kappa = data.least_variance + stated**2 / data.thinned, 1.0
-    noise = variance, kappa
+        variance, kappa = data.least_variance + noise_sd**2 / data.thinned, 1.0
+    # Laws that are far behind with all terms are not weighed any further.
     logs = {}
-    for name, (at, _) in wholes.items():
-        grid = grid_of(knots.size, coarse=True, absorbed=at.parameters.absorbs)
+    for name, (at, _) in abouts.items():
+        grid = grid_of(at.knots, coarse=True, absorbed=at.fit.parameters.absorbs)
         logs[name] = weigh(at.model, grid, variance, data.y.size / kappa).log_evidence
-    kept = {name for name, log in logs.items() if log > max(logs.values()) - REACH}
-    asked: list[Candidate] = []
-    for c in candidates:
-        if c.restoring not in kept:
+    possible = {name for name, log in logs.items() if log > max(logs.values()) - REACH}
+    for c in asked:
+        if c.restoring not in possible:
             refused.setdefault(c, "its restoring law is out of the question")
-            continue
-        asked.append(c)
 
-    def weighed(c: Candidate) -> Result | None:
-        if c not in fits:
-            seek(c, fits.get(Candidate(terms, c.restoring), fits.get(Candidate(plain, c.restoring))))
-        if c not in fits:
+    def weigh_one(c: Candidate) -> Result | None:
+        fit, noise = fits.of(c), (variance, kappa)
+        if fit is None:
             return None
-        return result_of(c, solvers[c.restoring], fits[c], data, noise, approximate, stated is not None)
+        return _weigh_fit(c, data, fits.solvers[c.restoring], fit, noise, approximate, noise_sd is not None)
 
-    results = [r for r in at_once(weighed, asked) if r is not None]
-    # In an order that does not depend on which core was first.
-    order = dict.fromkeys([*every, *(Candidate(terms, law) for law in laws), *given_candidates])
-    refused = {c: refused[c] for c in order if c in refused}
+    results = [r for r in at_once(weigh_one, [c for c in asked if c.restoring in possible]) if r is not None]
+    # In an order that does not depend on which thread was first.
+    order = dict.fromkeys([*whole, *(Candidate(fits.terms, law) for law in fits.laws), *given])
     return Weighing(
-        data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused,
-        noise_known=stated is not None, noise=SampleNoise() if other is None else other.noise,
-        epsilon_known=given is not None,
+        data, reference, fits.epsilon, tuple(frictions), fits.solvers, tuple(results), variance, kappa,
+        {c: refused[c] for c in order if c in refused}, noise_known=noise_sd is not None,
+        noise=SampleNoise() if adapted is None else adapted.noise, epsilon_known="epsilon" in stated,
     )  # fmt: skip
-
-
-def _about(
-    whole: Sequence[Candidate], solvers: Mapping[str, Solver], data: Data, fits: Mapping[Candidate, Fit]
-) -> dict[str, tuple[Linearised, float]]:
-    """The sums of all terms by law, about their modes, with the variance of what each leaves."""
-    every = at_once(lambda c: relinearised(c, solvers[c.restoring], data, fits[c], None), whole)
-    return {c.restoring: at for c, at in zip(whole, every, strict=True) if at is not None}
-
-
-def _known_under(
-    law: str, data: Data, known: Known | None, priors: Mapping[str, Prior]
-) -> Mapping[str, float]:
-    """Return what is known of a law's parameters.
-
-    Velocities and accelerations do not depend on where the law's zero is: it is put at 0, where terms that depend on
-    the position have theirs.
-    """
-    stated = known(law) if callable(known) else known or {}
-    shift = LAWS.get(law).shift
-    if shift and data.quantity != "angle" and shift not in priors:
-        return {shift: 0.0, **stated}
-    return stated
 
 
 def _why_unsolved(candidate: Candidate) -> str:
@@ -305,143 +338,232 @@ def _why_unsolved(candidate: Candidate) -> str:
     return ""
 
 
-def _given(
-    solver: Solver, data: Data, reference: Reference, priors: Mapping[str, Prior], known: Mapping[str, float]
-) -> dict[str, float]:
-    """What terms are given under a law: where the motion comes to rest is that of a viscous fit."""
-    at = data.rest
-    if "rest" in solver.further:
-        c, viscous = Candidate(("viscous",), solver.restoring), replace(solver, terms=("viscous",))
-        parameters = parameters_of(c, viscous, data, reference, priors, known)
-        found = searched(c, viscous, data, parameters, [first_values(c, data, known)], windows=True)
-        if found is not None:
-            law = found.parameters.values(found.z)[viscous.law_places]
-            at = data.rest_under(solver.restoring, law)
-    return reference.scales(at)
+class _CandidateFits:
+    """Fits of candidates to one record, under solvers with a common width of friction.
+
+    Under each law, the sum of all terms is fitted first, and the other candidates start from its fit. Candidates that
+    no motion follows are added to `refused`, with the reason.
+    """
+
+    def __init__(
+        self,
+        data: Data,
+        candidates: Sequence[Candidate],
+        reference: Reference,
+        priors: Mapping[str, Prior],
+        known: Known,
+        refused: dict[Candidate, str],
+    ) -> None:
+        self.data, self.reference, self.priors = data, reference, priors
+        self.known, self.refused = known, refused
+        self.terms = tuple(dict.fromkeys(t for c in candidates for t in c.damping))
+        self.plain = tuple(t for t in self.terms if not TERMS.get(t).inferred)
+        self.laws = list(dict.fromkeys(c.restoring for c in candidates))
+        self.fits: dict[Candidate, Fit] = {}
+        self.epsilon = self.known_under(self.laws[0]).get("epsilon", reference.friction_width)
+        knots = knots_of(data.end, data.cycles)
+        self.solvers = {law: data.solver(self.terms, law, self.epsilon, knots) for law in self.laws}
+        self.scales = {law: self._scales(law) for law in self.laws}
+        for solver in self.solvers.values():
+            assert solver.kernel  # compiled before several threads ask for it
+
+    def known_under(self, law: str) -> Mapping[str, float]:
+        """Return what is known of a law's parameters.
+
+        Velocities and accelerations do not depend on where the law's zero is. It is put at 0, as the zero of terms that
+        depend on the position.
+        """
+        stated, shift = self.known(law) if callable(self.known) else self.known, LAWS.get(law).shift
+        if shift and self.data.quantity != "angle" and shift not in self.priors:
+            return {shift: 0.0, **stated}
+        return stated
+
+    def _scales(self, law: str) -> dict[str, float]:
+        """Return the reference values of the terms under a law; the equilibrium is that of a viscous fit."""
+        data, rest, known = self.data, self.data.rest, self.known_under(law)
+        if "rest" in self.solvers[law].further:
+            c, viscous = Candidate(("viscous",), law), replace(self.solvers[law], terms=("viscous",))
+            parameters = parameters_of(c, viscous, data, self.reference, self.priors, known)
+            fit = search(viscous, data, parameters, [first_values(c, data, known)], windows=True)
+            if fit is not None:
+                rest = data.rest_under(law, fit.values[viscous.law_places])
+        return self.reference.scales(rest)
+
+    def seek_whole(self, law: str) -> None:
+        """Fit the sum of all terms, after that of the terms without parameters of their own."""
+        if self.plain and self.plain != self.terms:
+            self._seek(Candidate(self.plain, law), None)
+        self._seek(Candidate(self.terms, law), self.fits.get(Candidate(self.plain, law)))
+
+    @property
+    def whole(self) -> list[Candidate]:
+        """The sum of most terms that is fitted, under each law."""
+        every = [Candidate(self.terms, law) for law in self.laws]
+        return [c if c in self.fits else Candidate(self.plain, c.restoring) for c in every]
+
+    def of(self, c: Candidate) -> Fit | None:
+        """Return a candidate's fit."""
+        if c not in self.fits:
+            plain = self.fits.get(Candidate(self.plain, c.restoring))
+            self._seek(c, self.fits.get(Candidate(self.terms, c.restoring), plain))
+        return self.fits.get(c)
+
+    def _seek(self, c: Candidate, near: Fit | None) -> None:
+        data, solver = self.data, self.solvers[c.restoring]
+        known = {**self.scales[c.restoring], **self.known_under(c.restoring)}
+        start = first_values(c, data, known)
+        parameters = parameters_of(c, solver, data, self.reference, self.priors, known)
+        own_starts, fit = starts_of(c, parameters), None
+        if near is not None:
+            coefficients = {TERMS.get(t).parameter for t in c.damping}
+            begin = near.parameters.named(near.z) | {k: v for k, v in start.items() if k in coefficients}
+            fit = search(solver, data, parameters, [begin | own for own in own_starts], windows=False)
+        if fit is None:
+            fit = search(solver, data, parameters, [start | own for own in own_starts], windows=True)
+        if fit is None:
+            self.refused[c] = "no motion under it stays in phase with the record"
+        else:
+            self.fits[c] = fit
+
+    def correct(self) -> None:
+        """Correct averaged motions with the ODE, under each law at the fit with the most terms."""
+        most = {
+            c.restoring: fit for c, fit in sorted(self.fits.items(), key=lambda item: len(item[0].damping))
+        }
+
+        def corrected(law: str) -> AveragedSolver | None:
+            solver = self.solvers[law]
+            assert isinstance(solver, AveragedSolver)
+            return solver.corrected(most[law].values, most[law].active)
+
+        new = zip(most, at_once(corrected, most), strict=True)
+        self.solvers |= {law: solver for law, solver in new if solver is not None}
+
+    def repeat(self) -> None:
+        """Repeat the fits with changed solvers or data."""
+        every = list(self.fits)
+        fits = at_once(lambda c: refit(self.solvers[c.restoring], self.data, self.fits[c]), every)
+        self.fits |= {c: fit for c, fit in zip(every, fits, strict=True) if fit is not None}
+
+    def about_modes(self) -> dict[str, tuple[Linearised, float]]:
+        """Return the sums of most terms by law, about their modes, with the variance of what each leaves."""
+        whole = [c for c in self.whole if c in self.fits]
+        abouts = at_once(
+            lambda c: relinearise(self.solvers[c.restoring], self.data, self.fits[c], None), whole
+        )
+        return {c.restoring: about for c, about in zip(whole, abouts, strict=True) if about is not None}
+
+    def choose_friction(self) -> list[Friction]:
+        """Use the likeliest width of friction if it is clearly ahead of the usual one; return all that were tried."""
+        frictions = self._try_widths()
+        if frictions:
+            cells = _cells(np.log([f.epsilon for f in frictions]))
+            density = np.array([f.weight for f in frictions]) / cells
+            first = int(np.argmax(density))
+            usual = int(np.argmin([abs(f.epsilon - self.epsilon) for f in frictions]))
+            if np.log(density[first] / max(density[usual], 1e-300)) > LEAD:
+                self.epsilon = frictions[first].epsilon
+                self.solvers = {law: replace(s, epsilon=self.epsilon) for law, s in self.solvers.items()}
+                self.repeat()
+        return frictions
+
+    def _try_widths(self) -> list[Friction]:
+        """Return widths ε and their probabilities, under the best law and all terms; none without friction."""
+        switching = [i for i, t in enumerate(self.terms) if TERMS.get(t).switches]
+        if not self.fits or not switching:
+            return []
+        best = min(self.fits, key=lambda c: self.fits[c].squares)
+        near, solver = self.fits[best], self.solvers[best.restoring]
+        if not any(near.values[i] > 0 for i in switching):
+            return []
+        m, peak = len(self.terms), self.reference.peak_velocity
+
+        def under(share: float) -> tuple[float, float, np.ndarray] | None:
+            """Return ε, the log likelihood, and the terms' parameters."""
+            fit = refit(replace(solver, epsilon=share * peak), self.data, near)
+            if fit is None:
+                return None
+            log = -0.5 * self.data.y.size * np.log(fit.squares)
+            return share * peak, log, fit.values[: solver.law_places.start]
+
+        tried = [width for width in at_once(under, SHARES) if width is not None]
+        for _ in range(BETWEEN if len(tried) > 2 else 0):
+            between = _between(
+                np.log([e / peak for e, _, _ in tried]), np.array([log for _, log, _ in tried])
+            )
+            new = None if between is None else under(float(np.exp(between)))
+            if new is None:
+                break
+            tried.append(new)
+        tried.sort(key=lambda width: -width[0])
+        logs = np.array([log for _, log, _ in tried])
+        weights = np.exp(logs - logs.max()) * _cells(np.log([e for e, _, _ in tried]))
+        each = zip(tried, (weights / weights.sum()).tolist(), strict=True)
+        return [Friction(e, w, tuple(p[:m].tolist()), tuple(p[m:].tolist())) for (e, _, p), w in each]
 
 
-def result_of(
-    c: Candidate,
-    solver: Solver,
-    found: Fit,
+def exact_variance(data: Data, fit: Fit, kappa: float) -> float:
+    """Return the variance of the noise, in the record's unit squared, if a fit under exact laws were right."""
+    return data.least_variance + kappa * fit.squares / max(data.y.size - fit.z.size, 1)
+
+
+def _weigh_fit(
+    candidate: Candidate,
     data: Data,
+    solver: Solver,
+    fit: Fit,
     noise: tuple[float, float],
     approximate: bool,
     stated: bool,
 ) -> Result:
-    """A candidate's fit, weighed. noise: the variance that counts, and the inflation in it; stated: it is known, and
-    not read from the record, so that it counts under exact laws too."""
-    variance, kappa = noise
-    own = data.least_variance + kappa * found.squares / max(data.y.size - found.z.size, 1)
-    about = relinearised(c, solver, data, found, variance) if approximate else None
-    variances = variance if stated else own, variance
-    return Result.of(c, solver, found, about[0] if about else None, variances, data.y.size / kappa)
+    """Weigh a candidate's fit.
 
-
-def _frictions(
-    data: Data, solvers: Mapping[str, Solver], fits: Mapping[Candidate, Fit], peak: float
-) -> list[Friction]:
-    """Every ε that is tried, under the best law and all terms; none where no friction stands out.
-
-    peak: velocity of the reference, whose shares they are.
+    `noise` is the variance that counts, and the inflation in it; `stated`: it is known and not estimated from the
+    record, so that it also counts under exact laws.
     """
-    terms = next(iter(solvers.values())).terms
-    switching = [i for i, t in enumerate(terms) if TERMS.get(t).switches]
-    if not fits or not switching:
-        return []
-    best = min(fits, key=lambda c: fits[c].squares)
-    top = fits[best]
-    if not any(top.parameters.values(top.z)[i] > 0 for i in switching):
-        return []
-    m, law = len(terms), solvers[best.restoring].law_places
-
-    def under(share: float) -> tuple[float, float, np.ndarray] | None:
-        solver = replace(solvers[best.restoring], epsilon=share * peak)
-        new = refit(solver, data, top)
-        if new is None:
-            return None
-        return (
-            share * peak,
-            -0.5 * data.y.size * np.log(new.squares),
-            new.parameters.values(new.z)[: law.start],
-        )
-
-    tried = [found for found in at_once(under, SHARES) if found is not None]
-    for _ in range(BETWEEN if len(tried) > 2 else 0):
-        between = _between(np.log([e / peak for e, _, _ in tried]), np.array([log for _, log, _ in tried]))
-        new = None if between is None else under(float(np.exp(between)))
-        if new is None:
-            break
-        tried.append(new)
-    tried.sort(key=lambda found: -found[0])
-    logs = np.array([log for _, log, _ in tried])
-    weights = np.exp(logs - logs.max()) * _cells(np.log([e for e, _, _ in tried]))
-    shares = weights / weights.sum()
-    each = zip(tried, shares.tolist(), strict=True)
-    return [Friction(e, w, tuple(p[:m].tolist()), tuple(p[m:].tolist())) for (e, _, p), w in each]
+    own = noise[0] if stated else exact_variance(data, fit, noise[1])
+    about = relinearise(solver, data, fit, noise[0]) if approximate else None
+    return Result.of(candidate, data, solver, fit, about[0] if about else None, own, noise)
 
 
 def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
-    """Log of a width between those that were tried, at (k,), where the likeliest, of log likelihoods (k,), is `TOLD`
-    ahead of a neighbour: where a parabola through the three has its top. None where it stands at an end, and where
-    what lies between tells nothing more."""
+    """Return the log of a width between those that were tried, at the top of a parabola through the likeliest three.
+
+    None where the likeliest is at an end, or is not `CLEAR` nats ahead of a neighbour, so that a width between them
+    would add nothing. Log widths `at` and log likelihoods, (k,) each.
+    """
     order = np.argsort(at)
     at, logs = at[order], logs[order]
     i = int(np.argmax(logs))
-    if i in (0, at.size - 1) or logs[i] - min(logs[i - 1], logs[i + 1]) < TOLD:
+    if i in (0, at.size - 1) or logs[i] - min(logs[i - 1], logs[i + 1]) < CLEAR:
         return None
     three = slice(i - 1, i + 2)
     bend, slope, _ = np.polyfit(at[three] - at[i], logs[three], 2)
     top = -0.5 * slope / bend
     sd = 1 / np.sqrt(-2 * bend)
-    if abs(top) < sd:  # the likeliest stands there already: its neighbours are what is too far
+    if abs(top) < sd:  # the likeliest is at the top already: its neighbours are too far away
         wide = at[i + 1] - at[i] > at[i] - at[i - 1]
         top = min(2 * sd, 0.5 * (at[i + 1] - at[i])) if wide else -min(2 * sd, 0.5 * (at[i] - at[i - 1]))
     return float(at[i] + np.clip(top, 0.75 * (at[i - 1] - at[i]), 0.75 * (at[i + 1] - at[i])))
 
 
 def _cells(at: np.ndarray) -> np.ndarray:
-    """How much of a line each of the points at (k,), in order, stands for, the ends for as much to either side."""
+    """Return the length of a line that each of the points at (k,), in order, stands for; ends reach as far outwards."""
     if at.size < 2:
         return np.ones(at.size)
     gaps = np.abs(np.diff(at))
     return 0.5 * (np.append(gaps, gaps[-1]) + np.append(gaps[0], gaps))
 
 
-def _corrected(solvers: dict[str, Solver], fits: Mapping[Candidate, Fit]) -> None:
-    """Averaged motions set right by the ODE, under each law at the fit of most terms."""
-    most: dict[str, Fit] = {}
-    for c, found in sorted(fits.items(), key=lambda item: len(item[0].damping)):
-        most[c.restoring] = found
-
-    def right(law: str) -> AveragedSolver | None:
-        solver, at = solvers[law], most[law]
-        assert isinstance(solver, AveragedSolver)
-        return solver.corrected(at.parameters.values(at.z), at.active)
-
-    for law, solver in zip(most, at_once(right, most), strict=True):
-        if solver is not None:
-            solvers[law] = solver
-
-
-def _refitted(data: Data, solvers: Mapping[str, Solver], fits: dict[Candidate, Fit]) -> None:
-    """Fits anew under the solvers' ε."""
-    every = list(fits)
-    found = at_once(lambda c: refit(solvers[c.restoring], data, fits[c]), every)
-    for c, new in zip(every, found, strict=True):
-        if new is not None:
-            fits[c] = new
-
-
 def _noise(
-    data: Data, wholes: Mapping[str, tuple[Linearised, float]], approximate: bool
+    data: Data, abouts: Mapping[str, tuple[Linearised, float]], approximate: bool
 ) -> tuple[float, float]:
-    """The variance that counts, and κ in it, from the sum of all terms under the law that leaves least.
+    """Return the variance that counts, and κ in it, from the sum of all terms under the law that leaves least.
 
-    Amplitudes and phases have the noise near the oscillation alone. Where laws hold exactly and nothing of the residual
-    can be predicted it is white, and κ, which a short record tells to a few ten per cent only, is 1.
+    Amplitudes and phases only have the noise near the oscillation. Where laws hold exactly and the residual cannot be
+    predicted, the noise is white, and κ, which a short record determines only to a few tens of per cent, is 1.
     """
-    at, variance = min(wholes.values(), key=lambda found: found[1])
+    at, variance = min(abouts.values(), key=lambda about: about[1])
     white = bool(data.averaged) or (not approximate and predictable(at.left) == 0.0)
     kappa = 1.0 if white else inflation(data.t, at.left, data.frequency, at.u.size)
     return kappa * variance, kappa

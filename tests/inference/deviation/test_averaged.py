@@ -12,8 +12,7 @@ import pytest
 from bayesdamp.inference.deviation.averaged import Averaged
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.findings import findings
-from bayesdamp.inference.deviation.numbers.averaging import averaging_of
-from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.quick import averaging_of, weighing_of
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.kernel.averaged import NUMBERS, AveragedSolver
 from bayesdamp.physics.kernel.solve import ALL, NONE
@@ -39,21 +38,21 @@ CASES: dict[str, tuple[str, dict[str, float]]] = {
 
 @lru_cache
 def truth(name: str) -> tuple[str, dict[str, float], np.ndarray]:
-    """Law, parameters and angles without noise."""
+    """Return law, parameters and angles without noise."""
     law, own = CASES[name]
     p = {"stiffness": OMEGA**2, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0, "epsilon": 0.06, **own}
     return law, p, trajectory(law, p, TIMES)[:, 0]
 
 
 def signal_of(name: str, share: float, seed: int) -> Signal:
-    """With white noise of this share of the amplitude."""
+    """Return a record with white noise of this share of the amplitude."""
     _, p, y = truth(name)
     noise = share * p["theta0"] * np.random.default_rng(seed).standard_normal(y.size)
     return Signal(TIMES, y + noise, name=name)
 
 
 def solver_of(signal: Signal, law: str, p: dict[str, float]) -> tuple[AveragedSolver, Averaged, np.ndarray]:
-    """A solver of a record's amplitudes and phases, these, and the parameters as it takes them."""
+    """Return a solver of a record's amplitudes and phases, these, and the parameters in its order."""
     data = prepared(signal)
     assert data.averaged is not None
     solver = data.solver(TERMS, law, p["epsilon"], np.linspace(0.0, data.t[-1], 6))
@@ -62,8 +61,10 @@ def solver_of(signal: Signal, law: str, p: dict[str, float]) -> tuple[AveragedSo
 
 
 def misfit(solver: AveragedSolver, found: Averaged, p: np.ndarray) -> np.ndarray:
-    """Mean square of amplitudes, phases and midlines less the motion's, in the noise's variance; a constant phase is
-    the start's."""
+    """Return the mean square of amplitudes, phases and midlines minus the motion's, in units of the noise's variance.
+
+    A constant phase belongs to the start and is left out.
+    """
     motion = solver.solve(p, np.ones(3, bool), tangents=NONE)
     assert motion is not None
     size, phase, middle = (found.y - motion.y).reshape(-1, NUMBERS).T / found.noise
@@ -74,8 +75,11 @@ def misfit(solver: AveragedSolver, found: Averaged, p: np.ndarray) -> np.ndarray
 
 @pytest.mark.parametrize("name", CASES)
 def test_amplitude_phase_and_midline_are_the_true_motions_but_for_noise(name: str) -> None:
-    """Corrected at parameters 0.3 % off. Of 64 values the mean square has an sd of 0.18: a false alarm beyond five of
-    them. Not corrected, phases are far off: with damping that is three times larger its square counts."""
+    """They agree where the motion is corrected at parameters that are 0.3 % off.
+
+    The mean square of 64 values has an sd of 0.18: a false alarm is beyond five of them. Without the correction,
+    phases are far off, because the damping that is solved is three times larger and its square counts.
+    """
     law, p, _ = truth(name)
     solver, found, at = solver_of(signal_of(name, 1e-3, 3), law, p)
     near = at.copy()
@@ -145,7 +149,7 @@ def test_ten_times_the_cycles_are_as_many_numbers_and_steps() -> None:
 
 
 def without(signal: Signal, *holes: tuple[float, float]) -> Signal:
-    """A record without the samples between two shares of its duration."""
+    """Return a record without the samples between two shares of its duration."""
     t, y = np.asarray(signal.t), np.asarray(signal.y)
     kept = np.ones(t.size, bool)
     for a, b in holes:
@@ -155,7 +159,7 @@ def without(signal: Signal, *holes: tuple[float, float]) -> Signal:
 
 @lru_cache
 def both(name: str, holes: bool = False) -> tuple[Weighing, Weighing]:
-    """A record weighed as amplitudes and phases, and by the ODE. holes: two of two cycles each."""
+    """Return a record weighed as amplitudes and phases, and by the ODE; with holes, two of two cycles each."""
     from bayesdamp.inference.deviation.candidate import Candidate
     from bayesdamp.inference.deviation.weighing import weigh_all
 
@@ -170,7 +174,7 @@ def both(name: str, holes: bool = False) -> tuple[Weighing, Weighing]:
 
 @pytest.mark.parametrize("holes", [False, True])
 def test_the_answer_is_that_of_the_equation_of_motion(holes: bool) -> None:
-    """Coefficients, and the damping ratios at three amplitudes, within a tenth of their sd."""
+    """Coefficients, and the damping ratios at three amplitudes, agree within a tenth of their sd."""
     few, whole = both("pendulum", holes)
     assert few.averaging is not None
     assert few.averaging.close
@@ -224,7 +228,7 @@ def test_few_cycles_long_gaps_and_a_known_start_are_left_to_the_equation_of_moti
 
 
 def test_one_candidate_by_itself_predicts_every_sample_and_is_kept(tmp_path: Path) -> None:
-    """From the amplitudes and phases of its blocks, with the record's own noise at 1 % of the amplitude."""
+    """It does so from the amplitudes and phases of its blocks, with noise of 1 % of the amplitude."""
     import bayesdamp as bd
 
     signal, (_, p, y) = signal_of("pendulum", 0.01, 5), truth("pendulum")

@@ -30,7 +30,8 @@ TIMES = np.arange(1000) * 2 * math.pi / W / 40
 
 @lru_cache
 def weighed(noise: float, friction: float = 0.0) -> tuple[Weighing, Result]:
-    """A viscous decay, or one with exact friction too, which is known to be exact; the likeliest candidate."""
+    """Return a weighing and its likeliest candidate, of a viscous decay, or one with exact friction too, which is
+    known to be exact."""
     known = {"epsilon": 0.0} if friction else None
     y = trajectory("linear", P | {"mu_c": friction} | (known or {}), TIMES)[:, 0]
     y += noise * np.random.default_rng(5).standard_normal(TIMES.size)
@@ -41,8 +42,11 @@ def weighed(noise: float, friction: float = 0.0) -> tuple[Weighing, Result]:
 
 @pytest.mark.parametrize("friction", [0.0, 0.15])
 def test_tangents_are_the_kernel_s_own(friction: float) -> None:
-    """Of terms that the kernel has too: the same variational equation by another method and another force; through
-    turning points and sticking too."""
+    """For terms that the kernel also has, the tangents agree with the kernel's, through turning points and sticking
+    too.
+
+    Both solve the same variational equation, by another method and with another form of the force.
+    """
     weighing, result = weighed(0.002, friction)
     assert (np.sum(result.motion.states[:, 2] == 0) > 1) == bool(friction)
     solver, about = weighing.solvers["linear"], result.about
@@ -51,7 +55,10 @@ def test_tangents_are_the_kernel_s_own(friction: float) -> None:
     found = bounds._tangents(weighing, result, bounds._sources(weighing, result, forms)[0])
     d, n = result.fit.z.size, solver.knots.size
     wider = replace(solver, terms=(*solver.terms, "cubic", "displacement"))
-    known = {**result.fit.parameters.named(about.u[:d]), "rest": bounds._rest(weighing, result)}
+    known = {
+        **result.fit.parameters.named(about.u[:d]),
+        "rest": weighing.data.rest_under("linear", result.law),
+    }
     p = np.array([known.get(name, 0.0) for name in wider.names])
     active = np.array([*result.fit.active, True, True])
     motion = wider.solve(p, active, np.expm1(about.u[d : d + n]), about.u[d + n :], PARAMETERS)
@@ -73,7 +80,7 @@ def test_every_form_is_bounded_by_itself() -> None:
 
 
 def test_less_noise_bounds_more() -> None:
-    """Noise eight times as large: bounds of a form that the amplitude tells apart are larger by two at least."""
+    """With noise eight times as large, bounds of a form that the amplitude distinguishes are larger by at least two."""
     small, large = (
         bounds_of_others(*weighed(noise), False, np.random.default_rng(0)) for noise in (0.0005, 0.004)
     )
@@ -83,8 +90,8 @@ def test_less_noise_bounds_more() -> None:
 
 @pytest.mark.parametrize("scale", [1e-4, 1e3])
 def test_a_bound_does_not_depend_on_the_unit(scale: float) -> None:
-    """A record in metres or in tenths of a millimetre, of which a form that is unlike the others by its unit is as
-    large a share."""
+    """A record in metres or in tenths of a millimetre has the same bound for a form whose unit differs from the
+    others'."""
     signal = weighed(0.002)[0].data
     y = np.asarray(signal.y)
     found, other = (
@@ -106,8 +113,10 @@ def _probable(y: np.ndarray) -> tuple[Weighing, dict[Any, float]]:
 
 @pytest.mark.parametrize("name", ["cubic", "displacement"])
 def test_a_bound_holds_what_is_there(name: str) -> None:
-    """A tenth of the loss in the middle of the record is cubic: beside viscous damping alone, whose fit leaves it to
-    the form, the bound is above the share that was put in and below three times of it."""
+    """A tenth of the loss in the middle of the record is cubic, and only viscous damping is fitted.
+
+    The bound is above the share that was put in and below three times of it.
+    """
     share, middle = 0.1, 0.15
     unit = 3 / 8 * middle**2 * W if name == "cubic" else middle**2 / (8 * W)
     c = share / (1 - share) * ZETA / W / unit
@@ -123,7 +132,7 @@ def test_a_bound_holds_what_is_there(name: str) -> None:
 
 
 def _decay(more: Force) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement and velocity of viscous damping and one force more."""
+    """Return displacement and velocity under viscous damping and one more force."""
     run = solve_ivp(
         lambda _, s: [s[1], -2 * ZETA * s[1] - more(s[0], s[1]) - W**2 * s[0]], (0, TIMES[-1]), [A, 0.0],
         t_eval=TIMES, rtol=1e-10, atol=1e-12,

@@ -33,7 +33,7 @@ def weighing() -> Weighing:
 
 
 def ratio(amplitude: float) -> float:
-    """ζ/ω + 2μ/(πω²A); what the width ε takes off is below a thousandth."""
+    """Return ζ/ω + 2μ/(πω²A); the width ε reduces it by less than a thousandth."""
     return ZETA / W + 2 * MU / (math.pi * W**2 * amplitude)
 
 
@@ -56,7 +56,7 @@ def test_probabilities_are_probabilities(weighing: Weighing) -> None:
 
 
 def test_numbers_are_the_truth(weighing: Weighing) -> None:
-    """95 % intervals, made wider than that by what a sensor may be off: false alarm below 5 % of each of ten."""
+    """The 95 % intervals are wider by the sensor's error: the false-alarm rate of each of ten is below 5 %."""
     found = findings(weighing, amplitudes=[0.25, 0.15, 0.08])
     for r in found.ratios:
         assert r.low < ratio(r.amplitude) < r.high
@@ -74,7 +74,7 @@ def test_numbers_are_the_truth(weighing: Weighing) -> None:
 
 
 def test_energy_by_term(weighing: Weighing) -> None:
-    """Shares by the power of each force along SciPy's motion."""
+    """The shares are those of the power of each force along SciPy's motion."""
     v = trajectory("linear", P, TIMES)[:, 1]
     power = {"viscous": np.mean(2 * ZETA * v * v), "coulomb": np.mean(MU * v * np.tanh(v / EPSILON))}
     found = findings(weighing)
@@ -88,7 +88,7 @@ def test_energy_by_term(weighing: Weighing) -> None:
 
 
 def test_the_sensor_is_a_floor(weighing: Weighing) -> None:
-    """Of 3 % the interval is ±1.96 · 3 % or wider; without one it is narrower."""
+    """With 3 % the interval is at least ±1.96 · 3 % wide; without a sensor it is narrower."""
     wide, narrow = (findings(weighing, [0.15], sensor=s).ratios[0] for s in (0.03, 0.0))
     assert wide.high - wide.low > 0.95 * 2 * 1.96 * 0.03 * wide.value
     assert narrow.high - narrow.low < wide.high - wide.low
@@ -116,8 +116,10 @@ def test_default_amplitudes_are_within_the_record(weighing: Weighing) -> None:
 
 
 def test_rates_are_averaged_over_other_forms_too() -> None:
-    """Damping that grows with the square of the displacement, x²v, whose ratio is c A²/8ω and which none of the sums
-    has: intervals hold the truth. Control: at the last amplitude those of the sums alone do not."""
+    """For damping x²v, whose ratio is c A²/8ω and which none of the sums contains, the intervals contain the truth.
+
+    Control: at the last amplitude the intervals of the sums alone do not.
+    """
     extra, rest = 4.0, 0.1
 
     def slope(_: float, s: np.ndarray) -> tuple[float, float]:
@@ -142,8 +144,11 @@ def test_rates_are_averaged_over_other_forms_too() -> None:
 
 
 def test_between_knots_deviations_are_a_bridge() -> None:
-    """A random walk known every eighth step: what is between is a sixth of a knot's step in the mean. Of 20,000 draws
-    three standard errors are 2 %. A straight line has nothing between, however steep."""
+    """For a random walk that is known at every eighth step, the variance between is a sixth of a knot's step on
+    average.
+
+    Three standard errors of 20,000 draws are 2 %. A straight line has no variance between knots, however steep it is.
+    """
     rng = np.random.default_rng(3)
     walk = np.cumsum(rng.standard_normal((2000, 97)), axis=1)
     knots = walk[:, ::8]
@@ -156,11 +161,10 @@ def test_between_knots_deviations_are_a_bridge() -> None:
 
 
 def test_a_midline_that_drifts_has_a_size(weighing: Weighing) -> None:
-    """1 % of the amplitude over the record, within five standard errors of its 35 means. Control: without it, 0."""
+    """A drift of 1 % of the amplitude is measured within five standard errors of its 35 means. Control: without it,
+    0."""
     best = max(weighing.results, key=lambda r: r.log_evidence)
-    assert midline_drift(weighing, best) == 0
+    assert midline_drift(best) == 0
     line = 0.01 * A * np.linspace(-0.5, 0.5, weighing.data.t.size)
     moved = replace(best, fit=replace(best.fit, residual=best.fit.residual + line))
-    assert midline_drift(weighing, moved) == pytest.approx(
-        0.01, abs=5 * SD / A * np.sqrt(12 / TIMES.size) + 1e-4
-    )
+    assert midline_drift(moved) == pytest.approx(0.01, abs=5 * SD / A * np.sqrt(12 / TIMES.size) + 1e-4)

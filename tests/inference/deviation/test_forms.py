@@ -20,13 +20,14 @@ TIMES = np.arange(900) * 2 * math.pi / W / 30
 
 
 def drift(t: float) -> float:
-    """By how much damping is larger than its law says."""
+    """Return the factor by which the damping is larger than its law."""
     return 1 + 0.2 * math.sin(2 * math.pi * t / float(TIMES[-1]))
 
 
 @lru_cache
 def found(kind: str, exponent: float = 1.0) -> Findings:
-    """A linear spring with c |v|^p, with c x² v, or with viscous and dry friction that both change over the record."""
+    """Return the findings for a linear spring with c |v|^p, with c x² v, or with viscous and dry friction that both
+    change over the record."""
 
     def force(t: float, x: float, v: float) -> float:
         if kind == "drifting":
@@ -45,7 +46,7 @@ def found(kind: str, exponent: float = 1.0) -> Findings:
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0])
 def test_the_exponent_is_found(exponent: float) -> None:
-    """95 % intervals: of three seeds one in seven would fail were they not wider; the seed was not chosen."""
+    """95 % intervals, made wider: else one of three would fail with a probability of 1/7; the seed was not chosen."""
     q = found("power", exponent).exponent
     assert q is not None
     assert q.low - 0.01 < exponent < q.high + 0.01
@@ -62,9 +63,11 @@ def test_a_form_that_is_none_of_the_sums_is_a_rival() -> None:
 
 
 def test_the_exponent_is_the_slope_of_the_damping_curve() -> None:
-    """Where no power holds, and laws hold to a fifth, it is as steep as the curve that no law is in: damping that rises
-    as the amplitude falls has an exponent below 1. A power law that was sampled beside its deviation once had 1.26
-    (1.23 to 1.28) of a record whose curve had 0.9."""
+    """Where no power law holds, and laws hold to a fifth, the exponent is as steep as the curve without a law.
+
+    Damping that rises as the amplitude falls has an exponent below 1. A power law that was sampled together with its
+    deviation once gave 1.26 (1.23 to 1.28) for a record whose curve had 0.9.
+    """
     said = found("drifting")
     assert said.exponent is not None
     assert said.free is not None
@@ -78,14 +81,14 @@ def test_the_exponent_is_the_slope_of_the_damping_curve() -> None:
 
 
 def energy_weighted_slope(amplitude: np.ndarray, ratio: np.ndarray) -> float:
-    """Of ln ratio against ln amplitude."""
+    """Return the slope of ln ratio against ln amplitude."""
     x, y = np.log(amplitude), np.log(ratio)
     weight = np.sqrt(amplitude**2 * np.abs(np.gradient(x)))
     return float(np.polyfit(x, y, 1, w=weight)[0])
 
 
 def test_the_deviation_is_that_of_the_form_that_leads() -> None:
-    """A power of 2.8 is none of the sums, and the law that describes the record is the answer."""
+    """A power of 2.8 is not one of the sums, and the law that describes the record is the answer."""
     said = found("power", 2.8)
     assert sum(said.exotic.values()) > 0.99  # control: no sum leads
     assert said.deviation.high < 0.1

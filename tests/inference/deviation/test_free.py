@@ -37,7 +37,7 @@ def found(kind: str) -> Findings:
 
 
 def lost(kind: str, a: float) -> float:
-    """Energy lost in a cycle, per unit of inertia."""
+    """Return the energy lost in a cycle, per unit of inertia."""
 
     def power(phase: float) -> float:
         x, v = a * math.cos(phase), -a * W * math.sin(phase)
@@ -48,7 +48,8 @@ def lost(kind: str, a: float) -> float:
 
 @pytest.mark.parametrize("kind", FORCES)
 def test_the_band_holds_the_curve(kind: str) -> None:
-    """At 40 amplitudes that hang together: at 85 % of them or more, and at few of a curve that is off by a fifth."""
+    """The band contains at least 85 % of 40 correlated amplitudes of the true curve, and few of a curve that is off
+    by a fifth."""
     free = found(kind).free
     assert free is not None
     truth = np.array([lost(kind, a) for a in free.amplitude])
@@ -61,7 +62,8 @@ def test_the_band_holds_the_curve(kind: str) -> None:
 
 
 def off(kind: str, low: float) -> float:
-    """Of the energy lost from A to `low`, the part that is off the nearest sum of the paper's three."""
+    """Return the part of the energy lost from A to `low` that the nearest sum of the paper's three terms does not
+    explain."""
     a = np.linspace(A, low, 200)
     loss = np.array([lost(kind, each) for each in a])
     columns = np.column_stack([a, a**2, a**3]) / loss[:, None]
@@ -71,7 +73,7 @@ def off(kind: str, low: float) -> float:
 
 
 def test_what_no_named_law_explains() -> None:
-    """Nothing where the truth is one of the sums; of the dip what it is off the nearest sum."""
+    """The unexplained share is 0 where a sum is the truth, and for a dip its distance from the nearest sum."""
     for kind in ("viscous", "friction and drag"):
         share = found(kind).unnamed
         assert share is not None

@@ -56,7 +56,7 @@ class Dense(NamedTuple):
 
 @lru_cache
 def dense(exact: bool = False) -> Dense:
-    """By a sum over ζ and the grid of hyperparameters; slopes of the deviations by finite differences."""
+    """Sum over ζ and the grid of hyperparameters; slopes of the deviations are finite differences."""
     u, n, d = law().best[0], KNOTS.size, 1e-4
     u = np.zeros(1 + 2 * n) if exact else u
     g, h = u[1 : 1 + n], u[1 + n :]
@@ -92,8 +92,10 @@ def dense(exact: bool = False) -> Dense:
 
 
 def test_halves_make_the_whole() -> None:
-    """Evidence of the first half, and its difference to the whole's, which is the density of the second half given the
-    first, each within four standard errors. Control: under exact laws both are others."""
+    """The evidence of the first half, and its difference from the whole's, agree within four standard errors.
+
+    The difference is the density of the second half given the first. Control: under exact laws both differ.
+    """
     whole, half = (
         Importance().evidence("viscous", law().mode.likelihood.target, law().mode, 2),
         predicted()[0],

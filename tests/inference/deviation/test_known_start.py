@@ -38,12 +38,13 @@ PERIOD = 1.4032
 NOISE = 1e-4
 """Noise of 70 samples a cycle, in rad; more of them are noisier, so that all records hold as much."""
 AMPLITUDE = 0.25
-RATES = (70, 200, 700, 1400)
+RATES = (70, 200, 1400)
+"""Samples a cycle: without means, with a few samples in each, and with many."""
 QUANTITIES = ("angle", "velocity", "acceleration")
 
 
 def force(kind: str, value: float, v: np.ndarray) -> np.ndarray:
-    """Of a damping term, per unit of inertia."""
+    """Return the force of a damping term, per unit of inertia."""
     shape = {"viscous": 2 * v, "coulomb": np.tanh(v / EPSILON), "quadratic": v * np.abs(v)}[kind]
     return value * shape
 
@@ -51,7 +52,7 @@ def force(kind: str, value: float, v: np.ndarray) -> np.ndarray:
 def motion(
     kind: str, value: float, t: np.ndarray, quantity: str = "angle", theta0: float = 0.3
 ) -> np.ndarray:
-    """By SciPy, at times t (n,) in s from the start."""
+    """Return SciPy's motion at times t (n,) in s from the start."""
 
     def slope(_: float, state: np.ndarray) -> np.ndarray:
         x, v = state
@@ -62,7 +63,7 @@ def motion(
 
 
 def true_ratio(kind: str, amplitude: float) -> float:
-    """Energy lost in a cycle of this amplitude over 4π times the energy."""
+    """Return the energy lost in a cycle of this amplitude over 4π times the energy."""
 
     def potential(x: float) -> float:
         return 0.5 * STIFFNESS * x**2 - np.sin(x)
@@ -92,7 +93,7 @@ def record(kind: str, rate: int, first: float = 0.0) -> Signal:
 
 
 def asked(signal: Signal, data: Data | None = None) -> Verdict:
-    """The verdict on a record whose start is known; data: what it is weighed on, in place of its own."""
+    """Return the verdict on a record whose start is known, weighed on `data` instead of its own where that is given."""
     made = {}
     if data is not None:
         candidates = [Candidate((term,), LAW) for term in TRUTHS]
@@ -104,7 +105,7 @@ def asked(signal: Signal, data: Data | None = None) -> Verdict:
 
 
 def shifted(data: Data, by: float) -> Data:
-    """With another origin of time."""
+    """Return the data with another origin of time."""
     assert data.windows is not None
     return replace(data, t=data.t - by, windows=Windows(data.windows.times - by, data.windows.weights))
 
@@ -112,8 +113,9 @@ def shifted(data: Data, by: float) -> Data:
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_the_true_damping_is_named_at_any_rate(kind: str, rate: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Twelve intervals of 95 % on one seed: one of them misses with a probability of 0.46, two with 0.12; the seed is
-    one at which none does, and the same for intervals without averaging."""
+    """Nine intervals of 95 % on one seed: one of them or more misses with a probability of 0.37, two or more with 0.07.
+
+    The seed is one at which none does, and the same for intervals without averaging."""
     signal = record(kind, rate)
     verdict = asked(signal)
     assert (prepared(signal).windows is not None) == (rate >= 160)
@@ -129,7 +131,7 @@ def test_the_true_damping_is_named_at_any_rate(kind: str, rate: int, monkeypatch
 
 
 def test_half_a_window_of_time_is_seen() -> None:
-    """The negative control: time that begins at the first mean."""
+    """Negative control: an origin of time at the first mean gives a wrong answer."""
     signal = record("coulomb", 700)
     data = prepared(signal)
     assert data.thinned == 8
@@ -147,7 +149,7 @@ def test_the_origin_of_the_stamps_does_not_matter() -> None:
 
 
 def test_time_begins_at_the_first_sample() -> None:
-    """The first mean lies in the middle of its window, in the fit's time and in the picture's."""
+    """The first mean is in the middle of its window, in the fit's time and in the picture's."""
     signal = record("viscous", 1400, first=3.0)
     data = prepared(signal)
     step = PERIOD / 1400
@@ -170,7 +172,7 @@ def stamps(uneven: bool) -> np.ndarray:
 
 
 def log_likelihood(data: Data, kind: str, value: float, theta0: float, noise: float) -> float:
-    """Of the data, up to what does not depend on the motion."""
+    """Return the log likelihood of the data, up to a constant that does not depend on the motion."""
     solver = data.solver(PAPER_TERMS, LAW, EPSILON, knots_of(data.end, data.cycles))
     names = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
     given = {**KNOWN, "theta0": theta0, names[kind]: value}
@@ -184,9 +186,11 @@ def log_likelihood(data: Data, kind: str, value: float, theta0: float, noise: fl
 @pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_log_likelihoods_differ_as_those_of_all_samples(kind: str, quantity: str, uneven: bool) -> None:
-    """Within 0.1 nats, for pairs told apart by tens of nats. The negative controls are time that begins
-    at the first mean, and a motion that is not averaged. The record has no noise: what the noise within windows would
-    tell is lost, by chance 0.03 √difference."""
+    """Differences agree within 0.1 nats for pairs that differ by tens of nats.
+
+    The negative controls are an origin of time at the first mean, and a motion that is not averaged. The record has
+    no noise: the information in the noise within windows is lost, which is 0.03 √difference by chance.
+    """
     t = stamps(uneven)
     size = np.sqrt(STIFFNESS) ** QUANTITIES.index(quantity)
     noise = 1e-4 * size

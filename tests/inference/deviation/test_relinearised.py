@@ -16,8 +16,11 @@ pytestmark = pytest.mark.skipif(not RECORD.is_file(), reason="needs the measured
 
 
 def left_by(law: str) -> float:
-    """Sum of squares that viscous and quadratic damping leave at the mode under a law, of a disc on a spring whose
-    small swings, read as an angle, tell a pendulum's spring and gravity only together."""
+    """Return the sum of squares that viscous and quadratic damping leave at the mode under a law.
+
+    The record is of a disc on a spring. Its small swings, read as an angle, determine only a combination of a
+    pendulum's spring and gravity.
+    """
     weighing = weighing_of(bd.read(RECORD).signal(), damping=["viscous+quadratic"], restoring=[law])
     (result,) = weighing.results
     assert result.about is not None

@@ -27,7 +27,7 @@ def spring(x: float) -> float:
 
 
 def power(exponent: float) -> np.ndarray:
-    """Alone, in closed form but for its scale."""
+    """Return the motion under this power alone, in closed form apart from its scale."""
     eps = 1e-3
 
     def unit(v):
@@ -48,8 +48,11 @@ def power(exponent: float) -> np.ndarray:
     ],
 )
 def test_a_form_is_a_rival_and_no_sum_is_named_outright(form: str, y: np.ndarray) -> None:
-    """The likeliest rival, and so likely that the sentence names it: of |v|^0.5 over nine cycles the record
-    itself says little even with 0.2 % of noise, and all forms together have a tenth of a sum's prior."""
+    """The form is the likeliest rival, and probable enough for the sentence to name it.
+
+    For |v|^0.5 over nine cycles the record contains little information even with 0.2 % of noise, and all forms
+    together have a tenth of a sum's prior.
+    """
     v = said(y, 0.002)
     assert not v.decided
     assert v.rivals[0].damping == form
@@ -58,7 +61,7 @@ def test_a_form_is_a_rival_and_no_sum_is_named_outright(form: str, y: np.ndarray
 
 @pytest.mark.parametrize("term", ["coulomb", "viscous", "quadratic"])
 def test_a_sum_of_the_three_is_named(term: str) -> None:
-    """The control: none of the forms is taken for what is plain friction, viscous damping or drag."""
+    """Control: no other form is preferred where the truth is dry friction, viscous damping or drag."""
     v = said(rec.free(rec.damping_of({term: 1.0}, CYCLES, LEFT, 0.01), spring, TIMES))
     assert v.decided
     assert v.damping == term

@@ -21,7 +21,7 @@ RATIO = 0.05 / 20.0**0.5
 
 
 def straight_line(noise: FittedNoise, y: np.ndarray, columns: np.ndarray, rounds: int) -> np.ndarray:
-    """Coefficients by least squares to working residuals, repeated."""
+    """Return coefficients by repeated least squares to working residuals."""
     c = np.linalg.lstsq(columns, y, rcond=None)[0]
     for _ in range(rounds):
         r = y - columns @ c
@@ -58,7 +58,7 @@ def test_variance_of_heavy_tails():
 
 @pytest.mark.parametrize("frequency", [0.5, 4.0, 30.0])
 def test_variance_of_correlated_noise(frequency: float):
-    """The power of an autoregressive process of order 1 at the frequency of the shift."""
+    """It is the power of an autoregressive process of order 1 at the frequency of the shift."""
     rho = np.exp(-0.01 / 0.05)
     power = (1 - rho**2) / (1 - 2 * rho * np.cos(0.01 * frequency) + rho**2)
     noise = FittedNoise("correlated", {"noise_sd": 1.0, "noise_time": 0.05})
@@ -67,7 +67,7 @@ def test_variance_of_correlated_noise(frequency: float):
 
 
 def spoilt(seed: int = 3) -> bd.Signal:
-    """A record with 2 % of its samples far off."""
+    """Return a record with 2 % of its samples far off."""
     rng = np.random.default_rng(seed)
     signal = bd.simulate({"viscous": 0.05}, "linear", seed=seed, theta0=0.3, **MADE)
     hit = rng.random(signal.t.size) < 0.02
@@ -80,7 +80,7 @@ def first_ratio(signal: bd.Signal, **asked: object):
 
 
 def test_outliers_are_seen_and_count_for_little():
-    """The interval holds the truth and is at most half as wide as under Gaussian noise."""
+    """The interval contains the truth and is at most half as wide as under Gaussian noise."""
     signal = spoilt()
     verdict, own = first_ratio(signal)
     _, plain = first_ratio(signal, noise="gaussian")
@@ -99,7 +99,7 @@ def test_gaussian_noise_stays_gaussian():
 
 @pytest.mark.parametrize(("noise_time", "white"), [(None, True), (0.1, False)])
 def test_white_noise_is_white_under_exact_laws(noise_time: float | None, white: bool):
-    """Of four records each; with correlated noise, the control, the variance near the oscillation is larger."""
+    """For four records each; with correlated noise, the control, the variance near the oscillation is larger."""
     own = {} if noise_time is None else {"noise": "correlated", "noise_time": noise_time}
     factors = []
     for seed in range(4):
@@ -110,14 +110,14 @@ def test_white_noise_is_white_under_exact_laws(noise_time: float | None, white: 
 
 
 def test_what_a_wrong_law_leaves_is_no_heavy_tail():
-    """A record of a stiffening spring under a linear one: residuals are large at first only, and smooth."""
+    """For a stiffening spring under a linear law, residuals are large only at first, and smooth."""
     signal = bd.simulate({"viscous": 0.05}, "duffing", cubic=3.0, seed=5, theta0=0.5, **MADE)
     verdict, _ = first_ratio(signal)
     assert not any("ahead of Gaussian noise" in remark for remark in verdict.remarks)
 
 
 def test_coarse_steps_are_rounding_and_not_noise():
-    """A sixteenth of the amplitude: the interval under `quantised` holds the truth and is narrower."""
+    """With steps of a sixteenth of the amplitude the interval under `quantised` contains the truth and is narrower."""
     plain = bd.simulate({"viscous": 0.05}, "linear", seed=6, theta0=0.3, **MADE)
     step = 0.3 / 16
     signal = bd.signal(plain.t, step * np.round(plain.y / step))
@@ -129,7 +129,7 @@ def test_coarse_steps_are_rounding_and_not_noise():
 
 
 def test_a_fit_with_deviations_has_the_noise_too(tmp_path):
-    """Its interval holds the truth and is narrower than under Gaussian noise; what is read from a file is the same."""
+    """Its interval contains the truth and is narrower than under Gaussian noise; a fit read from a file is the same."""
     signal = spoilt()
     own, plain = (
         bd.fit(signal, bd.Model("viscous", restoring="linear", deviation="law", noise=noise))
@@ -176,8 +176,11 @@ def test_an_unknown_noise_model_is_refused():
 
 @pytest.mark.parametrize(("outliers", "averages"), [(0.0, True), (0.02, False)])
 def test_outliers_reach_the_answer_on_a_record_of_very_many_cycles(outliers: float, averages: bool):
-    """One in fifty samples is off by many times the noise: amplitudes and phases, which are means over cycles, would
-    take these for Gaussian noise. The control: a record without any is averaged."""
+    """One in fifty samples is off by many times the noise, which amplitudes and phases, as means over cycles, would
+    show as Gaussian noise.
+
+    Control: a record without outliers is averaged.
+    """
     signal = bd.simulate(
         {"viscous": 0.02},
         stiffness=900.0,

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.numbers.unnamed import as_wide
+from bayesdamp.inference.deviation.findings import as_wide
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.interface.answer import answer
 from bayesdamp.physics.damping import TERMS, all_sums, others
@@ -30,7 +30,8 @@ SEEDS = {
 
 @lru_cache
 def found(term: str) -> tuple[Verdict, dict[str, float], float]:
-    """A record of a term among five candidates, its true parameters, and its share of the energy."""
+    """Return the verdict on a record of a term among five candidates, its true parameters, and its share of the
+    energy."""
     made = case(term, SEEDS[term])
     damping = ["viscous", "coulomb", "quadratic", term, f"viscous+{term}"]
     return answer(made.signal, damping=damping, restoring=["linear"]).verdict, made.values, made.share
@@ -40,9 +41,11 @@ def found(term: str) -> tuple[Verdict, dict[str, float], float]:
     "term", ["cubic", *(pytest.param(n, marks=pytest.mark.slow) for n in others() if n != "cubic")]
 )
 def test_a_term_is_found_again(term: str) -> None:
-    """Its parameters lie within twice the reach of their 95 % intervals, under their own names and units: four standard
-    deviations, a false alarm once in 16,000 seeds for each. How often the intervals hold is counted by
-    `tests.validation.laws`."""
+    """Its parameters are within twice the reach of their 95 % intervals, with their own names and units.
+
+    These are four standard deviations, a false alarm once in 16,000 seeds for each. `tests.validation.laws` counts
+    how often the intervals contain the truth.
+    """
     verdict, truth, share = found(term)
     assert term in verdict.damping.split("+")
     held = {c.name: c for c in verdict.coefficients if c.name in truth}
@@ -64,7 +67,7 @@ def test_what_is_there_already_is_not_bounded() -> None:
 
 
 def test_terms_that_a_record_cannot_tell_are_said() -> None:
-    """Five per cent of the amplitude is lost: no exponent follows from that, and it is said."""
+    """Where only five per cent of the amplitude is lost the exponent is not determined, and a remark states it."""
     osc, k = Oscillator(("power",), "linear"), 20.0
     p = {
         "c_power": 0.003,
@@ -114,8 +117,8 @@ def test_two_terms_with_one_parameter_are_refused() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [83101, 83401])
 def test_what_loses_alike_is_not_named_outright(seed: int) -> None:
-    """Viscous and structural damping together, of which Occam's razor takes one for the whole: it is not named without
-    reservation, and what is said of the other is true."""
+    """For viscous and structural damping together, Occam's razor prefers one of them: it is named with reservation,
+    and the statement on the other is true."""
     made = case("structural", seed)
     assert made.damping == "viscous+structural"
     damping = [*all_sums(), "structural", "viscous+structural"]
@@ -132,7 +135,7 @@ def test_what_loses_alike_is_not_named_outright(seed: int) -> None:
 
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
 def test_damping_by_displacement_is_no_viscous_damping_where_the_zero_is_not_recorded(quantity: str) -> None:
-    """A viscous decay in closed form: about a zero far from rest, (x - x0)²v would be viscous damping."""
+    """For a viscous decay in closed form: about a zero far from rest, (x - x0)²v would be viscous damping."""
     w, ratio = 2 * np.pi * 3.1, 0.028
     pole = complex(-ratio * w, w * np.sqrt(1 - ratio**2))
     t = np.arange(150) / 20

@@ -22,8 +22,12 @@ PEAK = W * A
 
 
 def twins(seed: int) -> Weighing:
-    """500 cycles of viscous damping, weighed beside structural damping, which nobody can tell from it: per unit of
-    its own coefficient the loss depends on the width, so that a fit's split of the two moves with it."""
+    """Return a weighing of 500 cycles of viscous damping with structural damping, which cannot be distinguished from
+    it.
+
+    Per unit of its coefficient the loss of structural damping depends on the width, so that a fit's split of the two
+    changes with it.
+    """
     t, w = np.linspace(0, 500 / HERTZ, 20000), 2 * math.pi * HERTZ
     turning = w * math.sqrt(1 - RATIO**2)
     x = SIZE * np.exp(-RATIO * w * t) * (np.cos(turning * t) + RATIO * w / turning * np.sin(turning * t))
@@ -42,7 +46,8 @@ def test_the_split_of_twins_is_not_in_the_ratio(seed: int) -> None:
 
 
 def friction(share: float, seed: int, known: dict[str, float] | None = None) -> Weighing:
-    """Viscous damping and friction that turns over within this share of the peak velocity, down to near rest."""
+    """Return a weighing of viscous damping and friction of this width, as a share of the peak velocity, down to near
+    rest."""
     p = {"zeta": ZETA, "mu_c": MU, "epsilon": share * PEAK, "stiffness": W**2, "theta0": A, "omega0": 0.0}
     t = np.arange(0.0, 30.0, 0.02)
     y = trajectory("linear", p | {"rest_angle": 0.0}, t)[:, 0]
@@ -53,13 +58,13 @@ def friction(share: float, seed: int, known: dict[str, float] | None = None) -> 
 
 
 def dry_loss(amplitude: float, width: float) -> float:
-    """Work of tanh(v/ε) in a cycle of a harmonic motion, by quadrature."""
+    """Return the work of tanh(v/ε) in a cycle of a harmonic motion, by quadrature."""
     quarter = quad(lambda a: math.sin(a) * math.tanh(amplitude * W * math.sin(a) / width), 0, math.pi / 2)[0]
     return 4 * amplitude * quarter
 
 
 def truth(amplitude: float, share: float) -> float:
-    """The equivalent ratio: viscous damping's is ζ/ω, friction's its loss over 4π times the energy."""
+    """Return the equivalent ratio: viscous damping's is ζ/ω, friction's its loss over 4π times the energy."""
     return ZETA / W + MU * dry_loss(amplitude, share * PEAK) / (2 * math.pi * (W * amplitude) ** 2)
 
 
@@ -73,8 +78,10 @@ SHARE = 0.01
 
 @pytest.mark.parametrize("share", [SHARE, 0.03])
 def test_ratios_hold_where_the_width_is_not_known(share: float) -> None:
-    """At each amplitude in 8 of 10 records at least (false alarm 1.2 % each). A share of 0.03 lies between those that
-    are tried: without widths between them the last is held in 3 of 10."""
+    """The intervals contain the truth at each amplitude in at least 8 of 10 records (false alarm 1.2 % each).
+
+    A share of 0.03 is between those that are tried: without widths between them the last interval does so in 3 of 10.
+    """
     held = [
         [r.low < truth(r.amplitude, share) < r.high for r in ratios(friction(share, seed), AMPLITUDES)]
         for seed in range(110, 120)
@@ -83,17 +90,17 @@ def test_ratios_hold_where_the_width_is_not_known(share: float) -> None:
 
 
 def test_under_a_wrong_width_they_do_not_hold() -> None:
-    """The control: near rest a tenth of the width gives another loss, which the interval above has to make room for."""
+    """Control: near rest a tenth of the width gives another loss, which the interval above has to allow for."""
     last = ratios(friction(SHARE, 0, {"epsilon": 0.1 * SHARE * PEAK}), AMPLITUDES)[-1]
     assert not last.low < truth(last.amplitude, SHARE) < last.high
 
 
 def test_all_terms_together_lose_under_each_width_what_their_fit_says() -> None:
-    """A candidate's ratio grows between widths as the loss of all terms does, each by the works under its width."""
+    """A candidate's ratio changes between widths as the loss of all terms does, each by the works under its width."""
     made = friction(SHARE, 1)
     result = next(r for r in made.results if set(r.candidate.damping) == {"viscous", "coulomb"})
     solver = made.solvers["linear"]
-    orbit = orbit_of(made, result, 0.02)
+    orbit = orbit_of(result, 0.02)
     assert orbit is not None
     for f in made.frictions:
         work = works_on(orbit, solver, np.array([f.further]), np.ones(2, bool), f.epsilon)[0]
@@ -101,7 +108,8 @@ def test_all_terms_together_lose_under_each_width_what_their_fit_says() -> None:
 
 
 def test_the_ratio_under_a_width_is_as_the_loss_of_all_terms_under_it() -> None:
-    """Each width made certain in turn; the losses from the fits' coefficients, by closed form and quadrature."""
+    """Each width is made certain in turn; the losses follow from the fits' coefficients, by closed form and
+    quadrature."""
     made, amplitude = friction(SHARE, 1), 0.01
     order = made.solvers["linear"].terms.index
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,20 +13,34 @@ from bayesdamp.numerics.orthant import draw, log_probability
 from bayesdamp.priors import SHARED_SIGMAS
 
 PRECISE = 1e11
-"""Information, in priors' own, up to which Cholesky's factor of it and differences of squares keep five digits and
-more: half of the digits of a number (measured)."""
+"""Largest information, relative to the prior's, for which its Cholesky factor and differences of squares keep at least
+five digits, half of the digits of a number (measured)."""
 SMALL = 12
-"""Rows up to which a triangle is inverted as any matrix."""
+"""Rows up to which a triangle is inverted like any other matrix."""
 LEFT_OUT = 1e-5
-"""Posterior probability of all combinations of hyperparameters together that are left out, the least probable ones."""
+"""Total posterior probability of the least probable combinations of hyperparameters, which are left out."""
 
 
 @dataclass(frozen=True)
-class Linear:
-    """|y − f|² = |root u − target|² + rest, u = (scores (d,), g, h at the knots).
+class LinearModel:
+    """The sum of squares as a function of u = (scores (d,), log g, h at the knots): |root u − target|² + rest.
 
-    count: samples that this stands for; positive: which scores must not be negative, (d,); shared: which scores are
-    coefficients whose half-normal priors share an unknown scale, (d,); damping: which scores are of the damping, (d,).
+    Attributes
+    ----------
+    root : ndarray, shape (K, K)
+        Upper triangle.
+    target : ndarray, shape (K,)
+        In the record's unit.
+    rest : float
+        Smallest sum of squares.
+    count : int
+        Number of samples.
+    positive : ndarray of bool, shape (d,)
+        Scores that must not be negative.
+    shared : ndarray of bool, shape (d,)
+        Scores of coefficients whose half-normal priors share an unknown scale.
+    damping : ndarray of bool, shape (d,)
+        Scores of the damping.
     """
 
     root: np.ndarray
@@ -40,10 +54,10 @@ class Linear:
 
 @dataclass(frozen=True)
 class DampingLikelihood:
-    """The likelihood of a record as a function of the damping's scores x, (k,), all else integrated out.
+    """The likelihood of a record as a function of the damping's scores x, (k,), with everything else integrated out.
 
     Under each combination of the deviations' hyperparameters it is the exponential of log + xᵀ slope − xᵀ information
-    x / 2: arrays of shape (c,), (c, k) and (c, k, k). Nothing of the prior of x is in it.
+    x / 2: arrays of shape (c,), (c, k) and (c, k, k). It does not contain the prior of x.
     """
 
     log: np.ndarray
@@ -59,11 +73,23 @@ class DampingLikelihood:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The model at one noise over m combinations of hyperparameters and scales: log evidence of each and in all (nats).
+    """The model at one noise over m combinations of hyperparameters and scales.
 
-    combos: of each, its place in the grid of the deviations' hyperparameters, (m,); normals: the posteriors under N(0,
-    1) priors over this grid; scaled, scales: the same under other scales of the shared scores, and which scale each
-    combination has, (m,); None where no scores share one.
+    Attributes
+    ----------
+    log_each : ndarray, shape (m,)
+        Log evidence of each combination, in nats.
+    log_evidence : float
+        Log evidence of all, in nats.
+    combos : ndarray of int, shape (m,)
+        Place of each combination in the grid of the deviations' hyperparameters.
+    normals : Normals
+        Posteriors under N(0, 1) priors over this grid.
+    scaled, scales
+        Posteriors under other scales of the shared scores, and the scale of each combination, (m,); None where no
+        scores share one.
+    damping : DampingLikelihood, optional
+        The likelihood of the damping alone.
     """
 
     log_each: np.ndarray
@@ -75,8 +101,7 @@ class Weighed:
     damping: DampingLikelihood | None = None
 
     def posteriors(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return means (k, d + 2n) and factors F, (k, d + 2n, d + 2n), of the covariances F Fᵀ of combinations (k,),
-        before they are cut off at zero."""
+        """Return means (k, K) and factors F, (k, K, K), of the covariances F Fᵀ at places (k,), not yet cut at zero."""
         combos = self.combos[places]
         if self.scaled is None or self.scales is None:
             return self.normals.means[combos], self.normals.factors[combos]
@@ -88,20 +113,21 @@ class Weighed:
 
     @property
     def means(self) -> np.ndarray:
-        """Of every combination, (m, d + 2n)."""
+        """Posterior mean under every combination, (m, K)."""
         return self._whole[0]
 
     @property
     def factors(self) -> np.ndarray:
-        """Of the covariance of every combination, (m, d + 2n, d + 2n)."""
+        """Factor of the covariance under every combination, (m, K, K)."""
         return self._whole[1]
 
     def only(self, which: np.ndarray) -> Weighed:
-        """Return these of the combinations, (m,) of bool."""
+        """Return the result over some of the combinations, (m,) of bool, without the likelihood of the damping."""
         log = self.log_each[which]
         scales = None if self.scales is None else self.scales[which]
-        return Weighed(
-            log, float(np.logaddexp.reduce(log)), self.combos[which], self.normals, self.scaled, scales
+        total = float(np.logaddexp.reduce(log))
+        return replace(
+            self, log_each=log, log_evidence=total, combos=self.combos[which], scales=scales, damping=None
         )
 
     @property
@@ -112,16 +138,15 @@ class Weighed:
     def draws(
         self, positive: np.ndarray, count: int, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Draw scores, g and h, (count, d + 2n), over all combinations; and the place of each one's, (count,)."""
+        """Draw scores, g and h, (count, K), over all combinations, and the place of each draw's, (count,)."""
         numbers = rng.multinomial(count, self.weights / self.weights.sum())
-        taken = np.flatnonzero(numbers)
-        u = draw(rng, *self.posteriors(taken), np.flatnonzero(positive), numbers[taken])
-        return u, np.repeat(taken, numbers[taken])
+        places = np.flatnonzero(numbers)
+        u = draw(rng, *self.posteriors(places), np.flatnonzero(positive), numbers[places])
+        return u, np.repeat(places, numbers[places])
 
     def probable(self, least: float) -> np.ndarray:
-        """Places in the grid of the combinations whose posterior probability, over all scales, is above `least`."""
-        total = np.bincount(self.combos, self.weights)
-        return np.flatnonzero(total > least)
+        """Return the places in the grid whose posterior probability, over all scales, is above `least`."""
+        return np.flatnonzero(np.bincount(self.combos, self.weights) > least)
 
 
 def condensed(
@@ -130,26 +155,31 @@ def condensed(
     positive: np.ndarray,
     shared: np.ndarray | None = None,
     damping: np.ndarray | None = None,
-) -> Linear:
-    """The model from columns (n, K) and the record less the motion's constant part, r, (n,); no score shares a scale,
-    and none is of the damping, where that is not given."""
+) -> LinearModel:
+    """Condense a linear least-squares problem.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, K)
+        Tangents of the motion.
+    r : ndarray, shape (n,)
+        Record minus the constant part of the motion.
+    positive, shared, damping : ndarray of bool, shape (d,)
+        As of `LinearModel`; by default no score shares a scale, and none belongs to the damping.
+    """
     whole = np.asarray(np.linalg.qr(np.column_stack([columns, r]), mode="r"))
     k = columns.shape[1]
     none = np.zeros(positive.size, bool)
-    return Linear(
-        whole[:k, :k],
-        whole[:k, k],
-        float(np.sum(whole[k:, k] ** 2)),
-        r.size,
-        positive,
-        none if shared is None else shared,
-        none if damping is None else damping,
-    )
+    shared, damping = (none if mask is None else mask for mask in (shared, damping))
+    rest = float(np.sum(whole[k:, k] ** 2))
+    return LinearModel(whole[:k, :k], whole[:k, k], rest, r.size, positive, shared, damping)
 
 
 def _orthogonal(white: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Factors, projections and least squares of |white u − target|² + |u|², (c, K, K), (c, K), (c,), by QR: for records
-    with hardly any noise, where the information matrix has lost its digits."""
+    """Return factors, projections and least squares of |white u − target|² + |u|², (c, K, K), (c, K), (c,), by QR.
+
+    For records with hardly any noise, where the information matrix has lost its digits.
+    """
     combos, rows, k = white.shape
     aim = np.broadcast_to(target[:, :, None], (combos, rows, 1))
     prior = np.broadcast_to(np.eye(k, k + 1), (combos, k, k + 1))
@@ -160,30 +190,32 @@ def _orthogonal(white: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _inverse(lower: np.ndarray) -> np.ndarray:
-    """Inverses of lower triangles, (c, K, K), by halves: of two triangles and the square between them."""
+    """Invert lower triangles, (c, K, K), by halves: two triangles and the square between them."""
     k = lower.shape[1]
     if k <= SMALL:
         return np.linalg.inv(lower)
     half = k // 2
-    found = np.zeros_like(lower)
+    inverse = np.zeros_like(lower)
     first, last = _inverse(lower[:, :half, :half]), _inverse(lower[:, half:, half:])
-    found[:, :half, :half], found[:, half:, half:] = first, last
-    found[:, half:, :half] = -last @ (lower[:, half:, :half] @ first)
-    return found
+    inverse[:, :half, :half], inverse[:, half:, half:] = first, last
+    inverse[:, half:, :half] = -last @ (lower[:, half:, :half] @ first)
+    return inverse
 
 
 @dataclass(frozen=True)
 class Normals:
-    """The model's normal posterior under each combination of a grid, each score having the prior N(0, 1) of either
-    sign: log evidence (c,), means (c, K), and factors of the covariances, (c, K, K)."""
+    """Normal posteriors under each combination of a grid, with the prior N(0, 1) of either sign for each score.
+
+    Log evidence (c,), means (c, K), and factors of the covariances, (c, K, K).
+    """
 
     log: np.ndarray
     means: np.ndarray
     factors: np.ndarray
 
 
-def normals(model: Linear, grid: Grid, variance: float | np.ndarray, samples: float) -> Normals:
-    """The posteriors over a grid. Arguments as of `weigh`; variance: also one for each combination, (c,)."""
+def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float) -> Normals:
+    """Compute the posteriors over a grid. Arguments as of `weigh`; the variance may be one per combination, (c,)."""
     d, total = model.positive.size, model.root.shape[1]
     combos = grid.log_prior.size
     roots = np.zeros((combos, total, total))
@@ -210,55 +242,74 @@ def normals(model: Linear, grid: Grid, variance: float | np.ndarray, samples: fl
     return Normals(log, (factors @ half[:, :, None])[:, :, 0], factors)
 
 
-def weigh(model: Linear, grid: Grid, variance: float, samples: float) -> Weighed:
-    """Evidence and posteriors under noise of this variance.
+def weigh(model: LinearModel, grid: Grid, variance: float, samples: float) -> Weighed:
+    """Compute evidence and posteriors under white noise.
 
     The prior of each score is N(0, 1), that of the shared ones N(0, σ²) with the same σ for all, one of
     `SHARED_SIGMAS`; densities of positive scores are doubled.
-    variance: in the record's unit squared. samples: how many independent ones the rest stands for; its own density is
-    −samples/2 · log(2π variance) − rest / (2 variance), so that models with other variances can be compared.
+
+    Parameters
+    ----------
+    model : LinearModel
+        The record about a motion.
+    grid : Grid
+        Hyperparameters of the deviations.
+    variance : float
+        Of the noise, in the record's unit squared.
+    samples : float
+        Number of independent samples that the record stands for. The density of what the model leaves is −samples/2 ·
+        log(2π variance) − rest / (2 variance), so that models with other variances can be compared.
     """
-    found = normals(model, grid, variance, samples)
+    posteriors = normals(model, grid, variance, samples)
     places = np.flatnonzero(model.damping)
-    damping = damping_likelihood(found, places, grid.log_prior) if places.size else None
-    return with_priors(found, model.positive, model.shared, damping)
+    damping = damping_likelihood(posteriors, places, grid.log_prior) if places.size else None
+    return with_priors(posteriors, model.positive, model.shared, damping)
 
 
 def with_priors(
-    found: Normals, positive: np.ndarray, shared: np.ndarray, damping: DampingLikelihood | None = None
+    posteriors: Normals, positive: np.ndarray, shared: np.ndarray, damping: DampingLikelihood | None = None
 ) -> Weighed:
-    """Normal posteriors, found under N(0, 1) priors of either sign, under the priors themselves.
+    """Turn posteriors under N(0, 1) priors of either sign into those under the priors themselves.
 
-    positive: which scores must not be negative, (d,); shared: which have N(0, σ²) with the same unknown σ, (d,).
+    Parameters
+    ----------
+    posteriors : Normals
+        Posteriors under N(0, 1) priors.
+    positive : ndarray of bool, shape (d,)
+        Scores that must not be negative.
+    shared : ndarray of bool, shape (d,)
+        Scores with the prior N(0, σ²) and the same unknown σ.
+    damping : DampingLikelihood, optional
+        Passed on.
     """
     places = np.flatnonzero(positive)
-    scaled, scales, combos, log_each = None, None, np.arange(found.log.size), found.log
+    scaled, scales, combos, log_each = None, None, np.arange(posteriors.log.size), posteriors.log
     if shared.any():
-        scaled = _Scaled.of(found, positive, shared)
-        combos, scales = scaled.kept()
+        scaled = _Scaled.of(posteriors, positive, shared)
+        combos, scales = scaled.probable()
         log_each = scaled.log[combos, scales]
     if places.size:
         if scaled is None or scales is None:
-            means, factors = found.means[:, places], found.factors[:, places]
+            means, factors = posteriors.means[:, places], posteriors.factors[:, places]
         else:
             means, factors = scaled.posteriors(combos, scales, places)
-        # The part of the doubled normals that is positive.
+        # The share of the doubled normals that is positive.
         inside = log_probability(means, factors @ np.swapaxes(factors, 1, 2))
         log_each = log_each + (means.shape[1] * np.log(2.0) + inside)
     evidence = float(np.logaddexp.reduce(log_each))
-    return Weighed(log_each, evidence, combos, found, scaled, scales, damping)
+    return Weighed(log_each, evidence, combos, posteriors, scaled, scales, damping)
 
 
 @dataclass(frozen=True)
 class _Scaled:
-    """The posteriors when the shared scores have the prior N(0, σ²) in place of N(0, 1), for every σ.
+    """The posteriors when the shared scores have the prior N(0, σ²) instead of N(0, 1), for every σ.
 
     With u = mean + F x, x ~ N(0, I), the shared scores are m + S x. Another prior of these adds δ |m + S x|² / 2, δ =
-    1/σ² − 1, to −log p, which changes x along the k directions of S = U D Wᵀ alone.
+    1/σ² − 1, to −log p, which changes x only along the k directions of S = U D Wᵀ.
 
-    inside: which of the shared scores must not be negative, (i,). log: evidence before anything is cut off at zero,
-    (c, s). aim: Uᵀ m, (c, k); sizes: D, (c, k); left: U, (c, k, k);
-    right: W, (c, K, k); extra: δ, (s,).
+    inside: places among the shared scores of those that must not be negative, (i,). log: evidence before anything is
+    cut off at zero, (c, s). aim: Uᵀ m, (c, k); sizes: D, (c, k); left: U, (c, k, k); right: W, (c, K, k); extra: δ,
+    (s,).
     """
 
     normals: Normals
@@ -271,21 +322,21 @@ class _Scaled:
     extra: np.ndarray
 
     @classmethod
-    def of(cls, found: Normals, positive: np.ndarray, shared: np.ndarray) -> _Scaled:
+    def of(cls, posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -> _Scaled:
         inside, shared = np.flatnonzero(positive[shared]), np.flatnonzero(shared)
-        left, sizes, right = np.linalg.svd(found.factors[:, shared], full_matrices=False)
-        aim = np.einsum("cij,ci->cj", left, found.means[:, shared])
+        left, sizes, right = np.linalg.svd(posteriors.factors[:, shared], full_matrices=False)
+        aim = np.einsum("cij,ci->cj", left, posteriors.means[:, shared])
         extra = 1.0 / SHARED_SIGMAS**2 - 1.0
         shrunk = 1.0 + extra[:, None] * sizes[:, None, :] ** 2
-        log = found.log[:, None] - 0.5 * np.sum(np.log(shrunk), axis=2)
+        log = posteriors.log[:, None] - 0.5 * np.sum(np.log(shrunk), axis=2)
         log = log - 0.5 * extra * np.sum(aim[:, None, :] ** 2 / shrunk, axis=2)
         log = log - shared.size * np.log(SHARED_SIGMAS) - np.log(SHARED_SIGMAS.size)
-        return cls(found, inside, log, aim, sizes, left, np.swapaxes(right, 1, 2), extra)
+        return cls(posteriors, inside, log, aim, sizes, left, np.swapaxes(right, 1, 2), extra)
 
-    def kept(self) -> tuple[np.ndarray, np.ndarray]:
-        """The combinations and scales that count, (m,) each.
+    def probable(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the combinations and scales that count, (m,) each.
 
-        Evidence is bounded from above by the probability that the least likely positive score is positive.
+        The probability that the least likely positive score is positive gives an upper bound of the evidence.
         """
         bound = self.log
         if self.inside.size:
@@ -304,7 +355,7 @@ class _Scaled:
     def posteriors(
         self, combos: np.ndarray, scales: np.ndarray, rows: np.ndarray | slice = slice(None)
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Means (m, K) and factors of the covariances, (m, K, K). rows: of both, all by default."""
+        """Return means (m, K) and factors of the covariances, (m, K, K), or some of the rows of both."""
         sizes, right, extra = self.sizes[combos], self.right[combos], self.extra[scales][:, None]
         factors = self.normals.factors[:, rows][combos]
         shrunk = 1.0 + extra * sizes**2
@@ -315,16 +366,24 @@ class _Scaled:
         return means, factors
 
 
-def damping_likelihood(found: Normals, places: np.ndarray, log_prior: np.ndarray) -> DampingLikelihood:
-    """The likelihood of the damping's scores alone, which are at `places`; log_prior: of the combinations, (c,)."""
-    part = found.factors[:, places]
-    mean = found.means[:, places]
-    left, sizes, _ = np.linalg.svd(part, full_matrices=False)
-    # The posterior's information less the prior's, by the directions that it is diagonal in.
+def damping_likelihood(posteriors: Normals, places: np.ndarray, log_prior: np.ndarray) -> DampingLikelihood:
+    """Compute the likelihood of the damping's scores alone.
+
+    Parameters
+    ----------
+    posteriors : Normals
+        Posteriors under N(0, 1) priors.
+    places : ndarray of int, shape (k,)
+        Of the damping's scores.
+    log_prior : ndarray, shape (c,)
+        Of the combinations of hyperparameters.
+    """
+    left, sizes, _ = np.linalg.svd(posteriors.factors[:, places], full_matrices=False)
+    # The posterior's information minus the prior's, along the directions in which it is diagonal.
     gained = np.maximum(1.0 / sizes**2 - 1.0, 0.0)
-    aim = np.einsum("cij,ci->cj", left, mean)
+    aim = np.einsum("cij,ci->cj", left, posteriors.means[:, places])
     information = np.einsum("cij,cj,ckj->cik", left, gained, left)
     slope = np.einsum("cij,cj->ci", left, aim / sizes**2)
-    log = found.log - log_prior - np.sum(np.log(sizes), axis=1)
+    log = posteriors.log - log_prior - np.sum(np.log(sizes), axis=1)
     log = log - 0.5 * np.sum((aim / sizes) ** 2, axis=1)
     return DampingLikelihood(log, slope, information)

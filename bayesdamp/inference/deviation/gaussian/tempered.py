@@ -1,10 +1,10 @@
 """The posterior of the motions themselves, by a sequential Monte Carlo sampler that starts from the linear model's.
 
-Draws of the linear posterior are led to the one that solves every motion, along L_linear^(1−β) L^β with β from 0 to 1
-(P. Del Moral, A. Doucet and A. Jasra, J. R. Stat. Soc. B 68, 2006, 411). Both ends share prior and noise, so that a
-draw's weight is the ratio of two likelihoods, and the moves are Crank–Nicolson steps that leave the linear posterior as
-it is (S. L. Cotter, G. O. Roberts, A. M. Stuart and D. White, Stat. Sci. 28, 2013, 424): their acceptance asks for that
-ratio alone, in any number of dimensions.
+Draws of the linear posterior are led to the posterior that solves every motion, along L_linear^(1−β) L^β with β from
+0 to 1 (P. Del Moral, A. Doucet and A. Jasra, J. R. Stat. Soc. B 68, 2006, 411). Both ends share prior and noise, so
+that a draw's weight is the ratio of two likelihoods. The moves are Crank–Nicolson steps, which leave the linear
+posterior unchanged (S. L. Cotter, G. O. Roberts, A. M. Stuart and D. White, Stat. Sci. 28, 2013, 424): their
+acceptance depends on that ratio alone, in any number of dimensions.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from bayesdamp.numerics.pareto import pareto_k
 
 DRAWS = 300
 KEPT = 0.5
-"""Share of the draws that the weights of one temperature must be worth (conventional)."""
+"""Smallest effective share of the draws after a rise in temperature (conventional)."""
 FEW = 0.15
-"""Share of the first draws that their weights must be worth for more draws to cost less than moves (conventional)."""
+"""Smallest effective share of the first draws for which more draws cost less than moves (conventional)."""
 MARGIN = 1.2
-"""More draws than the first ones promise to be enough."""
+"""Factor on the number of draws that the first ones suggest is enough."""
 HEAVY = 0.7
-"""Shape of the weights' tail beyond which they are not relied on (Vehtari et al., 2024)."""
+"""Shape of the weights' tail beyond which the weights are not relied on (Vehtari et al., 2024)."""
 MOVES, LAST = 2, 5
-"""Moves of every draw at each temperature, and at the last; none where the first draws are already worth `KEPT`."""
+"""Moves of every draw at each temperature, and at the last; none where the first draws already suffice (`KEPT`)."""
 FIRST_STEP, LEAST_STEP = 0.5, 0.02
 WANTED = 0.35
-"""Acceptance that the step is steered to."""
+"""Acceptance that the step is adapted to."""
 MOST_TEMPERATURES = 30
 LEAST_RISE = 1e-6
 MOVED = 0.05
@@ -42,8 +42,16 @@ MOVED = 0.05
 class Sampled:
     """Draws of the posterior of the motions themselves.
 
-    draws: u = (scores, log g, h), (n, K), with equal weights; log_evidence in nats with its standard error;
-    temperatures: how many were passed; acceptance: of the last moves.
+    Attributes
+    ----------
+    draws : ndarray, shape (n, K)
+        u = (scores, log g, h), with equal weights.
+    log_evidence, stderr : float
+        In nats, with its standard error.
+    temperatures : int
+        Number of temperatures.
+    acceptance : float
+        Of the last moves.
     """
 
     draws: np.ndarray
@@ -54,23 +62,11 @@ class Sampled:
 
     @property
     def trusted(self) -> bool:
-        """Whether enough of the last moves were taken for the draws to have left the linear model's."""
+        """Whether enough of the last moves were accepted for the draws to have left the linear model's."""
         return self.acceptance >= MOVED
 
 
-@dataclass
-class _Cloud:
-    """Draws on their way: the combination of hyperparameters each came from, (n,), u, (n, K), log of L / L_linear."""
-
-    combo: np.ndarray
-    u: np.ndarray
-    ratio: np.ndarray
-
-    def taken(self, rows: np.ndarray) -> None:
-        self.combo, self.u, self.ratio = self.combo[rows], self.u[rows], self.ratio[rows]
-
-
-def sampled(
+def sample_posterior(
     ratio: Callable[[np.ndarray], np.ndarray],
     weighed: Weighed,
     positive: np.ndarray,
@@ -78,91 +74,97 @@ def sampled(
     draws: int = DRAWS,
     seed: int = 0,
 ) -> Sampled:
-    """Draws and evidence of the posterior that is `ratio` times the linear one.
+    """Draw from the posterior that is `ratio` times the linear one, and compute its evidence.
 
-    ratio: log of the likelihood over the linear model's, of draws (n, K): (n,), −∞ where a motion escapes. positive:
-    which scores must not be negative, (d,).
+    Parameters
+    ----------
+    ratio : callable
+        Log of the likelihood over the linear model's, of draws (n, K): (n,), −∞ where a motion escapes.
+    weighed : Weighed
+        The linear posterior.
+    positive : ndarray of bool, shape (d,)
+        Scores that must not be negative.
+    draws, seed : int
+        Number of draws, and the seed of their random stream.
     """
     rng = np.random.default_rng(seed)
-    u, combo = weighed.draws(positive, draws, rng)
-    cloud = _Cloud(combo, u, ratio(u))
-    if not np.any(np.isfinite(cloud.ratio)):
-        return Sampled(cloud.u, -np.inf, float("nan"), 0, 0.0)
-    whole = _whole(rng, cloud, weighed, positive, ratio, draws)
-    if whole is not None:
-        return whole
-    beta, step, log_evidence, variance, passed = 0.0, FIRST_STEP, 0.0, 0.0, 0
-    accepted = 1.0
-    while beta < 1.0 and passed < MOST_TEMPERATURES:
-        rise = _rise(cloud.ratio, 1.0 - beta)
-        logs = rise * np.maximum(cloud.ratio, -1e300)
+    u, combos = weighed.draws(positive, draws, rng)
+    ratios = ratio(u)
+    if not np.any(np.isfinite(ratios)):
+        return Sampled(u, -np.inf, float("nan"), 0, 0.0)
+    direct = _in_one_step(rng, u, ratios, weighed, positive, ratio)
+    if direct is not None:
+        return direct
+    beta, step, log_evidence, variance, temperatures, acceptance = 0.0, FIRST_STEP, 0.0, 0.0, 0, 1.0
+    while beta < 1.0 and temperatures < MOST_TEMPERATURES:
+        rise = _rise(ratios, 1.0 - beta)
+        logs = rise * np.maximum(ratios, -1e300)
         log_evidence += float(np.logaddexp.reduce(logs)) - np.log(draws)
         weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
         variance += float(np.sum(weights**2)) - 1.0 / draws
-        beta, passed = beta + rise, passed + 1
-        cloud.taken(resampled(logs, draws, rng))
+        beta, temperatures = beta + rise, temperatures + 1
+        rows = resampled(logs, draws, rng)
+        combos, u, ratios = combos[rows], u[rows], ratios[rows]
         for _ in range(LAST if beta >= 1.0 else MOVES):
             # One Crank–Nicolson step of every draw within its combination of hyperparameters.
-            means, factors = weighed.means[cloud.combo], weighed.factors[cloud.combo]
-            noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(cloud.u.shape))
-            new = means + np.sqrt(1 - step**2) * (cloud.u - means) + step * noise
+            means, factors = weighed.means[combos], weighed.factors[combos]
+            noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(u.shape))
+            new = means + np.sqrt(1 - step**2) * (u - means) + step * noise
             inside = np.all(new[:, np.flatnonzero(positive)] >= 0, axis=1)
-            there = np.full(len(new), -np.inf)
+            new_ratios = np.full(draws, -np.inf)
             if inside.any():
-                there[inside] = ratio(new[inside])
-            gain = beta * (there - np.where(np.isfinite(cloud.ratio), cloud.ratio, -1e300))
-            yes = np.log(rng.random(len(new))) < gain
-            cloud.u[yes], cloud.ratio[yes] = new[yes], there[yes]
-            accepted = float(np.mean(yes))
-            step = float(np.clip(step * np.exp(accepted - WANTED), LEAST_STEP, 1.0))
-    if beta < 1.0:
-        accepted = 0.0
-    return Sampled(
-        cloud.u, weighed.log_evidence + log_evidence, float(np.sqrt(max(variance, 0.0))), passed, accepted
-    )  # fmt: skip
+                new_ratios[inside] = ratio(new[inside])
+            gain = beta * (new_ratios - np.where(np.isfinite(ratios), ratios, -1e300))
+            accepted = np.log(rng.random(draws)) < gain
+            u[accepted], ratios[accepted] = new[accepted], new_ratios[accepted]
+            acceptance = float(np.mean(accepted))
+            step = float(np.clip(step * np.exp(acceptance - WANTED), LEAST_STEP, 1.0))
+    acceptance = acceptance if beta >= 1.0 else 0.0
+    log_evidence += weighed.log_evidence
+    return Sampled(u, log_evidence, float(np.sqrt(max(variance, 0.0))), temperatures, acceptance)
 
 
-def _whole(
+def _in_one_step(
     rng: np.random.Generator,
-    cloud: _Cloud,
+    u: np.ndarray,
+    ratios: np.ndarray,
     weighed: Weighed,
     positive: np.ndarray,
     ratio: Callable[[np.ndarray], np.ndarray],
-    draws: int,
 ) -> Sampled | None:
-    """All the way in one step, with as many more draws as make their weights worth `KEPT` of those that are asked for;
-    None where these are too many, or a few carry the others."""
-    worth = _worth(cloud.ratio, 1.0)
-    if worth < FEW:
+    """Weight draws of the linear posterior, with as many more as make them effectively `KEPT` of those asked for.
+
+    None where too many more are needed, or where a few draws have nearly all of the weight.
+    """
+    draws, share = len(u), _effective_share(ratios, 1.0)
+    if share < FEW:
         return None
-    u, ratios = cloud.u, cloud.ratio
-    if worth < KEPT:
-        more = weighed.draws(positive, int(np.ceil(draws * (MARGIN * KEPT / worth - 1.0))), rng)[0]
+    if share < KEPT:
+        more = weighed.draws(positive, int(np.ceil(draws * (MARGIN * KEPT / share - 1.0))), rng)[0]
         u, ratios = np.concatenate([u, more]), np.concatenate([ratios, ratio(more)])
-        if _worth(ratios, 1.0) * ratios.size < KEPT * draws or pareto_k(ratios) > HEAVY:
+        if _effective_share(ratios, 1.0) * ratios.size < KEPT * draws or pareto_k(ratios) > HEAVY:
             return None
     logs = np.maximum(ratios, -1e300)
     weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
     error = float(np.sqrt(max(np.sum(weights**2) - 1.0 / ratios.size, 0.0)))
-    taken = u[resampled(logs, draws, rng)]
     evidence = weighed.log_evidence + float(np.logaddexp.reduce(logs)) - float(np.log(ratios.size))
-    return Sampled(taken, evidence, error, 1, 1.0)
+    return Sampled(u[resampled(logs, draws, rng)], evidence, error, 1, 1.0)
 
 
-def _rise(ratio: np.ndarray, most: float) -> float:
-    """By how much β may rise so that the weights stay worth `KEPT` of the draws."""
+def _rise(ratios: np.ndarray, most: float) -> float:
+    """Return the rise of β, `most` at most, after which the draws are still effectively `KEPT` of their number."""
     from scipy.optimize import brentq
 
-    def worth(rise: float) -> float:
-        return _worth(ratio, rise) - KEPT
+    def excess(rise: float) -> float:
+        return _effective_share(ratios, rise) - KEPT
 
-    if worth(most) >= 0:
+    if excess(most) >= 0:
         return most
-    if worth(LEAST_RISE) < 0:  # motions that escape have no weight at any temperature
+    if excess(LEAST_RISE) < 0:  # motions that escape have no weight at any temperature
         return LEAST_RISE
-    return float(brentq(worth, LEAST_RISE, most, xtol=LEAST_RISE))  # type: ignore[arg-type]
+    return float(brentq(excess, LEAST_RISE, most, xtol=LEAST_RISE))  # type: ignore[arg-type]
 
 
-def _worth(ratio: np.ndarray, rise: float) -> float:
-    """Which share of the draws their weights are worth after such a rise of β (Kong 1992)."""
-    return effective(rise * np.maximum(ratio, -1e300)) / ratio.size
+def _effective_share(ratios: np.ndarray, rise: float) -> float:
+    """Return the effective share of the draws after a rise of β (Kong 1992)."""
+    return effective(rise * np.maximum(ratios, -1e300)) / ratios.size

@@ -1,21 +1,20 @@
-"""Bounds of the forms of damping that are not in the answer, each by itself beside the likeliest sum.
+"""Bounds of the forms of damping that are not in the answer, each added by itself to the likeliest sum.
 
-The record's model is linear about the likeliest candidate's mode. A form that is not there is one column more in it:
-the tangent by its coefficient at 0, which solves the candidate's own variational equation with the form's force as a
-source. No motion is solved anew and nothing is searched.
+The record's model is linear about the likeliest candidate's mode. A form that is not in it is one more column: the
+tangent by its coefficient at 0, which solves the candidate's own variational equation with the form's force as a
+source. No motion is solved again and nothing is searched.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.inference.deviation.candidate import columns_at
+from bayesdamp.inference.deviation.candidate import tangents_at
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import condensed, weigh
-from bayesdamp.inference.deviation.numbers.curves import values_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.damping import TERMS, TINY, others
 from bayesdamp.physics.restoring import LAWS
@@ -26,7 +25,7 @@ FEW = 1000
 SCORES = (-1.0, 1.0)
 """Scores of a form's parameters at which it is bounded; the larger bound counts."""
 LEAST_WORK = 1e-6
-"""Share of what a form moves to and fro below which it takes no energy by itself."""
+"""Net work, relative to the sum of its absolute parts, below which a form dissipates no energy."""
 Shape = Callable[[float, float, float], float]
 
 
@@ -39,48 +38,13 @@ class _Form:
     signed: bool = False
 
 
-def bounds_of_others(
-    weighing: Weighing, result: Result, approximate: bool, rng: np.random.Generator
-) -> dict[str, float]:
-    """95 % upper limits of the share of the energy that each form which ships beside the paper's terms, and is not in
-    the result's sum, may take, by name; of friction with a further parameter, of what it has beyond dry friction."""
-    forms = [
-        form
-        for name in others()
-        if name not in result.candidate.damping and TERMS.get(name).bounded
-        for form in _forms(weighing, result, name)
-    ]
-    base = columns_of(weighing, result, approximate)
-    if base is None or not forms:
-        return {}
-    columns, target = base
-    sources, work, moved, own = _sources(weighing, result, forms)
-    more = _tangents(weighing, result, sources)
-    absorbs = result.fit.parameters.absorbs
-    knots = weighing.solvers[result.candidate.restoring].knots.size if approximate else 0
-    grid = grid_of(knots, exact=not approximate, coarse=True, absorbed=absorbs)
-    found: dict[str, float] = {}
-    at, positive, shared = result.fit.z.size, result.fit.parameters.positive, result.fit.parameters.shared
-    for i, form in enumerate(forms):
-        if abs(work[i]) <= LEAST_WORK * moved[i]:
-            found.setdefault(form.name, 0.0)
-            continue
-        size = SCORE_RATIO * own.viscous / abs(work[i])
-        whole = np.insert(columns, at, more[:, i] * size, axis=1)
-        model = condensed(whole, target, np.append(positive, not form.signed), np.append(shared, True))
-        weighed = weigh(model, grid, weighing.variance, weighing.samples)
-        u = weighed.draws(model.positive, FEW, rng)[0]
-        taken = np.abs(u[:, at]) * size * abs(work[i])
-        rest = np.maximum(own.power(u[:, :at]), 0.0)
-        share = float(np.quantile(taken / np.maximum(taken + rest, 1e-300), 0.95))
-        found[form.name] = max(found.get(form.name, 0.0), share)
-    return found
-
-
 @dataclass(frozen=True)
 class _Own:
-    """What the sum's own terms do along the motion: mean power of a viscous force 2ω θ̇, whose ratio is 1; works of the
-    terms per unit of their coefficients (m,), whose scores are at `places` of all scores, and the prior scales."""
+    """The work of the sum's own terms along the motion.
+
+    viscous: mean power of a viscous force 2ω θ̇, whose ratio is 1; works: of the terms per unit of their coefficients,
+    (m,); places: of the coefficients' scores among all scores; scales: of their priors.
+    """
 
     viscous: float
     works: np.ndarray
@@ -88,55 +52,88 @@ class _Own:
     scales: np.ndarray
 
     def power(self, scores: np.ndarray) -> np.ndarray:
-        """Mean power at scores, (n, d): (n,)."""
+        """Return the mean power at scores, (n, d): (n,)."""
         return scores[:, self.places] @ (self.works * self.scales)
 
 
+def bounds_of_others(
+    weighing: Weighing, result: Result, approximate: bool, rng: np.random.Generator
+) -> dict[str, float]:
+    """Return 95 % upper limits of the share of the energy of each form that is not in the result's sum, by name.
+
+    Of friction with a parameter of its own, only what it adds to dry friction is bounded.
+    """
+    absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
+    forms = [form for name in absent for form in _forms(weighing, result, name)]
+    base = columns_of(result, approximate)
+    if base is None or not forms:
+        return {}
+    columns, target = base
+    sources, work, moved, own = _sources(weighing, result, forms)
+    more = _tangents(weighing, result, sources)
+    parameters = result.fit.parameters
+    knots = weighing.solvers[result.candidate.restoring].knots.size if approximate else 0
+    grid = grid_of(knots, exact=not approximate, coarse=True, absorbed=parameters.absorbs)
+    bounds: dict[str, float] = {}
+    d, shared = result.fit.z.size, np.append(parameters.shared, True)
+    for i, form in enumerate(forms):
+        if abs(work[i]) <= LEAST_WORK * moved[i]:
+            bounds.setdefault(form.name, 0.0)
+            continue
+        size = SCORE_RATIO * own.viscous / abs(work[i])
+        whole = np.insert(columns, d, more[:, i] * size, axis=1)
+        model = condensed(whole, target, np.append(parameters.positive, not form.signed), shared)
+        weighed = weigh(model, grid, weighing.variance, weighing.samples)
+        u = weighed.draws(model.positive, FEW, rng)[0]
+        lost = np.abs(u[:, d]) * size * abs(work[i])
+        rest = np.maximum(own.power(u[:, :d]), 0.0)
+        share = float(np.quantile(lost / np.maximum(lost + rest, 1e-300), 0.95))
+        bounds[form.name] = max(bounds.get(form.name, 0.0), share)
+    return bounds
+
+
 def _forms(weighing: Weighing, result: Result, name: str) -> Iterator[_Form]:
-    """A term as what is bounded of it: at low and high values of its parameters; where it reduces to a simpler term,
-    what it has beyond that."""
+    """Yield the parts of a term that are bounded: at low and high values of its parameters.
+
+    Of a term that reduces to a simpler one, what it adds to that.
+    """
     term, reference = TERMS.get(name), weighing.reference
-    given = reference.scales(_rest(weighing, result))
+    scales = reference.scales(weighing.data.rest_under(result.candidate.restoring, result.law))
     priors = {p.name: p.prior(reference.amplitude, reference.frequency) for p in term.inferred}
 
     def value(parameter: str, score: float) -> float:
-        return float(
-            priors[parameter].value(np.asarray(abs(score) if priors[parameter].reflected else score))
-        )
+        prior = priors[parameter]
+        return float(prior.value(np.asarray(abs(score) if prior.reflected else score)))
 
     simple = dict(term.reduces)
     free = [p for p in priors if p not in simple]
     for score in SCORES if free else (0.0,):
-        known = {**given, **simple, **{p: value(p, score) for p in free}}
+        known = {**scales, **simple, **{p: value(p, score) for p in free}}
         if not simple:
             yield _Form(name, term.at(known))
         for parameter in simple:
             changed = {**known, parameter: value(parameter, 1.0)}
-            yield _Form(name, _beyond(term.at(changed), term.at(known)), not priors[parameter].reflected)
+            yield _Form(name, _difference(term.at(changed), term.at(known)), not priors[parameter].reflected)
 
 
-def _beyond(more: Shape, less: Shape) -> Shape:
+def _difference(more: Shape, less: Shape) -> Shape:
     return lambda x, v, epsilon: more(x, v, epsilon) - less(x, v, epsilon)
 
 
-def _rest(weighing: Weighing, result: Result) -> float:
-    name = result.candidate.restoring
-    law = values_of(result)[weighing.solvers[name].law_places]
-    return weighing.data.rest_under(name, law)
-
-
-def columns_of(weighing: Weighing, result: Result, approximate: bool) -> tuple[np.ndarray, np.ndarray] | None:
-    """The linear model's columns (n, K) and what they are fitted to, (n,)."""
-    fit, data, about = result.fit, weighing.data, result.about
+def columns_of(result: Result, approximate: bool) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the linear model's columns (n, K) and what they are fitted to, (n,)."""
+    fit, about = result.fit, result.about
     if not approximate or about is None:
         return fit.tangents, fit.residual + fit.tangents @ fit.z
-    columns = columns_at(result.solver, fit, about.u)
-    return None if columns is None else (columns, data.y - about.motion.y + columns @ about.u)
+    columns = tangents_at(result.solver, fit, about.u)
+    return None if columns is None else (columns, about.residual + columns @ about.u)
 
 
 def _middle(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times (2s − 1,), displacements and velocities at a motion's refined points and half way between them. A velocity
-    of 0 at a turning point has the sign of its own side, which exact friction has."""
+    """Return times (2s − 1,), displacements and velocities at a motion's refined points and half way between them.
+
+    A velocity of 0 at a turning point has the sign of its own side, as exact friction has.
+    """
     t, states = result.motion.refined
     step = np.diff(t)
     between = 0.5 * (states[1:] + states[:-1])
@@ -155,90 +152,88 @@ def _middle(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _sources(
     weighing: Weighing, result: Result, forms: list[_Form]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, _Own]:
-    """Forces of the forms at `_middle`'s points, (2s − 1, f), their mean power along the motion, (f,), the mean of its
-    magnitude, (f,), and what the sum's own terms do."""
-    solver = weighing.solvers[result.candidate.restoring]
-    epsilon, parameters = solver.epsilon, result.fit.parameters
+    """Return the forces of the forms and their work along the motion.
+
+    Forces at `_middle`'s points, (2s − 1, f), their mean power, (f,), the mean of its magnitude, (f,), and the work of
+    the sum's own terms.
+    """
+    solver, parameters = weighing.solvers[result.candidate.restoring], result.fit.parameters
     times, x, v = _middle(result)
     forces = np.array([
-        [form.shape(a, b, epsilon) for form in forms]
+        [form.shape(a, b, solver.epsilon) for form in forms]
         for a, b in zip(x.tolist(), v.tolist(), strict=True)
     ])  # fmt: skip
     width = np.gradient(times) / (times[-1] - times[0])
-    z = result.fit.z if result.about is None else result.about.u[: result.fit.z.size]
-    further = values_of(result)[None, len(solver.terms) : solver.law_places.start]
-    works = solver.works(x, v, v * width, further, result.fit.active)[0]
-    places = [i for i, place in enumerate(parameters.free) if place < len(solver.terms)]
-    columns = parameters.free[places]
-    own = _Own(
-        viscous=2 * weighing.data.frequency * float(np.sum(width * v * v)),
-        works=works[columns], places=np.array(places, int), scales=parameters.rates(z)[places],
-    )  # fmt: skip
+    works = solver.works(x, v, v * width, result.further, result.fit.active)[0]
+    places = np.flatnonzero(parameters.free < len(solver.terms))
+    viscous = 2 * weighing.data.frequency * float(np.sum(width * v * v))
+    own = _Own(viscous, works[parameters.free[places]], places, parameters.rates(result.z)[places])
     return forces, (width * v) @ forces, (width * np.abs(v)) @ np.abs(forces), own
 
 
 def _tangents(weighing: Weighing, result: Result, sources: np.ndarray) -> np.ndarray:
-    """Tangents of the record by the forms' coefficients, (n, f): the variational equation by Runge and Kutta's method
-    of order 4 on the motion's own steps. Exact friction changes them at turning points as it does in
-    `physics.kernel.march`."""
+    """Return the tangents of the record by the forms' coefficients, (n, f).
+
+    They solve the variational equation, by Runge and Kutta's method of order 4 on the motion's own steps. Exact
+    friction changes them at turning points as it does in `physics.kernel.march`.
+    """
     solver = weighing.solvers[result.candidate.restoring]
     times, x, v = _middle(result)
     by_x, by_v, scale = _slopes(weighing, result, times, x, v)
     force = -scale[:, None] * sources * solver.slowness
     t, n = times[::2], sources.shape[1]
-    found = np.zeros((t.size, n, 3))
-    found[0, :, 2] = force[0]
+    tangents = np.zeros((t.size, n, 3))
+    tangents[0, :, 2] = force[0]
     d, w = np.zeros(n), np.zeros(n)
     velocity, acceleration = result.motion.refined[1][:, 1:].T
     still = (velocity == 0) & (acceleration == 0)
+
+    def slope(at: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
+        return force[at] - by_x[at] * d - by_v[at] * w
+
     for i in range(t.size - 1):
         a, m, b, step = 2 * i, 2 * i + 1, 2 * i + 2, t[i + 1] - t[i]
         if still[i + 1]:
             w = np.zeros(n)
-            found[i + 1, :, 0] = d
+            tangents[i + 1, :, 0] = d
             continue
         if step == 0:
             w = w if still[i] else w * (acceleration[i + 1] / acceleration[i])
-            found[i + 1] = np.column_stack([d, w, force[b] - by_x[b] * d - by_v[b] * w])
-            continue
-        w1 = force[a] - by_x[a] * d - by_v[a] * w
-        d2, v2 = d + 0.5 * step * w, w + 0.5 * step * w1
-        w2 = force[m] - by_x[m] * d2 - by_v[m] * v2
-        d3, v3 = d + 0.5 * step * v2, w + 0.5 * step * w2
-        w3 = force[m] - by_x[m] * d3 - by_v[m] * v3
-        d4, v4 = d + step * v3, w + step * w3
-        w4 = force[b] - by_x[b] * d4 - by_v[b] * v4
-        d = d + step / 6 * (w + 2 * v2 + 2 * v3 + v4)
-        w = w + step / 6 * (w1 + 2 * w2 + 2 * w3 + w4)
-        found[i + 1, :, 0], found[i + 1, :, 1] = d, w
-        found[i + 1, :, 2] = force[b] - by_x[b] * d - by_v[b] * w
-    return solver.read_slopes(t, result.motion.refined[1], found)
+        else:
+            w1 = slope(a, d, w)
+            v2 = w + 0.5 * step * w1
+            w2 = slope(m, d + 0.5 * step * w, v2)
+            v3 = w + 0.5 * step * w2
+            w3 = slope(m, d + 0.5 * step * v2, v3)
+            v4 = w + step * w3
+            w4 = slope(b, d + step * v3, v4)
+            d = d + step / 6 * (w + 2 * v2 + 2 * v3 + v4)
+            w = w + step / 6 * (w1 + 2 * w2 + 2 * w3 + w4)
+        tangents[i + 1] = np.column_stack([d, w, slope(b, d, w)])
+    return solver.read_slopes(t, result.motion.refined[1], tangents)
 
 
 def _slopes(
     weighing: Weighing, result: Result, times: np.ndarray, x: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Slopes of the whole force by displacement and velocity along the motion, and the factor of its damping, (p,)."""
+    """Return slopes of the force by displacement and velocity along the motion, and the damping's factor, (p,) each."""
     solver, data = weighing.solvers[result.candidate.restoring], weighing.data
-    values = values_of(result)
-    law, force = values[solver.law_places], LAWS.get(result.candidate.restoring).kernel
-    further = dict(zip(solver.further, values[len(solver.terms) : solver.law_places.start], strict=True))
-    own = values[: len(solver.terms)] * solver.slowness
-    coefficients: Mapping[str, float] = dict(zip(solver.terms, own, strict=True))
-    shapes = [(coefficients[n], TERMS.get(n).at(further)) for n in result.candidate.damping]
+    law, force = result.law, LAWS.get(result.candidate.restoring).kernel
+    further = dict(zip(solver.further, result.further[0], strict=True))
+    coefficients = dict(zip(solver.terms, result.values * solver.slowness))
     dx, dv, epsilon = 1e-6 * data.amplitude, 1e-6 * data.amplitude * data.frequency, solver.epsilon
     if epsilon == 0:  # the sign of the velocity is that of the point
         v = np.where(np.abs(v) < 2 * dv, np.copysign(2 * dv, v), v)
     points = list(zip(x.tolist(), v.tolist(), strict=True))
     spring = np.array([(force(a + dx, law) - force(a - dx, law)) / (2 * dx) for a, _ in points])
     by_x, by_v = np.zeros(x.size), np.zeros(x.size)
-    for c, f in shapes:
+    for name in result.candidate.damping:
+        c, f = coefficients[name], TERMS.get(name).at(further)
         by_x += c * np.array([f(a + dx, b, epsilon) - f(a - dx, b, epsilon) for a, b in points]) / (2 * dx)
         by_v += c * np.array([f(a, b + dv, epsilon) - f(a, b - dv, epsilon) for a, b in points]) / (2 * dv)
     scale, spring_scale = np.ones(x.size), np.ones(x.size)
     if result.about is not None:
-        d, n = result.fit.z.size, solver.knots.size
-        g, h = result.about.u[d : d + n], result.about.u[d + n :]
-        scale = 1 + np.interp(times, solver.knots, np.expm1(g))
+        g, h = result.about.deviations
+        scale = 1 + np.interp(times, solver.knots, g)
         spring_scale = 1 + 2 * np.interp(times, solver.knots, h)
     return scale * by_x + spring_scale * spring, scale * by_v, scale

@@ -14,25 +14,11 @@ from bayesdamp.odds import odds
 
 POINTS = 4000
 """Times over a motion at which the power is taken."""
-
-
-def shares_of(weighing: Weighing, drawn: Sequence[Drawn]) -> np.ndarray:
-    """Share of the dissipated energy by term, (draws, m)."""
-    found = []
-    for d in drawn:
-        each = d.coefficients * _works(weighing, d)
-        found.append(each / np.maximum(each.sum(axis=1, keepdims=True), 1e-300))
-    return np.concatenate(found)
-
-
-def _works(weighing: Weighing, d: Drawn) -> np.ndarray:
-    """Mean power per unit of each coefficient over the record's own motion, (n, m) or (1, m)."""
-    from bayesdamp.physics.kernel.dense import at_times
-
-    solver, motion = weighing.solvers[d.result.candidate.restoring], d.result.motion
-    at = np.linspace(motion.times[0], motion.times[-1], POINTS)
-    x, v = (at_times(motion.times, motion.states, at, order) for order in (0, 1))
-    return d.by_further(lambda rows: solver.works(x, v, v / POINTS, rows, d.result.fit.active))
+DRAWS = 4000
+SHOWN = 0.99
+"""Total probability of the candidates that are drawn from."""
+DISTINCT = 200
+"""Draws of a candidate where each draw needs a quadrature of its work."""
 
 
 @dataclass(frozen=True)
@@ -47,23 +33,29 @@ class Quantity:
 
 
 def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
-    """Median and 95 % interval of draws, (n,). noise: the part of their standard deviation that noise has."""
+    """Return median and 95 % interval of draws, (n,); `noise` is the part of their sd that noise causes."""
     low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))
     law = float(np.sqrt(max(float(np.var(values)) - noise**2, 0.0))) if np.isfinite(noise) else float("nan")
     return Quantity(middle, low, high, noise, law)
 
 
-DRAWS = 4000
-SHOWN = 0.99
-"""Probability of the candidates together from which the others are not drawn from."""
-DISTINCT = 200
-"""Draws of a candidate whose work must be found by quadrature for each of them."""
-
-
 @dataclass(frozen=True)
-class Drawn:
-    """Draws of one candidate: coefficients (n, m), the terms' further parameters (n, e), the law's (n, r), log g and h
-    at the knots (n, k)."""
+class CandidateDraws:
+    """Draws of one candidate.
+
+    Attributes
+    ----------
+    result : Result
+        Of the candidate.
+    coefficients : ndarray, shape (n, m)
+        Of the solver's terms.
+    further : ndarray, shape (n, e)
+        The terms' own parameters.
+    law : ndarray, shape (n, r)
+        Parameters of the restoring law.
+    g, h : ndarray, shape (n, k)
+        Log deviation of the damping and deviation of the frequency at the knots.
+    """
 
     result: Result
     coefficients: np.ndarray
@@ -74,23 +66,36 @@ class Drawn:
 
     @classmethod
     def of(cls, result: Result, u: np.ndarray) -> Self:
-        """Draws of u = (scores, log g, h), (n, K), of a candidate."""
+        """Return draws of u = (scores, log g, h), (n, K), of a candidate."""
         d, solver = result.fit.z.size, result.solver
         values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
         g, h = np.split(u[:, d:], 2, axis=1)
         return cls(result, values[:, :m], values[:, m : law.start], values[:, law], g, h)
 
     def by_further(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Return a function of rows of further parameters, (d, e), for each draw, (n, m); (1, m) where all have the
-        same."""
+        """Return a function of rows of the terms' own parameters, (d, e), for each draw, (n, m).
+
+        It has shape (1, m) where all draws have the same parameters.
+        """
         rows, place = np.unique(self.further, axis=0, return_inverse=True)
-        found = function(rows)
-        return found[place.ravel()] if len(rows) > 1 else found
+        values = function(rows)
+        return values[place.ravel()] if len(rows) > 1 else values
 
 
 def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[Candidate, float]:
-    """Posterior probability of each candidate, with the prior `odds`; laws alike. forms: whether other forms of damping
-    are among the candidates."""
+    """Return the posterior probability of each candidate.
+
+    The prior is `odds`, the same for all laws.
+
+    Parameters
+    ----------
+    weighing : Weighing
+        Of the candidates.
+    exact : bool
+        Under laws that hold exactly, else approximately.
+    forms : bool
+        Whether other forms of damping are among the candidates.
+    """
     logs: dict[Candidate, float] = {}
     others = len({r.candidate.damping for r in weighing.forms})
     for r in (*weighing.results, *(weighing.forms if forms else ())):
@@ -100,7 +105,7 @@ def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[C
         prior = odds(r.candidate.damping, others if r in weighing.forms else 0)
         sampled = r.sampled is not None and exact == (r.weighed is None)
         logs[r.candidate] = (r.log_evidence if sampled else weighed.log_evidence) + np.log(prior)
-    if not logs:  # none could be linearised: exact laws are all that is known
+    if not logs:  # none could be linearised: only exact laws are left
         return probabilities(weighing, True, forms)
     top = max(logs.values())
     total = sum(np.exp(v - top) for v in logs.values())
@@ -109,32 +114,27 @@ def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[C
 
 def drawn_from(
     weighing: Weighing, chosen: Mapping[Candidate, float], approximate: bool, rng: np.random.Generator
-) -> list[Drawn]:
-    """Draws of the candidates that count, each as often as it is probable."""
-    order = sorted(chosen.items(), key=lambda item: -item[1])
-    kept, total = [], 0.0
-    for c, p in order:
-        kept.append((c, p))
+) -> list[CandidateDraws]:
+    """Draw from the candidates that count, from each in proportion to its probability."""
+    likeliest, total = [], 0.0
+    for c, p in sorted(chosen.items(), key=lambda item: -item[1]):
+        likeliest.append((c, p))
         total += p
         if total > SHOWN:
             break
-    found = []
-    for c, p in kept:
-        result = next(r for r in (*weighing.results, *weighing.forms) if r.candidate == c)
+    drawn = []
+    for c, p in likeliest:
         count = round(DRAWS * p / total)
         if count:
-            found.append(draws_of(weighing, result, count, approximate, rng))
-    return found
+            drawn.append(draws_of(weighing.result(c), count, approximate, rng))
+    return drawn
 
 
-def draws_of(
-    weighing: Weighing, result: Result, count: int, approximate: bool, rng: np.random.Generator
-) -> Drawn:
-    """Draws of one candidate; where it has further parameters that are inferred, `DISTINCT` ones, repeated."""
+def draws_of(result: Result, count: int, approximate: bool, rng: np.random.Generator) -> CandidateDraws:
+    """Draw from one candidate; only `DISTINCT` draws, repeated, where it has inferred parameters of its terms."""
     weighed = result.weighed if approximate else result.exact_weighed
     assert weighed is not None
-    d, parameters = result.fit.z.size, result.fit.parameters
-    solver = result.solver
+    d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
     few = min(count, DISTINCT) if set(solver.inferred) & set(parameters.free_names) else count
     if result.sampled is None or not result.sampled.trusted:
         u = weighed.draws(parameters.positive, few, rng)[0]
@@ -142,4 +142,32 @@ def draws_of(
         own = result.sampled.draws
         u = own[rng.choice(len(own), few, replace=few > len(own))]
     u = u[np.arange(count) * few // count]
-    return Drawn.of(result, u if approximate else np.pad(u[:, :d], ((0, 0), (0, 2 * solver.knots.size))))
+    return CandidateDraws.of(
+        result, u if approximate else np.pad(u[:, :d], ((0, 0), (0, 2 * solver.knots.size)))
+    )
+
+
+def shares_of(weighing: Weighing, drawn: Sequence[CandidateDraws]) -> np.ndarray:
+    """Return the share of the dissipated energy by term, (draws, m)."""
+    shares = []
+    for d in drawn:
+        lost = d.coefficients * _works(weighing, d)
+        shares.append(lost / np.maximum(lost.sum(axis=1, keepdims=True), 1e-300))
+    return np.concatenate(shares)
+
+
+def _works(weighing: Weighing, d: CandidateDraws) -> np.ndarray:
+    """Return the mean power per unit of each coefficient over the record's own motion, (n, m) or (1, m)."""
+    from bayesdamp.physics.kernel.dense import at_times
+
+    solver, motion = weighing.solvers[d.result.candidate.restoring], d.result.motion
+    times = np.linspace(motion.times[0], motion.times[-1], POINTS)
+    x, v = (at_times(motion.times, motion.states, times, order) for order in (0, 1))
+    return d.by_further(lambda rows: solver.works(x, v, v / POINTS, rows, d.result.fit.active))
+
+
+def noise_sds(weighing: Weighing, result: Result) -> np.ndarray:
+    """Return the sd that noise alone would cause in each inferred parameter, (p,), if the laws were exact."""
+    rates = np.abs(result.fit.parameters.rates(result.fit.z))
+    sds = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * rates
+    return sds * np.sqrt(weighing.variance / result.exact_variance)

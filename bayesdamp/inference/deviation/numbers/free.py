@@ -1,8 +1,8 @@
-"""The damping curve without a law: its posterior inside the same equation of motion.
+"""The damping curve without a law: its posterior within the same equation of motion.
 
-The damping is viscous times exp g(t), g a Gaussian process with a wide prior instead of a narrow one; as the amplitude
-only falls, g against time is the damping ratio against amplitude. Nothing of a law of damping is in it but its prior:
-that the ratio is smooth over a tenth of the record or more.
+The damping is viscous times exp g(t), where g is a Gaussian process with a wide prior instead of a narrow one. As the
+amplitude only falls, g against time is the damping ratio against amplitude. The only assumption on the law of damping
+is this prior: that the ratio is smooth over a tenth of the record or more.
 """
 
 from __future__ import annotations
@@ -15,15 +15,14 @@ from bayesdamp.inference.deviation.candidate import (
     Candidate,
     Linearised,
     first_values,
-    linearised,
+    linearise,
     mode_of,
     parameters_of,
 )
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, wide_grid
 from bayesdamp.inference.deviation.gaussian.linear import weigh
 from bayesdamp.inference.deviation.least_squares import Fit
-from bayesdamp.inference.deviation.numbers.curves import at_share, turning_amplitudes
-from bayesdamp.inference.deviation.orbit import orbit_at, rest_of
+from bayesdamp.inference.deviation.numbers.curves import at_share, orbit_at, turning_amplitudes
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.kernel import Motion, Solver
@@ -35,17 +34,26 @@ POINTS = 40
 """Amplitudes of the curve."""
 DRAWS = 1000
 STEPS, SETTLED = 25, 0.1
-"""Gauss–Newton steps at most, and the change of the motion, in sds of the whole record's noise, that ends them."""
+"""Gauss–Newton steps at most, and the largest change of the motion by the last, in sds of the whole record's noise."""
 FAR = 50.0
 """Size of g, whose prior has sizes of 3 at most, from which the model about the mode does not describe the record."""
 CLOSE = 1.02
-"""By how much a step may enlarge the sum of squares."""
+"""Factor by which a step may enlarge the sum of squares."""
 
 
 @dataclass(frozen=True)
 class FreeCurve:
-    """amplitude (a,), falling (rad or m); the equivalent damping ratio there and the energy lost in a cycle per unit of
-    inertia (rad²/s² or m²/s²), each (a, 3): median and 95 % interval."""
+    """The damping curve without a law.
+
+    Attributes
+    ----------
+    amplitude : ndarray, shape (a,)
+        Falling, in rad or m.
+    ratio : ndarray, shape (a, 3)
+        Equivalent damping ratio: median and 95 % interval.
+    lost : ndarray, shape (a, 3)
+        Energy lost in a cycle per unit of inertia, in rad²/s² or m²/s²: median and 95 % interval.
+    """
 
     amplitude: np.ndarray
     ratio: np.ndarray
@@ -55,8 +63,10 @@ class FreeCurve:
 def free_curve(
     weighing: Weighing, restoring: str, guess: tuple[Ratio, ...], rng: np.random.Generator
 ) -> FreeCurve | None:
-    """The curve under a restoring law; None where no motion follows the record. guess: ratios that the search for the
-    motion starts from."""
+    """Infer the curve under a restoring law; None where no motion follows the record.
+
+    The search for the motion starts from the ratios of `guess`.
+    """
     data = weighing.data
     count = int(np.clip(round(data.cycles / A_KNOT) + 1, *KNOTS))
     base = weighing.solvers[restoring]
@@ -66,13 +76,12 @@ def free_curve(
     if at is None:
         return None
     weighed = weigh(at.model, grid, weighing.variance, weighing.samples)
-    u = weighed.draws(at.parameters.positive, DRAWS, rng)[0]
-    d = at.fit.z.size
-    g, h, zeta = u[:, d : d + count], u[:, d + count :], at.parameters.known["zeta"]
+    u = weighed.draws(at.fit.parameters.positive, DRAWS, rng)[0]
+    g, h = np.split(u[:, at.fit.z.size :], 2, axis=1)
     if np.abs(g).max() > FAR:
         return None
-    law = at.parameters.values(at.u[:d])[solver.law_places]
-    rest = rest_of(restoring, law, data.rest, 2 * data.amplitude)
+    zeta, law = at.fit.parameters.known["zeta"], at.values[solver.law_places]
+    rest = data.equilibrium(restoring, law)
     times, sizes = turning_amplitudes(at.motion)
     if rest is None or times.size < 4:
         return None
@@ -93,53 +102,41 @@ def free_curve(
 
 
 def _mode(weighing: Weighing, solver: Solver, grid: Grid, guess: tuple[Ratio, ...]) -> Linearised | None:
-    """The model about the mode of parameters and g together, from the curve that is guessed."""
+    """Return the model about the mode of parameters and g together, starting from the guessed curve."""
     data, law = weighing.data, solver.restoring
     near = next(r for r in weighing.results if r.candidate.restoring == law)
-    fitted = near.fit.parameters.named(near.fit.z)
-    fixed = {n: v for n, v in near.fit.parameters.known.items() if n in solver.names[solver.law_places]}
+    fitted, known = near.fit.parameters.named(near.fit.z), near.fit.parameters.known
+    fixed = {n: v for n, v in known.items() if n in solver.names[solver.law_places]}
     c = Candidate(("viscous",), law)
     parameters = parameters_of(c, solver, data, weighing.reference, {}, fixed)
-    size, time = (np.array([r.value for r in guess]), _times_of(weighing, near.motion, guess))
-    log = np.interp(solver.knots, time, np.log(np.maximum(size, 1e-12)))
+    # When the motion has the guessed amplitudes, which fall.
+    turns, sizes = turning_amplitudes(near.motion)
+    times = np.linspace(0, data.end, len(guess))
+    if turns.size >= 2:
+        times = np.interp([-np.log(r.amplitude) for r in guess], -np.log(sizes), turns)
+    log = np.interp(solver.knots, times, np.log(np.maximum(np.array([r.value for r in guess]), 1e-12)))
     start = {**first_values(c, data, fixed), **{n: fitted[n] for n in parameters.free_names if n in fitted}}
-    # Only g is inferred of the damping: a size beside it would be the same once more, and their product is not linear.
+    # Only g is inferred of the damping: a coefficient would be its mean once more, and their product is not linear.
     priors = {n: prior for n, prior in parameters.priors.items() if n != "zeta"}
     zeta = float(np.exp(log.mean())) * data.frequency
     parameters = Parameters(parameters.names, priors, {**parameters.known, "zeta": zeta})
     z = parameters.scores({n: start[n] for n in parameters.free_names})
     empty = np.zeros((data.y.size, 0))
     motion = Motion(data.y, empty, np.zeros(0), np.zeros((0, 3)))
-    found = Fit(parameters, np.ones(1, bool), z, data.y, empty, motion)
-    at = linearised(
-        c, solver, data, found, np.concatenate([z, log - log.mean(), np.zeros(solver.knots.size)])
-    )
+    fit = Fit(parameters, np.ones(1, bool), z, data.y, empty, motion)
+    at = linearise(solver, data, fit, np.concatenate([z, log - log.mean(), np.zeros(solver.knots.size)]))
     for _ in range(STEPS):
         if at is None:
             return None
-        squares = _squares(weighing, at)
-        best, share, there = mode_of(at.model, grid, weighing.variance), 1.0, None
-        while share > 0.02 and there is None:
-            there = linearised(c, solver, data, found, at.u + share * (best - at.u))
-            if there is not None and _squares(weighing, there) > squares * CLOSE:
-                there = None
+        mode, share, new = mode_of(at.model, grid, weighing.variance), 1.0, None
+        while share > 0.02 and new is None:
+            new = linearise(solver, data, fit, at.u + share * (mode - at.u))
+            if new is not None and new.squares > at.squares * CLOSE:
+                new = None
             share *= 0.5
-        if there is None:
+        if new is None:
             break
-        moved = float(np.linalg.norm(there.model.root @ (there.u - at.u))) / np.sqrt(weighing.variance)
-        at = there
+        moved, at = new.distance(at.u, weighing.variance), new
         if moved < SETTLED:
             break
     return at
-
-
-def _squares(weighing: Weighing, at: Linearised) -> float:
-    return float(np.sum((weighing.data.y - at.motion.y) ** 2))
-
-
-def _times_of(weighing: Weighing, motion: Motion, guess: tuple[Ratio, ...]) -> np.ndarray:
-    """When a motion has the amplitudes of a guess, which fall."""
-    times, sizes = turning_amplitudes(motion)
-    if times.size < 2:
-        return np.linspace(0, weighing.data.end, len(guess))
-    return np.interp([-np.log(r.amplitude) for r in guess], -np.log(sizes), times)

@@ -77,7 +77,7 @@ def test_a_knot_for_two_cycles(cycles: float, knots: int) -> None:
 
 
 def test_what_a_parameter_absorbs_has_no_mean_over_the_record() -> None:
-    """The trapezoid's mean of every deviation is nought where a parameter has it already, and only there."""
+    """The trapezoidal mean of every deviation is zero where a parameter already contains it, and only there."""
     knots = 6
     weights = np.ones(knots)
     weights[[0, -1]] = 0.5

@@ -17,14 +17,14 @@ N, KNOTS, SD = 30, 4, 0.3
 
 
 def problem(seed: int, d: int, knots: int = KNOTS) -> tuple[np.ndarray, np.ndarray]:
-    """Columns (n, d + 2 knots) and a record less the constant part, (n,)."""
+    """Return columns (n, d + 2 knots) and a record minus the constant part, (n,)."""
     rng = np.random.default_rng(seed)
     columns = rng.standard_normal((N, d + 2 * knots))
     return columns, columns[:, :d] @ rng.standard_normal(d) + SD * rng.standard_normal(N)
 
 
 def dense(columns: np.ndarray, y: np.ndarray, d: int, grid: Grid) -> np.ndarray:
-    """Log evidence of each combination: y is normal, its covariance that of noise, scores and deviations."""
+    """Return the log evidence of each combination: y is normal with the covariance of noise, scores and deviations."""
     each = []
     for log_prior, factor in zip(grid.log_prior, grid.factors):
         rest = columns[:, d:] @ factor
@@ -47,7 +47,7 @@ def test_evidence_is_that_of_a_dense_normal() -> None:
 
 
 def test_posterior_is_that_of_a_dense_normal() -> None:
-    """Means and covariances by the formula of conditioning, in the space of the samples."""
+    """Means and covariances follow from conditioning a normal in the space of the samples."""
     columns, y = problem(2, 3)
     grid = grid_of(KNOTS, coarse=True)
     found = weigh(condensed(columns, y, np.zeros(3, bool)), grid, SD**2, N)
@@ -64,7 +64,7 @@ def test_posterior_is_that_of_a_dense_normal() -> None:
 @pytest.mark.parametrize("shift", [1.0, 0.0, -0.4])
 @pytest.mark.parametrize("positive", [1, 2])
 def test_half_normal_coefficients(shift: float, positive: int) -> None:
-    """Coefficients well inside, at, and beyond the border, by quadrature on a grid over those that are half-normal."""
+    """Coefficients well inside, at, and beyond the border agree with quadrature on a grid over the half-normal ones."""
     rng = np.random.default_rng(4)
     columns = rng.standard_normal((N, 3)) * [0.4, 0.4, 1.0]
     columns[:, 1] = -0.9 * columns[:, 0] + 0.2 * columns[:, 1]
@@ -97,7 +97,7 @@ def test_condensed_keeps_the_sum_of_squares() -> None:
 
 @pytest.mark.parametrize("sd", [1e-5, 1e-8])
 def test_hardly_any_noise(sd: float) -> None:
-    """A record of nine digits: evidence against Woodbury's identity in numbers of fifty digits."""
+    """For a record with nine digits, the evidence is that of Woodbury's identity with numbers of fifty digits."""
     columns, y = problem(6, 2)
     y = columns[:, :2] @ [0.7, -0.4] + sd * np.random.default_rng(1).standard_normal(N)
     grid = grid_of(KNOTS, coarse=True)
@@ -115,7 +115,7 @@ def test_hardly_any_noise(sd: float) -> None:
 
 
 def test_fewer_samples_than_directions() -> None:
-    """Seven samples, eleven directions: the dense normal's evidence all the same."""
+    """With seven samples and eleven directions the evidence is still that of the dense normal."""
     rng = np.random.default_rng(8)
     columns, y = rng.standard_normal((7, 11)), rng.standard_normal(7)
     grid = grid_of(KNOTS, exact=True)
@@ -137,8 +137,11 @@ def log_shared_prior(ratios: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("size", [0.03, 1e-4, 1e-6])
 @pytest.mark.parametrize("second", [1.0, 0.05, -0.02])
 def test_coefficients_whose_prior_scale_is_unknown(size: float, second: float) -> None:
-    """Two coefficients, one of them near or beyond the border, against quadrature with the continuous prior: what the
-    record tells is the same at each size, and so is the evidence but for the factor that the sizes' prior has."""
+    """Two coefficients, one of them near or beyond the border, agree with quadrature over the continuous prior.
+
+    The posterior is the same at each size, and so is the evidence, apart from the factor that the sizes' prior
+    contributes.
+    """
     rng = np.random.default_rng(6)
     columns = rng.standard_normal((N, 2)) * (4 * SD / size)  # a coefficient of `size` is known to 5 %
     columns[:, 1] = -0.5 * columns[:, 0] + columns[:, 1]
@@ -167,7 +170,7 @@ def test_coefficients_whose_prior_scale_is_unknown(size: float, second: float) -
 
 
 def test_the_likelihood_of_the_damping_alone() -> None:
-    """Of two scores with all others, and deviations, integrated out, by dense normals."""
+    """For two scores, with all others and the deviations integrated out, it is that of dense normals."""
     columns, y = problem(7, 3)
     grid = grid_of(KNOTS, coarse=True)
     damping = np.array([True, True, False])

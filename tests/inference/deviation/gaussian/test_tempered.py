@@ -9,7 +9,7 @@ from scipy.integrate import dblquad
 from bayesdamp.inference.deviation.gaussian import tempered
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid
 from bayesdamp.inference.deviation.gaussian.linear import Weighed, condensed, weigh
-from bayesdamp.inference.deviation.gaussian.tempered import Sampled, sampled
+from bayesdamp.inference.deviation.gaussian.tempered import Sampled, sample_posterior
 
 SD, SIZE = 0.5, 0.4
 X = np.linspace(0.2, 1.0, 12)
@@ -26,14 +26,14 @@ def log_likelihood(z: np.ndarray | float, g: np.ndarray | float) -> np.ndarray:
 
 
 def linear(at: float = 2.0) -> tuple[Weighed, np.ndarray]:
-    """The model that is linear about z = at, g = 0."""
+    """Return the model that is linear about z = at, g = 0."""
     columns = np.column_stack([X, at * X, np.zeros(X.size)])
     model = condensed(columns, Y, np.array([True]))
     return weigh(model, GRID, SD**2, X.size), columns
 
 
 def by_quadrature() -> tuple[float, float, float]:
-    """Log evidence, and mean and sd of the product z exp(g)."""
+    """Return the log evidence, and mean and sd of the product z exp(g)."""
 
     def moment(power: int) -> float:
         def density(z: float, g: float) -> float:
@@ -57,13 +57,16 @@ def drawn(seed: int, draws: int = 2000) -> Sampled:
         straight = -0.5 * np.sum(((Y - u @ columns.T) / SD) ** 2, axis=1)
         return log_likelihood(u[:, 0], u[:, 1]) + 0.5 * X.size * np.log(2 * np.pi * SD**2) - straight
 
-    return sampled(ratio, weighed, np.array([True]), draws=draws, seed=seed)
+    return sample_posterior(ratio, weighed, np.array([True]), draws=draws, seed=seed)
 
 
 @pytest.mark.parametrize("few", [tempered.FEW, 2.0], ids=["at once", "tempered"])
 def test_evidence_and_posterior_are_those_of_quadrature(few: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Within four standard errors (false alarm 1 in 5,000 at a fixed seed); draws are worth half of what they are at
-    least. Negative control: the linear model's own evidence and spread are further off."""
+    """They agree within four standard errors (false alarm 1 in 5,000 at a fixed seed), with at least half of the
+    draws as effective sample size.
+
+    Negative control: the linear model's own evidence and spread are further off.
+    """
     log_evidence, mean, sd = by_quadrature()
     monkeypatch.setattr(tempered, "FEW", few)
     found = drawn(2)
@@ -87,13 +90,13 @@ def test_one_seed_gives_one_answer() -> None:
 
 def test_a_linear_model_that_is_right_costs_one_look_at_each_draw() -> None:
     weighed, _ = linear()
-    found = sampled(lambda u: np.zeros(len(u)), weighed, np.array([True]), draws=300)
+    found = sample_posterior(lambda u: np.zeros(len(u)), weighed, np.array([True]), draws=300)
     assert found.temperatures == 1
     assert found.log_evidence == pytest.approx(weighed.log_evidence, abs=1e-12)
 
 
 def test_a_likelihood_that_no_draw_reaches_is_not_trusted() -> None:
-    """Where every motion escapes there is nothing to lead the draws to."""
+    """Where every motion escapes there is no posterior to sample."""
     weighed, _ = linear()
-    found = sampled(lambda u: np.full(len(u), -np.inf), weighed, np.array([True]), draws=100)
+    found = sample_posterior(lambda u: np.full(len(u), -np.inf), weighed, np.array([True]), draws=100)
     assert not found.trusted

@@ -9,10 +9,10 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import norm
 
+from bayesdamp.inference.deviation import sampling
 from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.sampled import candidates
-from bayesdamp.inference.deviation.sampled.candidates import Reference, reference_of
-from bayesdamp.inference.deviation.sampled.ridge import Ridge
+from bayesdamp.inference.deviation.ridge import Ridge
+from bayesdamp.inference.deviation.sampling import SamplingStart, reference_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.priors import SHARED_SIGMAS
 from tests.validation.laws import Case, case
@@ -35,7 +35,7 @@ def weighed(**known: float) -> tuple[Weighing, Result]:
 
 
 @cache
-def started(approximate: bool) -> tuple[Ridge, Reference]:
+def started(approximate: bool) -> tuple[Ridge, SamplingStart]:
     found = reference_of(*weighed(), approximate)
     assert isinstance(found.parameters, Ridge)
     return found.parameters, found
@@ -54,15 +54,15 @@ def test_it_is_the_linear_model_at_the_mode_to_first_order(approximate: bool) ->
 
 
 def log_of_scales(z: np.ndarray, ridge: Ridge) -> float:
-    """Log density of normal scores, but for constants: those that share a scale summed over it."""
+    """Return the log density of normal scores without constants, with the shared scale summed over."""
     shared = ridge.base.shared
     each = np.array([norm.logpdf(z[shared], 0.0, s).sum() for s in SHARED_SIGMAS])
     return float(logsumexp(each)) - 0.5 * float(np.sum(z[~shared] ** 2))
 
 
 def test_the_prior_keeps_its_density() -> None:
-    """The determinant by differences of the scores; every positive score that is moved counts twice, as it is not cut
-    off in u."""
+    """The determinant agrees with differences of the scores; every positive score that is moved counts twice, as it
+    is not cut off in u."""
     ridge, start = started(False)
     moved = int(np.sum(ridge.base.positive[ridge.moved]))
     assert moved == 2
@@ -81,15 +81,18 @@ def test_the_prior_keeps_its_density() -> None:
 
 
 def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the Stribeck velocity known the motion is nearly linear in all else; that is integrated over its prior.
-    Evidence within a tenth of a nat, the sd of the static excess within 20 %, its mean within a fifth of an sd (300
-    draws: false alarms below 1 in 1,000). Control: draws along the tangent have half of that sd."""
+    """With the Stribeck velocity known the motion is nearly linear in everything else; the quadrature is over its
+    prior.
+
+    The evidence agrees within a tenth of a nat, the sd of the static excess within 20 %, and its mean within a fifth
+    of an sd (300 draws: false alarms below 1 in 1,000). Control: draws along the tangent have half of that sd.
+    """
     weighing, result = weighed()
     names, priors = result.fit.parameters.free_names, result.fit.parameters.priors
     place = names.index("static_excess")
 
     def drawn() -> tuple[np.ndarray, float]:
-        found = candidates.sampled_result(weighing, result, False).sampled
+        found = sampling.sampled_result(weighing, result, False).sampled
         assert found is not None
         return found.draws[:, place], found.log_evidence
 
@@ -111,6 +114,6 @@ def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.M
     assert evidence == pytest.approx(np.log(whole) + max(logs), abs=0.1)
     assert values.std() == pytest.approx(sd, rel=0.2)
     assert values.mean() == pytest.approx(mean, abs=0.2 * sd)
-    monkeypatch.setattr(candidates, "ridge_of", lambda *_: None)
+    monkeypatch.setattr(sampling, "ridge_of", lambda *_: None)
     narrow, _ = drawn()
     assert narrow.std() < 0.6 * sd

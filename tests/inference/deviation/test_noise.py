@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.gaussian.noise import BAND, inflation
+from bayesdamp.inference.deviation.sample_noise import BAND, inflation
 
 W, PER_CYCLE = 5.0, 40
 Z = 4.3
@@ -17,7 +17,7 @@ def times(cycles: int) -> np.ndarray:
 
 
 def coloured(rng: np.random.Generator, t: np.ndarray, factor: float) -> np.ndarray:
-    """Normal noise whose power near the oscillation is `factor` times that of the rest."""
+    """Return normal noise whose power near the oscillation is `factor` times that of the rest."""
     n = t.size
     omega = 2 * np.pi * np.fft.rfftfreq(n, t[1] - t[0])
     inside = (omega > BAND[0] * W) & (omega < BAND[1] * W)
@@ -26,7 +26,7 @@ def coloured(rng: np.random.Generator, t: np.ndarray, factor: float) -> np.ndarr
 
 @pytest.mark.parametrize("cycles", [10, 60])
 def test_white_noise_is_not_inflated(cycles: int) -> None:
-    """κ of 60 white records: at least 1, and none above 1 by more than the scatter of a χ² with the band's modes."""
+    """κ of 60 white records is at least 1, and never above 1 by more than the scatter of a χ² with the band's modes."""
     rng, t = np.random.default_rng(cycles), times(cycles)
     found = np.array([inflation(t, rng.standard_normal(t.size), W, 0) for _ in range(60)])
     modes = 2 * cycles * (BAND[1] - BAND[0])
@@ -37,7 +37,7 @@ def test_white_noise_is_not_inflated(cycles: int) -> None:
 
 @pytest.mark.parametrize("factor", [3.0, 10.0])
 def test_a_louder_band_is_seen(factor: float) -> None:
-    """Mean κ of 60 records over that of the whole power, within Z standard errors."""
+    """The mean κ of 60 records is the band's power over the whole, within Z standard errors."""
     rng, t = np.random.default_rng(7), times(40)
     found = np.array([inflation(t, coloured(rng, t, factor), W, 0) for _ in range(60)])
     share = 2 * 40 * (BAND[1] - BAND[0]) / t.size
@@ -47,7 +47,7 @@ def test_a_louder_band_is_seen(factor: float) -> None:
 
 
 def test_what_a_fit_took_is_given_back() -> None:
-    """Directions of the band that are projected out of noise: κ is right with their count, too small without."""
+    """With directions of the band projected out of noise, κ is right with their count, and too small without."""
     rng, t = np.random.default_rng(9), times(30)
     x = W * t
     columns = np.column_stack([f(x * (1 + d / 30)) for d in range(-8, 8) for f in (np.sin, np.cos)])

@@ -1,8 +1,8 @@
 """Scores along the ridge of a damping term's own parameters.
 
-A record tells a friction's loss far better than how its static excess and its Stribeck velocity share in it, so that
-their posterior lies along a curve. Draws of a linear model leave that curve along its tangent, and weights then keep
-those near the mode alone: intervals would be half as wide as the posterior (measured).
+A record determines a friction's loss far better than how its static excess and its Stribeck velocity share in it, so
+that their posterior lies along a curve. Draws of a linear model leave that curve along its tangent, and weights then
+keep only those near the mode: intervals would be half as wide as the posterior (measured).
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed
+from bayesdamp.inference.deviation.gaussian.linear import LinearModel, Weighed
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import log_prior_of
 
 REACH, APART = 3.6, 0.6
-"""Posterior sds of the leading score up to which the ridge is followed, and by which its nodes lie apart."""
+"""Posterior sds of the leading score up to which the ridge is followed, and distance of its nodes."""
 DEEP = 12.0
 """Nats below the mode beyond which it is followed no further."""
 CLEAR = 4.0
@@ -27,30 +27,43 @@ CLEAR = 4.0
 FEWEST = 3
 """Nodes."""
 STEPS, SETTLED = 8, 1e-3
-"""Gauss–Newton steps to a node at most, and nats that a step must have gained for another to follow."""
+"""Gauss–Newton steps to a node at most, and the least gain in nats for another to follow."""
 SHARES = (1.0, 0.5, 0.2)
 """Of a step, tried in turn."""
 TOLERANCE = 1e-6
-"""Error of a step of the motions that the ridge is sought with, as a share of the amplitude."""
+"""Error of a step of the motions with which the ridge is searched, as a share of the amplitude."""
 
 
 @dataclass(frozen=True)
 class Ridge:
-    """Scores u of a linear model and those z of `base` that they stand for, both (d,): about the ridge z have the
-    density that u have about its tangent. The leading score is the same in both; what is moved is its mode given that
-    score, and as many of its sds there from it (Laplace's approximation at each value of the leading score, as H. Rue,
-    S. Martino and N. Chopin integrate, J. R. Stat. Soc. B 71, 319, 2009).
+    """Scores u of a linear model and the scores z of `base` that they stand for, both (d,).
 
-    lead, moved (m,), kept (d − m,): places of the leading score, of what is moved, of what is not, the leading one
-    among these. mode, tangent (d,): of the linear model, and of its ridge by the leading score. across: of what is
-    moved by what is kept, (m, d − m). nodes: leading scores (k,), modes of what is moved there (k, m), lower factors of
-    its covariances (k, m, m); root: that of the linear model, (m, m).
+    About the ridge, z have the density that u have about its tangent. The leading score is the same in both. What is
+    moved is its mode given that score, and as many of its sds there from it (Laplace's approximation at each value of
+    the leading score, as H. Rue, S. Martino and N. Chopin integrate, J. R. Stat. Soc. B 71, 319, 2009).
+
+    Attributes
+    ----------
+    base : Parameters
+        Of the scores z.
+    lead : int
+        Place of the leading score.
+    moved, fixed : ndarray of int, shapes (m,) and (d − m,)
+        Places of the scores that are moved, and of those that are not, the leading one among these.
+    mode, tangent : ndarray, shape (d,)
+        Of the linear model, and of its ridge by the leading score.
+    across : ndarray, shape (m, d − m)
+        Slopes of the moved scores by the fixed ones.
+    root : ndarray, shape (m, m)
+        Lower factor of the moved scores' covariance in the linear model.
+    nodes : tuple of ndarray
+        Leading scores (k,), modes of the moved scores there (k, m), lower factors of their covariances (k, m, m).
     """
 
     base: Parameters
     lead: int
     moved: np.ndarray
-    kept: np.ndarray
+    fixed: np.ndarray
     mode: np.ndarray
     tangent: np.ndarray
     across: np.ndarray
@@ -59,15 +72,15 @@ class Ridge:
 
     @property
     def free(self) -> np.ndarray:
-        """Places of what is inferred among the kernel's parameters, (d,)."""
+        """Places of the inferred parameters among the kernel's, (d,)."""
         return self.base.free
 
     @cached_property
     def positive(self) -> np.ndarray:
-        """Which of u must not be negative, (d,): of what is moved that is asked of z alone."""
-        found = self.base.positive.copy()
-        found[self.moved] = False
-        return found
+        """Which of u must not be negative, (d,); for moved scores this is only required of z."""
+        positive = self.base.positive.copy()
+        positive[self.moved] = False
+        return positive
 
     @cached_property
     def _curves(self):
@@ -77,33 +90,33 @@ class Ridge:
         return CubicSpline(at, centres), PchipInterpolator(at, roots)  # whose diagonals stay positive
 
     def _at(self, a: float) -> tuple[np.ndarray, np.ndarray]:
-        """Mode and factor of what is moved at a leading score."""
+        """Return mode and factor of the moved scores at a leading score."""
         centre, root = self._curves
         inside = float(np.clip(a, self.nodes[0][0], self.nodes[0][-1]))
         return centre(inside) + self.tangent[self.moved] * (a - inside), root(inside)
 
     def base_scores(self, u: np.ndarray) -> np.ndarray:
-        """The scores of `base` that u stands for, both (d,)."""
+        """Return the scores of `base` that u stands for, both (d,)."""
         off = u - self.mode
         centre, root = self._at(float(u[self.lead]))
-        beside = self.across @ (off - self.tangent * off[self.lead])[self.kept]
-        left = np.linalg.solve(self.root, off[self.moved] - self.across @ off[self.kept])
+        beside = self.across @ (off - self.tangent * off[self.lead])[self.fixed]
+        left = np.linalg.solve(self.root, off[self.moved] - self.across @ off[self.fixed])
         z = u.copy()
         z[self.moved] = centre + beside + root @ left
         return z
 
     def values(self, u: np.ndarray) -> np.ndarray:
-        """The kernel's parameters at u, (..., d): shape (..., k)."""
+        """Return the kernel's parameters at u, (..., d): (..., k)."""
         if u.ndim > 1:
             return np.array([self.values(row) for row in u])
         return self.base.values(self.base_scores(u))
 
     def plain(self, u: np.ndarray) -> np.ndarray:
-        """Standard normal scores of u, both (d,)."""
+        """Return the standard normal scores of u, both (d,)."""
         return self.base.plain(self.base_scores(u))
 
     def log_prior_ratio(self, u: np.ndarray) -> float:
-        """Log of the prior's density at u, (d,), over that of the linear model; −∞ where it has none."""
+        """Return the log of the prior's density at u, (d,), over that of the linear model; −∞ where it has none."""
         z = self.base_scores(u)
         if np.any(z[self.base.positive] < 0):
             return -np.inf
@@ -114,10 +127,18 @@ class Ridge:
 
 
 def ridge_of(
-    weighing: Weighing, result: Result, approximate: bool, base: Parameters, model: Linear, weighed: Weighed
+    weighing: Weighing,
+    result: Result,
+    approximate: bool,
+    base: Parameters,
+    model: LinearModel,
+    weighed: Weighed,
 ) -> Ridge | None:
-    """The ridge along that parameter of the damping terms which the record tells least; None where they have none of
-    their own, where one is best at zero, and where no motion stays in phase along it."""
+    """Return the ridge along that parameter of the damping terms which the record determines least.
+
+    None where the terms have no parameters of their own, where one is best at zero, and where no motion stays in phase
+    along it.
+    """
     d = base.free.size
     own = np.array([name in result.solver.inferred for name in base.free_names])
     sds = np.sqrt(weighed.weights @ np.sum(weighed.factors[:, :d] ** 2, axis=2))
@@ -128,28 +149,28 @@ def ridge_of(
     lead = int(leading[np.argmax(sds[leading])])
     stays = base.positive & ~own & (mode < CLEAR * sds)
     stays[lead] = True
-    moved, kept = np.flatnonzero(~stays), np.flatnonzero(stays)
+    moved, fixed = np.flatnonzero(~stays), np.flatnonzero(stays)
     variance = weighing.variance if approximate else result.exact_variance
     square = model.root[:, :d].T @ model.root[:, :d] / variance + np.diag(base.prior_precision(mode))
     covariance = np.linalg.inv(square)
     tangent = covariance[lead] / covariance[lead, lead]
     inner = square[np.ix_(moved, moved)]
-    across = -np.linalg.solve(inner, square[np.ix_(moved, kept)])
+    across = -np.linalg.solve(inner, square[np.ix_(moved, fixed)])
     search = _Search(weighing, result, approximate, base, variance, moved)
 
-    def begun(a: float) -> np.ndarray:
+    def start(a: float) -> np.ndarray:
         z = mode + tangent * (a - mode[lead])
         z[base.positive] = np.maximum(z[base.positive], 0.0)
         return z
 
-    first = search.node(begun(float(mode[lead])))
+    first = search.node(start(float(mode[lead])))
     if first is None:
         return None
     nodes = [first]
     for side in (1.0, -1.0):
         at, off = first, np.zeros(moved.size)
         for k in range(1, round(REACH / APART) + 1):
-            z = begun(float(mode[lead] + side * k * APART * sds[lead]))
+            z = start(float(mode[lead] + side * k * APART * sds[lead]))
             z[moved] = at.z[moved] + off if k > 1 else z[moved]
             new = search.node(z)
             if new is None or new.depth > first.depth + DEEP:
@@ -159,18 +180,15 @@ def ridge_of(
     if len(nodes) < FEWEST:
         return None
     nodes.sort(key=lambda n: n.z[lead])
-    along = (
-        np.array([n.z[lead] for n in nodes]),
-        np.array([n.z[moved] for n in nodes]),
-        np.array([n.root for n in nodes]),
-    )
+    leads, centres = np.array([n.z[lead] for n in nodes]), np.array([n.z[moved] for n in nodes])
+    curve = leads, centres, np.array([n.root for n in nodes])
     root = np.linalg.cholesky(np.linalg.inv(inner))
-    return Ridge(base, lead, moved, kept, mode, tangent, across, root, along)
+    return Ridge(base, lead, moved, fixed, mode, tangent, across, root, curve)
 
 
 @dataclass(frozen=True)
 class _Node:
-    """z, (d,), at the mode of what is moved, the lower factor of its covariance, (m, m), how many nats deep it is."""
+    """A mode of the moved scores: z, (d,), the lower factor of their covariance, (m, m), and its depth in nats."""
 
     z: np.ndarray
     root: np.ndarray
@@ -179,7 +197,7 @@ class _Node:
 
 @dataclass(frozen=True)
 class _Search:
-    """The mode of the scores at `moved`, the others and the deviations from the laws held."""
+    """The mode of the scores at `moved`, where the others and the deviations from the laws are fixed."""
 
     weighing: Weighing
     result: Result
@@ -189,35 +207,33 @@ class _Search:
     moved: np.ndarray
 
     def node(self, z: np.ndarray) -> _Node | None:
-        """The mode from z, (d,), on; None where motions escape."""
-        found = self._at(z)
-        if found is None:
+        """Find the mode, starting from z, (d,); None where motions escape."""
+        at = self._at(z)
+        if at is None:
             return None
         for _ in range(STEPS):
-            depth, slope, square = found
+            depth, slope, square = at
             step = np.linalg.solve(square, slope)
             for share in SHARES:
                 new = z.copy()
                 new[self.moved] += share * step
-                there = self._at(new)
-                if there is not None and there[0] <= depth:
+                trial = self._at(new)
+                if trial is not None and trial[0] <= depth:
                     break
             else:
                 break
-            z, found = new, there
-            if depth - there[0] < SETTLED:
+            z, at = new, trial
+            if depth - trial[0] < SETTLED:
                 break
-        return _Node(z, np.linalg.cholesky(np.linalg.inv(found[2])), found[0])
+        return _Node(z, np.linalg.cholesky(np.linalg.inv(at[2])), at[0])
 
     def _at(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray] | None:
-        """Nats below a perfect fit, their slope downwards, (m,), and curvature, (m, m)."""
-        p = self.base.values(z)
+        """Return nats below a perfect fit, their slope downwards, (m,), and curvature, (m, m)."""
+        p, result = self.base.values(z), self.result
         if not np.all(np.isfinite(p)):
             return None
-        deviations = self.result.deviations if self.approximate else (None, None)
-        motion = self.result.solver.solve(
-            p, self.result.fit.active, *deviations, PARAMETERS, tolerance=TOLERANCE
-        )
+        deviations = result.deviations if self.approximate else (None, None)
+        motion = result.solver.solve(p, result.fit.active, *deviations, PARAMETERS, tolerance=TOLERANCE)
         if motion is None:
             return None
         left = self.weighing.data.y - motion.y

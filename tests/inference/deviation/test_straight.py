@@ -8,11 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from bayesdamp.inference.deviation import sampling
 from bayesdamp.inference.deviation.parameters import Straight, straight_at
 from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.sampled import candidates
-from bayesdamp.inference.deviation.sampled.candidates import reference_of
-from bayesdamp.inference.deviation.sampled.motions import APART, LOOSER, Motions, motions_near
+from bayesdamp.inference.deviation.sampling import APART, LOOSER, DrawMotions, motions_near, reference_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -68,7 +67,7 @@ def test_they_are_the_scores_at_the_anchor_to_first_order() -> None:
 
 
 def test_the_prior_keeps_its_density() -> None:
-    """The determinant by differences of the scores themselves."""
+    """The determinant agrees with differences of the scores."""
     found, z = coordinates()
     rng = np.random.default_rng(2)
     for _ in range(5):
@@ -89,13 +88,16 @@ def test_where_a_parameter_is_known_there_are_none() -> None:
 
 
 def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With gravity known all else is told well, and its linear model is right: that is integrated over gravity's prior.
-    Within a tenth of a nat, and gravity's mean within five standard errors (false alarm 1 in 1.7 million). Control:
-    draws that start from the linear model of the scores miss it by nats."""
+    """With gravity known everything else is well determined, and its linear model is right; the quadrature is over
+    gravity's prior.
+
+    The evidence agrees within a tenth of a nat, and gravity's mean within five standard errors (false alarm 1 in 1.7
+    million). Control: draws that start from the linear model of the scores miss it by nats.
+    """
     weighing, result = weighed()
     place = result.fit.parameters.free_names.index("gravity")
     prior = result.fit.parameters.priors["gravity"]
-    found = candidates.sampled_result(weighing, result, True).sampled
+    found = sampling.sampled_result(weighing, result, True).sampled
     assert found is not None
     drawn = prior.value(found.draws[:, place])
     grid = np.linspace(drawn.mean() - 5 * drawn.std(), drawn.mean() + 5 * drawn.std(), 13)
@@ -105,24 +107,24 @@ def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyP
     assert found.log_evidence == pytest.approx(np.log(whole) + max(logs), abs=0.1)
     mean = np.trapezoid(density * grid, grid) / whole
     assert drawn.mean() == pytest.approx(mean, abs=5 * drawn.std() / np.sqrt(found.draws.shape[0] / 2))
-    monkeypatch.setattr(candidates, "_straightened", lambda *_: None)
-    plain = candidates.sampled_result(weighing, result, True).sampled
+    monkeypatch.setattr(sampling, "_straightened", lambda *_: None)
+    plain = sampling.sampled_result(weighing, result, True).sampled
     assert plain is not None
     assert abs(plain.log_evidence - np.log(whole) - max(logs)) > 1.0
 
 
 def test_looser_motions_are_as_near_as_they_say() -> None:
-    """On other draws than those that were tried; control: without the correction they are further off."""
+    """This holds for other draws than those that were tried; control: without the correction they are further off."""
     weighing, result = weighed()
     start = reference_of(weighing, result, True)
     sd = float(np.sqrt(weighing.variance))
     found = motions_near(result.solver, start.parameters, result.fit.active, start.weighed, sd)
     assert found.tolerance in LOOSER
     rows = start.weighed.draws(start.parameters.positive, 20, np.random.default_rng(9))[0]
-    close = Motions(result.solver, start.parameters, result.fit.active, 1e-10)
+    close = DrawMotions(result.solver, start.parameters, result.fit.active, 1e-10)
     bare = replace(found, correction=0.0)
 
-    def off(motions: Motions) -> float:
+    def off(motions: DrawMotions) -> float:
         pairs = [(motions.at(row), close.at(row)) for row in rows]
         return max(float(np.linalg.norm(a - b)) / sd for a, b in pairs if a is not None and b is not None)
 
@@ -131,7 +133,7 @@ def test_looser_motions_are_as_near_as_they_say() -> None:
 
 
 def test_a_step_along_gravity_keeps_what_the_record_tells() -> None:
-    """Angle at rest and frequency after a step along their tangent; control: along the scores they are lost."""
+    """Angle at rest and frequency stay the same along their tangent; control: along the scores they change."""
     _, result = weighed()
     parameters, z = result.fit.parameters, result.fit.z
     found, law = coordinates()[0], LAWS.get("horizontal_pendulum")

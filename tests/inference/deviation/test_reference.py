@@ -10,7 +10,7 @@ import pytest
 
 from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
 from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.several.run_likelihood import damping_run
+from bayesdamp.inference.deviation.specimen import damping_run
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.types import Reference, Signal
 from tests.inference.problems import REFERENCES
@@ -46,8 +46,10 @@ def runs(damping: str) -> tuple[list[RunLikelihood], list[float], Reference]:
 
 @pytest.mark.parametrize("damping", ["viscous", "coulomb", "viscous+coulomb"])
 def test_joint_evidence_is_that_of_quadrature(damping: str) -> None:
-    """Within what motions that are not linear in the damping leave. Control: the product of the runs' own evidences,
-    which are right by themselves."""
+    """They agree within the effect of motions that are not linear in the damping.
+
+    Control: the product of the runs' own evidences, which are right by themselves, differs.
+    """
     wanted = reference()["sums"][damping]
     likelihoods, logs, scale = runs(damping)
     assert logs == pytest.approx([wanted[f"run {j}"] for j in (1, 2, 3)], abs=0.05)

@@ -1,1 +1,0 @@
-"""Posteriors of the motions themselves under laws that hold approximately."""

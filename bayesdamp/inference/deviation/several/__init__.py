@@ -1,1 +1,0 @@
-"""Several records of one specimen, joined in the likelihoods of their damping."""

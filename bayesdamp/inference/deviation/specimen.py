@@ -1,0 +1,384 @@
+"""Which damping a specimen has, from several runs: evidence that integrates once over one set of coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bayesdamp.inference.curves.weighted import summarise
+from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
+from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
+from bayesdamp.inference.deviation.gaussian.repeats import Repeats, RunLikelihood, joined
+from bayesdamp.inference.deviation.numbers.curves import orbit_of, works_on
+from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.inference.model.target import damping_priors
+from bayesdamp.odds import odds
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.priors import Prior
+from bayesdamp.types import Reference
+
+STEP = 1e-4
+"""Change of a term's own parameter, relative or absolute, over which slopes are taken."""
+FAR = -60.0
+"""Log evidence relative to a record's best, in nats, for a candidate that was not weighed on it."""
+REACH = 25.0
+"""Nats behind the best from which a candidate is not joined: its runs' largest likelihoods decide already."""
+Model = tuple[str, str]
+"""A damping sum and a restoring law."""
+
+
+@dataclass(frozen=True)
+class DampingRun(RunLikelihood):
+    """A candidate on one run: the likelihood of its damping, and the damping ratio that belongs to it.
+
+    Attributes
+    ----------
+    per_unit : ndarray, shape (a, k)
+        Equivalent damping ratio per unit of each of the likelihood's parameters at the amplitudes of the run's curve; 0
+        for those that are not coefficients.
+    growth : ndarray, shape (a, k)
+        Slope of the logarithm of the whole ratio by each parameter that is not a coefficient.
+    """
+
+    per_unit: np.ndarray
+    growth: np.ndarray
+
+    def ratio(self, row: int, draws: np.ndarray) -> np.ndarray:
+        """Return damping ratios at one of the amplitudes, of parameters (n, k): (n,)."""
+        along = (draws - self.mode) @ self.growth[row]
+        return (draws @ self.per_unit[row]) * np.exp(along)
+
+    def ordered(self, names: tuple[str, ...]) -> DampingRun:
+        """Return the run with its parameters in an order."""
+        at, x = [self.names.index(n) for n in names], self.likelihood
+        likelihood = DampingLikelihood(x.log, x.slope[:, at], x.information[:, at][:, :, at])
+        per_unit, growth = self.per_unit[:, at], self.growth[:, at]
+        return DampingRun(names, self.coefficients[at], self.mode[at], likelihood, per_unit, growth)
+
+
+def damping_run(
+    weighing: Weighing, result: Result, amplitudes: np.ndarray, approximate: bool
+) -> DampingRun | None:
+    """Return a candidate's likelihood of its damping.
+
+    None where it was not weighed with the deviations asked for. The amplitudes, (a,), in rad or m, are those of the
+    run's curve.
+    """
+    weighed = result.weighed if approximate else result.exact_weighed
+    if weighed is None or weighed.damping is None:
+        return None
+    parameters, solver, active = result.fit.parameters, result.solver, result.fit.active
+    z = result.z if approximate else result.fit.z
+    places = np.flatnonzero(parameters.damping)
+    names = [parameters.free_names[i] for i in places]
+    coefficients = [TERMS.get(t).parameter for t in result.candidate.damping]
+    priors = {n: parameters.priors[n] for n in names}
+    run = RunLikelihood.of_scores(priors, coefficients, z[places], weighed.damping)
+    if result.sampled is not None:
+        run = run.shifted(result.log_evidence - weighed.log_evidence)
+    values, further = result.values[: len(solver.terms)], result.further
+    per_unit, growth = np.zeros((amplitudes.size, len(names))), np.zeros((amplitudes.size, len(names)))
+    place = {n: i for i, n in enumerate(names)}
+    for row, amplitude in enumerate(amplitudes):
+        orbit = orbit_of(result, float(amplitude))
+        if orbit is None:
+            per_unit[row] = np.nan
+            continue
+        cycle = 4 * np.pi * orbit.energy
+        each = works_on(orbit, solver, further, active)[0] / cycle
+        for name, value in zip(solver.names, each):
+            if name in place:
+                per_unit[row, place[name]] = value
+        whole = float(each @ values)
+        for i, name in enumerate(solver.further):
+            if name in place and whole > 0:
+                step = STEP * max(abs(further[0, i]), 1e-3)
+                moved = further.copy()
+                moved[0, i] += step
+                changed = works_on(orbit, solver, moved, active)[0] / cycle
+                growth[row, place[name]] = float(np.log((changed @ values) / whole)) / step
+    return DampingRun(**vars(run), per_unit=per_unit, growth=growth)
+
+
+@dataclass(frozen=True)
+class OtherForm:
+    """A form of damping that is not compared, weighed on one record under its likeliest restoring law.
+
+    log_evidence is relative to the best sum; place is the sum that the form comes to in a limit, if there is one.
+    """
+
+    damping: str
+    restoring: str
+    log_evidence: float
+    place: str = ""
+
+
+@dataclass(frozen=True)
+class WeighedRun:
+    """One run's result for every damping.
+
+    Attributes
+    ----------
+    log_evidence : mapping of Model to float
+        Of each damping and law by itself, in nats relative to the best.
+    others : tuple of OtherForm
+        Other forms of damping.
+    runs : mapping of Model to DampingRun
+        Likelihood of the damping, for those that count, in nats relative to the same best.
+    reference : Reference
+        Of the run's priors.
+    amplitudes : ndarray, shape (a,)
+        At which damping ratios per unit are known, falling.
+    """
+
+    log_evidence: Mapping[Model, float]
+    others: tuple[OtherForm, ...] = ()
+    runs: Mapping[Model, DampingRun] = field(default_factory=dict)
+    reference: Reference = field(default_factory=lambda: Reference(1.0, 1.0))
+    amplitudes: np.ndarray = field(default_factory=lambda: np.ones(1))
+
+    def best(self, restoring: str) -> float:
+        """Return the log evidence of the best sum under a law; `FAR` where none was weighed."""
+        return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=FAR)
+
+    def run_of(self, damping: str, restoring: str) -> DampingRun | None:
+        """Return the likelihood of a damping under a law; None where there is none.
+
+        Another form that was weighed under another law is taken to be as far behind this law's best sum as it is there.
+        """
+        run = self.runs.get((damping, restoring))
+        if run is not None:
+            return run
+        for form in self.others:
+            run = self.runs.get((damping, form.restoring)) if form.damping == damping else None
+            if run is not None:
+                return run.shifted(self.best(restoring) - self.best(form.restoring))
+        return None
+
+    def missing(self, damping: str, restoring: str, limit: str = "") -> float:
+        """Return a log evidence for a damping that this run did not weigh.
+
+        That of the sum to which it comes in a limit, else `FAR`; both with coefficients of the run's own.
+        """
+        own = self.log_evidence.get((damping, restoring))
+        place = self.log_evidence.get((limit, restoring), FAR)
+        return max(place if own is None else own, FAR)
+
+
+@dataclass(frozen=True)
+class WeighedSpecimen:
+    """Every damping and law on all runs.
+
+    Attributes
+    ----------
+    records : tuple of WeighedRun
+        The runs.
+    log_evidence : mapping of Model to float
+        In nats, integrated once over the coefficients that the runs have in common.
+    probability : mapping of Model to float
+        Of each damping and law.
+    repeats : mapping of Model to Repeats
+        Posteriors of those that were joined.
+    runs : mapping of Model to tuple of DampingRun
+        Each run's likelihood, at the specimen's reference.
+    reference : Reference
+        Of the specimen's priors.
+    """
+
+    records: tuple[WeighedRun, ...]
+    log_evidence: Mapping[Model, float]
+    probability: Mapping[Model, float]
+    repeats: Mapping[Model, Repeats]
+    runs: Mapping[Model, tuple[DampingRun, ...]]
+    reference: Reference
+
+    def spread(self) -> dict[str, float]:
+        """Return the summary of the spread between runs (standard deviation), over every damping that was joined."""
+        every = np.concatenate([r.spreads for r in self.repeats.values()])
+        sizes = [(r.spreads.size, self.probability[m]) for m, r in self.repeats.items()]
+        weight = np.concatenate([np.full(n, p / n) for n, p in sizes])
+        return summarise(every, weight / weight.sum())
+
+    def others(self) -> dict[str, float]:
+        """Return the probability of each form of damping that is not compared."""
+        sums = dict.fromkeys(sorted({form.damping for r in self.records for form in r.others}), 0.0)
+        for (damping, _), p in self.probability.items():
+            if damping in sums:
+                sums[damping] += p
+        return sums
+
+    def under(self, model: Model) -> list[WeighedRun]:
+        """Return the runs under only one model, which was joined, at the specimen's reference."""
+        return [
+            WeighedRun({model: 0.0}, (), {model: run}, self.reference, record.amplitudes)
+            for record, run in zip(self.records, self.runs[model], strict=True)
+        ]
+
+    def ratios(self, amplitude: float, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Draw the specimen's damping ratio at an amplitude, over every damping, and the spread of each draw, (n,)."""
+        rng = np.random.default_rng(seed)
+        shares = np.array([self.probability[m] for m in self.probability if m in self.repeats])
+        models = [m for m in self.probability if m in self.repeats]
+        numbers = rng.multinomial(count, shares / shares.sum())
+        values, spreads = [], []
+        for model, number in zip(models, numbers, strict=True):
+            if number:
+                repeats = self.repeats[model]
+                rows = rng.choice(len(repeats.draws), number)
+                values.append(self._ratio(model, amplitude, repeats.draws[rows]))
+                spreads.append(repeats.spreads[rows])
+        return np.concatenate(values), np.concatenate(spreads)
+
+    def _ratio(self, model: Model, amplitude: float, draws: np.ndarray) -> np.ndarray:
+        """Return the geometric mean over the runs' own restoring laws."""
+        logs = []
+        for record, run in zip(self.records, self.runs[model], strict=True):
+            good = np.all(np.isfinite(run.per_unit), axis=1)
+            order = np.flatnonzero(good)[np.argsort(record.amplitudes[good])]
+            at = np.interp(np.log(amplitude), np.log(record.amplitudes[order]), np.arange(order.size))
+            low = min(int(at), max(order.size - 2, 0))
+            high, share = min(low + 1, order.size - 1), at - low
+            ends = [np.log(np.maximum(run.ratio(int(order[i]), draws), 1e-300)) for i in (low, high)]
+            logs.append((1 - share) * ends[0] + share * ends[1])
+        return np.exp(np.mean(logs, axis=0))
+
+
+def weigh_specimen(
+    records: Sequence[WeighedRun],
+    given: Mapping[str, Prior] | None = None,
+    *,
+    spread: float | None = None,
+    seed: int = 0,
+) -> WeighedSpecimen:
+    """Weigh every damping and law on several runs of one specimen.
+
+    Parameters
+    ----------
+    records : sequence of WeighedRun
+        One or more.
+    given : mapping of str to Prior, optional
+        By parameter; the others have the default priors at the geometric mean of the runs' references.
+    spread : float, optional
+        Of the logarithm of a run's factor where it is known; else it is inferred.
+    seed : int
+        Of the random streams.
+    """
+    reference = common_reference(records)
+    places = {form.damping: form.place for r in records for form in r.others}
+    laws = {law for r in records for _, law in r.log_evidence}
+    models = {m for r in records for m in r.log_evidence} | {(d, law) for law in laws for d in places}
+    own = {m: sum(r.missing(*m, places.get(m[0], "")) for r in records) for m in models}
+
+    def prior(model: Model) -> float:
+        terms = model[0].split("+")
+        return float(np.log(odds(terms, len(places) if model[0] in places else 0)))
+
+    logs: dict[Model, float] = {}
+    repeats: dict[Model, Repeats] = {}
+    runs: dict[Model, tuple[DampingRun, ...]] = {}
+    best = -np.inf
+    for model in sorted(models, key=lambda m: (-own[m], m)):
+        pairs = [(r, r.run_of(*model)) for r in records]
+        known = [_at_reference(run, model[0], r.reference, reference) for r, run in pairs if run is not None]
+        rest = sum(r.missing(*model, places.get(model[0], "")) for r, run in pairs if run is None)
+        most = rest + sum(map(_largest, known))
+        if not known or most + prior(model) < best - REACH:
+            logs[model] = min(own[model], most)
+            continue
+        priors = priors_of(model[0], reference, given)
+        known = [run.ordered(tuple(priors)) for run in known]
+        common, log_sizes = _common_sizes(known)
+        posterior = joined(common, priors, log_sizes, spread=spread, seed=seed)
+        logs[model] = posterior.log_evidence + rest
+        best = max(best, logs[model] + prior(model))
+        if len(known) == len(records):
+            repeats[model], runs[model] = posterior, tuple(known)
+    weights = {m: v + prior(m) for m, v in logs.items()}
+    top = max(weights.values())
+    total = sum(np.exp(v - top) for v in weights.values())
+    probability = {m: float(np.exp(v - top) / total) for m, v in weights.items()}
+    return WeighedSpecimen(tuple(records), logs, probability, repeats, runs, reference)
+
+
+def common_reference(records: Sequence[WeighedRun]) -> Reference:
+    """Return the geometric mean of the references of several runs."""
+    amplitude, frequency = (
+        float(np.exp(np.mean(np.log([getattr(r.reference, n) for r in records]))))
+        for n in ("amplitude", "frequency")
+    )
+    return Reference(amplitude, frequency)
+
+
+def priors_of(
+    damping: str, reference: Reference, given: Mapping[str, Prior] | None = None
+) -> dict[str, Prior]:
+    """Return the priors of a specimen's damping parameters: the given ones, else the default ones."""
+    priors = damping_priors(damping.split("+"), reference)
+    return {n: (given or {}).get(n, p) for n, p in priors.items()}
+
+
+def _largest(run: RunLikelihood) -> float:
+    """Return the largest log likelihood of a run, over all dampings and sizes of the deviations."""
+    x = run.likelihood
+    scale = np.sqrt(np.maximum(np.diagonal(x.information, axis1=1, axis2=2), 1e-300))
+    part = x.information / (scale[:, :, None] * scale[:, None, :]) + 1e-10 * np.eye(scale.shape[1])
+    aim = x.slope / scale
+    gain = 0.5 * np.sum(aim * np.linalg.solve(part, aim[:, :, None])[:, :, 0], axis=1)
+    return float(np.max(x.log + gain))
+
+
+def _common_sizes(runs: Sequence[DampingRun]) -> tuple[list[DampingRun], np.ndarray]:
+    """Return runs with the same combinations of the deviations' sizes, and their log prior probabilities.
+
+    All combinations, or, where a run has none, only that in which laws hold exactly.
+    """
+    sizes = {r.likelihood.log.size for r in runs}
+    if len(sizes) == 1:
+        return list(runs), np.zeros(1) if sizes == {1} else grid_of(LEAST_KNOTS).log_prior
+    parts = ((r, r.likelihood) for r in runs)
+    exact = [
+        replace(r, likelihood=DampingLikelihood(x.log[:1], x.slope[:1], x.information[:1])) for r, x in parts
+    ]
+    return exact, np.zeros(1)
+
+
+def _at_reference(run: DampingRun, damping: str, own: Reference, common: Reference) -> DampingRun:
+    """Return a run with the coefficients that its terms have at another reference.
+
+    The force of a term such as a power of the velocity is written with a reference velocity: its coefficient at another
+    one is larger by a factor that depends on the exponent. To first order about the run's own best motion.
+    """
+    names = run.names
+    jacobian, mode = np.eye(len(names)), run.mode.copy()
+    per_unit, growth = run.per_unit.copy(), run.growth.copy()
+    for term in (TERMS.get(t) for t in damping.split("+")):
+        if not {"reference_velocity", "reference_amplitude"} & set(term.given):
+            continue
+        place = names.index(term.parameter)
+        further = [names.index(p.name) for p in term.inferred]
+
+        def factor(values: np.ndarray, term=term, further=further) -> float:
+            known = {names[i]: float(values[i]) for i in further}
+            work = [
+                term.work(common.amplitude, common.frequency, {**r.scales(0.0), **known})
+                for r in (own, common)
+            ]
+            return work[0] / work[1]
+
+        at = factor(run.mode)
+        mode[place] *= at
+        jacobian[place, place] = at
+        per_unit[:, place] /= at
+        for i in further:
+            changed = run.mode.copy()
+            changed[i] += STEP
+            slope = float(np.log(factor(changed) / at)) / STEP
+            jacobian[place, i] = mode[place] * slope
+            growth[:, i] -= slope
+    if np.array_equal(jacobian, np.eye(len(names))):
+        return run
+    inverse = np.linalg.inv(jacobian)
+    likelihood = run.likelihood.mapped(run.mode - inverse @ mode, inverse)
+    return replace(run, mode=mode, likelihood=likelihood, per_unit=per_unit, growth=growth)
