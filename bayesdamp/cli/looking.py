@@ -13,9 +13,9 @@ from rich.text import Text
 
 from bayesdamp.cli.records import MAYBE_ENVELOPE, FileRecord
 from bayesdamp.cli.single_file import GENERATOR
-from bayesdamp.records.files.names import seconds_of_unit, unit_said
 from bayesdamp.records.envelope.reading import read_envelope
 from bayesdamp.records.envelope.window import bounded
+from bayesdamp.records.files.names import seconds_of_unit, unit_said
 from bayesdamp.table import Table
 from bayesdamp.types import Refusal
 from bayesdamp.units import UNITS

@@ -15,9 +15,7 @@ from bayesdamp.records.files.names import SECONDS, by_name
 from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
 from bayesdamp.records.opening import read_each
 from bayesdamp.records.read import FASTEST, FROM_FIRST, SLOWEST, read_records
-from bayesdamp.records.record import RawRecord
-from bayesdamp.records.record import read_as
-from bayesdamp.records.record import unwrapped
+from bayesdamp.records.record import RawRecord, read_as, unwrapped
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
 

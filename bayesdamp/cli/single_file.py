@@ -72,8 +72,7 @@ class SingleFile:
         OSError
             Where the disk is full.
         """
-        from bayesdamp.store.files import create, no_room
-        from bayesdamp.store.files import write_bytes
+        from bayesdamp.store.files import create, no_room, write_bytes
 
         self.check()
         write = write_bytes if os.path.lexists(self.path) else create

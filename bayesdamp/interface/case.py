@@ -10,8 +10,7 @@ from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, has_noise, start_parameters
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.target import build_target
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.interface.specification import Specification
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior

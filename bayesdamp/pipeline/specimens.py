@@ -9,10 +9,17 @@ from functools import cached_property
 import numpy as np
 
 from bayesdamp.config import SignalSpec, Study
+from bayesdamp.inference.curves.population import Sample, population
 from bayesdamp.inference.curves.weighted import summarise
 from bayesdamp.inference.deviation.gaussian.repeats import Repeats
-from bayesdamp.inference.deviation.specimen import Model, WeighedRun, WeighedSpecimen, common_reference, priors_of, weigh_specimen
-from bayesdamp.inference.curves.population import Sample, population
+from bayesdamp.inference.deviation.specimen import (
+    Model,
+    WeighedRun,
+    WeighedSpecimen,
+    common_reference,
+    priors_of,
+    weigh_specimen,
+)
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.symbols import parameter_unit

@@ -17,8 +17,7 @@ from bayesdamp.inference.deviation.numbers.draws import quantity
 from bayesdamp.inference.deviation.specimen import WeighedSpecimen
 from bayesdamp.inference.envelope.candidates import KNOTS, Candidate
 from bayesdamp.inference.envelope.decay import Curve, Decay
-from bayesdamp.inference.envelope.posterior import RateLikelihood, likelihood_of
-from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR, Draws, draw
+from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR, Draws, RateLikelihood, draw, likelihood_of
 from bayesdamp.inference.envelope.ranking import Ranking, by_power, power_law, ranked, untold
 from bayesdamp.inference.envelope.sums import Sum, weighed
 from bayesdamp.odds import odds

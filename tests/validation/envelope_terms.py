@@ -18,8 +18,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from bayesdamp.inference.envelope.candidates import Blocks, fit_rates
-from bayesdamp.inference.envelope.sums import explore
-from bayesdamp.inference.envelope.sums import FIRST_ROUNDS, Sum, sums_on
+from bayesdamp.inference.envelope.sums import FIRST_ROUNDS, Sum, explore, sums_on
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.amplitude.loss import Scale
 from bayesdamp.verdict import Verdict

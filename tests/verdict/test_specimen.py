@@ -98,7 +98,9 @@ def test_probabilities_are_those_of_all_records_together() -> None:
         ("quadratic", 1 / (1 + np.exp(0.5)))
     ]
     assert not found.decided
-    assert "The most probable damping of each record by itself: viscous 1, quadratic (drag) 1." in found.remarks
+    assert (
+        "The most probable damping of each record by itself: viscous 1, quadratic (drag) 1." in found.remarks
+    )
 
 
 def quadrature(places: list[float], sd: float, spread: float | None):

@@ -12,11 +12,9 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import smooth_root
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_rates, solver_of
 from bayesdamp.inference.envelope.noise import SHARES, SLOW, Noise, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit, sums_on
-from bayesdamp.physics.amplitude.laws import ClosedForm, Law
-from bayesdamp.physics.amplitude.laws import EXPONENTS, SUMS, power_decay, power_slopes
+from bayesdamp.physics.amplitude.laws import EXPONENTS, SUMS, ClosedForm, Law, power_decay, power_slopes
 from bayesdamp.physics.kernel.solve import ALL
-from bayesdamp.records.envelope.decay import ABOVE_FLOOR
-from bayesdamp.records.envelope.decay import LEAST_DROP, NEPER, blocks
+from bayesdamp.records.envelope.decay import ABOVE_FLOOR, LEAST_DROP, NEPER, blocks
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.records.envelope.window import Window, find_window
 from bayesdamp.types import Refusal

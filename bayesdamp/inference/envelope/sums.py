@@ -21,8 +21,7 @@ from bayesdamp.inference.envelope.candidates import Blocks, Candidate, fit_rates
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
 from bayesdamp.odds import FURTHER_TERM, odds
-from bayesdamp.physics.amplitude.laws import ClosedForm, Law, Shape, Tabled
-from bayesdamp.physics.amplitude.laws import POWERS, SUMS
+from bayesdamp.physics.amplitude.laws import POWERS, SUMS, ClosedForm, Law, Shape, Tabled
 from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.priors import SHARED_SCALES
 from bayesdamp.records.envelope.decay import ABOVE_FLOOR

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bayesdamp.inference.checks.checks import check_fit
-from bayesdamp.inference.fit.mode import Mode, value_sds
+from bayesdamp.inference.fit.mode import value_sds
 from bayesdamp.inference.fit.search import basins, prior_starts
 from bayesdamp.interface.case import observed, of_all, regression
 from bayesdamp.pipeline.candidates.branch import Branch
