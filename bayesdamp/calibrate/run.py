@@ -25,7 +25,7 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.progress import progress_bar
-from bayesdamp.pipeline.tasks import perform
+from bayesdamp.pipeline.tasks import perform, task_key
 from bayesdamp.pipeline.workers import pool_of
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store, provenance, write_json, write_table
