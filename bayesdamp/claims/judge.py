@@ -96,7 +96,7 @@ def written(judgements: Iterable[tuple[Claim, Judgement]], runs: Runs) -> str:
         "",
         f"Of {len(judgements)} claims: {', '.join(f'{count} {verdict}' for verdict, count in counts.items())}.",
         "",
-        "Written by `bayesdamp claims`. Errors are in per cent of the truth: *initial* is the method's own estimate,",
+        "Made by `bayesdamp claims`. Errors are in per cent of the truth: *initial* is the method's own estimate,",
         "*refined* is the trajectory fit that starts there. *Better than claimed* means that an error is more than ten",
         "times, or a time more than three times, below the printed one; such a figure does not confirm the claim.",
         "",

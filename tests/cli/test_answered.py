@@ -67,7 +67,7 @@ def test_chains_have_the_answer_s_deviations_where_these_are_asked_for(
     drawn = [r for r in read_table(tmp_path / "out" / "posteriors.csv") if r["sampler"] == "nuts"]
     assert weighed == {r["deviation"] for r in drawn} == {likelihood}
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert ("assume that the laws hold exactly" in page) is (deviation == "auto")
+    assert ("residual checks assume that the laws hold exactly" in page) is (deviation == "auto")
 
 
 def test_a_quick_comparison_samples_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -115,7 +115,7 @@ def test_the_page_has_them_and_says_what_is_not_computed() -> None:
     assert "Results from the first half of the record alone" in page
     assert "A third check of nested pairs" in page
     assert "Other noise models are not computed under deviation" in page
-    assert "NUTS, with white noise of the size that no deviation takes" in page
+    assert "NUTS, with white noise, whose size is what the deviations do not explain" in page
     assert "All these fits assume that the laws hold exactly" in page
     assert "o model fits" not in page  # which is what exact laws say
     assert f"sensitivity/swell/0/{SMALL}/noises" not in Store(ran()).names()
