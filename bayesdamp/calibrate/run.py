@@ -39,7 +39,7 @@ MOST = 20
 
 
 @dataclass(frozen=True)
-class Series:
+class RecordSeries:
     """Records of one kind: "ranks" of a model, "recovery" or "single"; wanted: how many accepted ones are needed."""
 
     kind: str
@@ -117,11 +117,11 @@ def run_calibration(
     if models:
         recovery.check(study)
         wanted = {"recovery": table.records, "single": table.single}
-        every = [Series(kind, count) for kind, count in wanted.items() if count]
+        every = [RecordSeries(kind, count) for kind, count in wanted.items() if count]
     else:
         ranks.check(study)
         compared = study.compare(study.signals[0])
-        every = [Series("ranks", study.calibration.records, model) for model in compared]
+        every = [RecordSeries("ranks", study.calibration.records, model) for model in compared]
     store = Store(out)
     with store.lock():
         if fresh:
@@ -192,7 +192,7 @@ def _plugin_sources(study: Study) -> list[str]:
 
 
 def gather(
-    study: Study, wanted: Sequence[Series], store: Store, workers: int | None, console: Console
+    study: Study, wanted: Sequence[RecordSeries], store: Store, workers: int | None, console: Console
 ) -> dict[str, list[CellResult]]:
     """Return the chunks of every series, in order; compute in waves what the store lacks.
 
@@ -204,7 +204,7 @@ def gather(
     with progress_bar(console, TimeRemainingColumn()) as progress, pool_of(workers, None) as pool:
         bars = {s.name: progress.add_task(s.name, total=s.wanted) for s in wanted}
         while wave := [(s, first) for s in wanted for first in next_wave(s, results[s.name])]:
-            chunks = dict[tuple[Series, int], CellResult]()
+            chunks = dict[tuple[RecordSeries, int], CellResult]()
             for (series, first), chunk in _compute(study, wave, store.folder.resolve(), pool):
                 chunks[series, first] = chunk
                 progress.update(bars[series.name], advance=accepted([chunk]))
@@ -218,7 +218,7 @@ def accepted(results: Sequence[CellResult]) -> int:
     return sum(sum(ChunkContent.of(r).accepted) for r in results)
 
 
-def next_wave(series: Series, results: Sequence[CellResult]) -> list[int]:
+def next_wave(series: RecordSeries, results: Sequence[CellResult]) -> list[int]:
     """Return the first records of the chunks of the next wave; none if the series is done, short or has failed."""
     chunk = series.module.CHUNK
     tried, good = len(results) * chunk, accepted(results)
@@ -235,8 +235,8 @@ def is_failed(result: CellResult) -> bool:
 
 
 def _compute(
-    study: Study, wave: Sequence[tuple[Series, int]], folder: Path, pool: Executor | None
-) -> Iterator[tuple[tuple[Series, int], CellResult]]:
+    study: Study, wave: Sequence[tuple[RecordSeries, int]], folder: Path, pool: Executor | None
+) -> Iterator[tuple[tuple[RecordSeries, int], CellResult]]:
     """Compute the chunks of a wave, in this process or in others, and return each when it is done."""
     if pool is None:
         for task in wave:
@@ -251,7 +251,7 @@ def _compute(
             future.cancel()
 
 
-def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult:
+def _chunk(study: Study, folder: Path, series: RecordSeries, first: int) -> CellResult:
     """Return one chunk; compute and store it if the folder lacks it."""
     use(study.plugins)
     store, (name, key) = Store(folder), series.cell(study, first)

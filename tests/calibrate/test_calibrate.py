@@ -11,7 +11,7 @@ import pytest
 from scipy.special import logsumexp
 
 from bayesdamp.calibrate import problem, ranks, recovery, run_calibration
-from bayesdamp.calibrate.run import Series, next_wave
+from bayesdamp.calibrate.run import RecordSeries, next_wave
 from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.inference.noise import NOISES
@@ -154,7 +154,7 @@ def test_what_is_drawn_has_the_prior_that_the_posterior_uses(tmp_path):
 
 
 def test_waves_follow_from_what_was_accepted():
-    series = Series("ranks", 100, "viscous")
+    series = RecordSeries("ranks", 100, "viscous")
 
     def chunks(n: int, good: int) -> list[CellResult]:
         return [CellResult(f"ranks/viscous/{i}", "", {"accepted": [True] * good}) for i in range(n)]

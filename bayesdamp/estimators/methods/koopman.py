@@ -9,7 +9,7 @@ from pydantic import Field
 from scipy.linalg import logm
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.regression.library import Candidate, candidates
+from bayesdamp.estimators.regression.library import CandidateTerm, candidates
 from bayesdamp.estimators.regression.weak import derivatives, uniform
 from bayesdamp.estimators.shared import (
     SmoothedMotion,
@@ -125,7 +125,7 @@ def observe(
     signal: Signal,
     smoothed: SmoothedMotion,
     problem: Problem,
-    library: list[Candidate],
+    library: list[CandidateTerm],
     features: Features,
     lag: float,
 ) -> Observables:
@@ -165,7 +165,7 @@ def observe(
 
 
 def _filter(
-    g: np.ndarray, y: np.ndarray | None, library: list[Candidate], h: float, width: float
+    g: np.ndarray, y: np.ndarray | None, library: list[CandidateTerm], h: float, width: float
 ) -> np.ndarray:
     """Filter observables (n, p) by a kernel of `width` s; θ and θ̇ from the recorded angle y (n,) if given."""
     half = max(int(width / h) // 2, 3)

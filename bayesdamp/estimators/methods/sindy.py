@@ -13,7 +13,7 @@ from scipy.special import gammaln
 
 from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.regression.library import (
-    Candidate,
+    CandidateTerm,
     RecordToPredict,
     candidates,
     damping_values,
@@ -208,11 +208,11 @@ def _differentiate(signal: Signal, problem: Problem, features: Features) -> Deri
     )
 
 
-def _evaluate(library: list[Candidate], theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
+def _evaluate(library: list[CandidateTerm], theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
     """Return the library on states (n,), as pysindy evaluates it: (n, p)."""
     from pysindy import CustomLibrary
 
-    def of_two(candidate: Candidate):
+    def of_two(candidate: CandidateTerm):
         def function(x, v):  # pysindy counts the arguments
             return candidate.function(np.asarray(x), np.asarray(v))
 
@@ -286,7 +286,7 @@ def _threshold(
 def score_models(
     path: list[SparseModel],
     record: RecordToPredict,
-    library: list[Candidate],
+    library: list[CandidateTerm],
     columns: np.ndarray,
     target: np.ndarray,
     floor: float,
@@ -311,7 +311,7 @@ def score_models(
 
 def standard_errors(
     state: Derivatives,
-    library: list[Candidate],
+    library: list[CandidateTerm],
     columns: np.ndarray,
     target: np.ndarray,
     model: SparseModel,

@@ -11,7 +11,7 @@ from scipy import sparse
 
 from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.regression.library import (
-    Candidate,
+    CandidateTerm,
     candidates,
     damping_values,
     judge,
@@ -172,7 +172,7 @@ def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float)
 
 
 def _assemble(
-    stretches: list[Stretch], library: list[Candidate], problem: Problem, features: Features, width: float
+    stretches: list[Stretch], library: list[CandidateTerm], problem: Problem, features: Features, width: float
 ) -> Rows | None:
     """Compute the weak form of the library on test functions `width` s wide; None if none fits into the record."""
     law, known = oscillator(problem).law, known_restoring(problem)
@@ -197,7 +197,7 @@ def _assemble(
 
 
 def _column(
-    candidate: Candidate, stretch: Stretch, phi: sparse.csr_matrix, width: float, features: Features
+    candidate: CandidateTerm, stretch: Stretch, phi: sparse.csr_matrix, width: float, features: Features
 ) -> tuple[np.ndarray, sparse.csr_matrix]:
     """Return ∫φ f for one candidate, (m,), and the map of the samples' noise into it, (m, n)."""
     n, f, theta, omega = stretch.y.size, candidate.function, stretch.theta, stretch.omega

@@ -24,7 +24,7 @@ NUDGE = 1e-3
 
 
 @dataclass(frozen=True)
-class Candidate:
+class CandidateTerm:
     """One function of displacement and velocity, both (n,), in a library.
 
     damping: name of the damping term whose shape it is. restoring: whether it depends on θ alone. jumps: whether it
@@ -40,7 +40,7 @@ class Candidate:
 
 def candidates(
     problem: Problem, features: Features, unit: str, *, sharp: bool = False, mixed: bool = False
-) -> list[Candidate]:
+) -> list[CandidateTerm]:
     """Return the library: damping shapes (the paper's and the problem's own), then functions of θ.
 
     Parameters
@@ -64,7 +64,7 @@ def candidates(
         written = "sign(θ̇)" if name == "coulomb" and epsilon == 0.0 else WRITTEN.get(name, name)
         further = [arguments[n] for n in term.further]
         shape = lambda x, v, term=term, q=further: np.asarray(term.force(x, v, epsilon, *q))  # noqa: E731
-        library.append(Candidate(written, shape, damping=name, jumps=term.switches and epsilon == 0.0))
+        library.append(CandidateTerm(written, shape, damping=name, jumps=term.switches and epsilon == 0.0))
     of_angle: dict[str, Callable[[np.ndarray], np.ndarray]] = {
         "1": np.ones_like,
         "θ": lambda x: x,
@@ -75,10 +75,10 @@ def candidates(
     }
     for name, f in of_angle.items():
         if unit == "rad" or name not in ("cos θ", "sin θ"):
-            library.append(Candidate(name, lambda x, v, f=f: f(x), restoring=True))
+            library.append(CandidateTerm(name, lambda x, v, f=f: f(x), restoring=True))
     if mixed:
-        library.append(Candidate("θ̇²", lambda x, v: v**2))
-        library.append(Candidate("θθ̇", lambda x, v: x * v))
+        library.append(CandidateTerm("θ̇²", lambda x, v: v**2))
+        library.append(CandidateTerm("θθ̇", lambda x, v: x * v))
     return library
 
 
@@ -94,7 +94,7 @@ def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> 
 
 
 def damping_values(
-    problem: Problem, library: list[Candidate], x: np.ndarray, stderr: np.ndarray
+    problem: Problem, library: list[CandidateTerm], x: np.ndarray, stderr: np.ndarray
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return the problem's damping coefficients and their standard errors by name, from those of the library, (p,)."""
     index = {candidate.damping: i for i, candidate in enumerate(library) if candidate.damping}
@@ -103,7 +103,7 @@ def damping_values(
     return values, errors
 
 
-def judge(library: list[Candidate], selected: np.ndarray, model: np.ndarray) -> str:
+def judge(library: list[CandidateTerm], selected: np.ndarray, model: np.ndarray) -> str:
     """Return ok if a sparse regression selects the model's damping terms and nothing else, or a sentence.
 
     selected: the terms (p,) that it selects, of bool; model: those that it may select, (p,) of bool.
@@ -135,7 +135,7 @@ class RecordToPredict:
 
 
 def residual_squares(
-    record: RecordToPredict, library: list[Candidate], x: np.ndarray, unit: np.ndarray, floor: float
+    record: RecordToPredict, library: list[CandidateTerm], x: np.ndarray, unit: np.ndarray, floor: float
 ) -> np.ndarray:
     """Return the sum of squares (m,) that each of the models x (m, p) leaves of the record, at its best nearby.
 
@@ -162,7 +162,7 @@ def residual_squares(
 
 
 def predict(
-    record: RecordToPredict, library: list[Candidate], x: np.ndarray, start: np.ndarray
+    record: RecordToPredict, library: list[CandidateTerm], x: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
     """Return the recorded quantity (n, m) as models x (m, p) predict it from states start (m, 2)."""
     t, theta, omega = record.t, record.theta, record.omega
