@@ -19,6 +19,7 @@ from bayesdamp.config.load import resolve_study
 from bayesdamp.formatting import compact
 from bayesdamp.interface.result import Shown, outcome_notes
 from bayesdamp.outcomes import Status, status_of
+from bayesdamp.pipeline import run
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import split
 from bayesdamp.store import TABLES, CellResult, Store, read_table
@@ -235,8 +236,6 @@ def run_study(
     """
     from rich.console import Console
 
-    from bayesdamp.pipeline import run_study as run
-
     if isinstance(study, str | Path):
         study = load_study(study)
     elif not isinstance(study, Study):
@@ -253,7 +252,7 @@ def run_study(
     if workers < 1:
         raise InputError(f"run_study: workers is {workers!r}; it must be a whole number, 1 or more")
     with in_keys():
-        run(study, folder, workers=workers, fresh=fresh, console=Console(stderr=True, quiet=True))
+        run.run_study(study, folder, workers=workers, fresh=fresh, console=Console(stderr=True, quiet=True))
     return Run.load(folder)
 
 
