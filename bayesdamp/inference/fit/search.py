@@ -126,7 +126,7 @@ def find_mode(
     def planned() -> Iterator[_Start]:
         """Plan each start when it is asked for."""
         for same, z in _distinct(target, seeds):
-            starts.append(_start(target, same, z, tolerance))
+            starts.append(_begun(target, same, z, tolerance))
             yield starts[-1]
 
     def stages() -> Iterator[Iterable[_Start]]:
@@ -174,7 +174,7 @@ def find_mode(
     raise failure
 
 
-def _start(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -> _Start:
+def _begun(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -> _Start:
     """Return a start at scores z, (d,), its noise parameters estimated from the residuals there."""
     likelihood = Likelihood.near(target, z, tolerance)
     r = likelihood.residual(z)
@@ -205,7 +205,7 @@ def _grown(
             if count < FEWEST:  # a gap
                 continue
             part = replace(target, signal=replace(target.signal, t=t[:count], y=y[:count]))
-            first = _start(part, start.seeds, z, tolerance)
+            first = _begun(part, start.seeds, z, tolerance)
             top = maximise_posterior(first.likelihood, first.z, retract=part.followed, close=ROUGHLY)
             z = top.x
             if not np.isfinite(top.value):
@@ -213,7 +213,7 @@ def _grown(
         else:
             if not any(np.max(np.abs(z - other)) < SAME_START for other in grown):
                 grown.append(z)
-                yield _start(target, [replace(seed, grown=True) for seed in start.seeds], z, tolerance)
+                yield _begun(target, [replace(seed, grown=True) for seed in start.seeds], z, tolerance)
 
 
 def _rms(r: np.ndarray) -> float:
