@@ -31,8 +31,11 @@ A_SEGMENT = 1000.0
 
 
 def _window(turns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Phases about the middle of so many cycles, (s,), and weights of sum 1 there: a power of Hann's window, which
-    tells the midline, the frequency and its multiples from each other, the steeper the larger it is."""
+    """Return phases about the middle of `turns` cycles, (s,), and weights there that sum to 1.
+
+    The weights are a power of Hann's window, which separates the midline, the frequency and its multiples from each
+    other; the larger the power, the steeper the separation.
+    """
     share = (np.arange(PHASES * turns) + 0.5) / (PHASES * turns) - 0.5
     weight = np.cos(np.pi * share) ** turns
     return 2 * np.pi * turns * share, weight / weight.sum()
@@ -68,9 +71,10 @@ class Track:
 
 @dataclass(frozen=True)
 class AveragedSolver(Solver):
-    """A `Solver` of amplitudes and phases. Its t, (3b,), are the ends of the blocks in the time that is solved, its
-    values come in threes: a block's amplitude, its phase beyond the track's times the record's amplitude there, and √2
-    times its midline.
+    """A `Solver` of amplitudes and phases.
+
+    Its t, (3b,), are the ends of the blocks in the time that is solved. Its values come in threes: a block's amplitude,
+    its phase beyond the track's times the record's amplitude there, and √2 times its midline.
 
     Parameters are those of the record; knots, and the times of a `Motion`, are an M-th of the record's.
     defect: (3b,), what the ODE differs by, near where it was taken.
@@ -85,7 +89,7 @@ class AveragedSolver(Solver):
         return self.track.slowness
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
-        """A solver of the equation of motion itself at times t of the record, (n,), s."""
+        """Return a solver of the equation of motion itself at times t of the record, (n,), in s."""
         return replace(self._plain(t, self.knots * self.slowness), quantity=quantity)
 
     def solve(
@@ -154,8 +158,10 @@ class AveragedSolver(Solver):
     def by_ode(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Complex amplitudes and midlines, (b,) each, of the equation of motion itself over every
-        cycle; None where it escapes."""
+        """Return complex amplitudes and midlines, (b,) each, of the equation of motion itself over every cycle.
+
+        None where it escapes.
+        """
         t, order = _sorted(self.track.real_times)
         knots = self.knots * self.slowness
         none = np.zeros(knots.size)
@@ -184,14 +190,17 @@ class AveragedSolver(Solver):
         return _projected(np.concatenate(read), order, self.track.real_phases)
 
     def _lacking(self, own: np.ndarray, true: np.ndarray, middle: np.ndarray) -> np.ndarray:
-        """What blocks' numbers, (3b,), lack to complex amplitudes and midlines, (b,)."""
+        """Return the difference of complex amplitudes and midlines, (b,), from the blocks' numbers, (3b,)."""
         size, phase, own_middle = own.reshape(-1, NUMBERS).T
         more = np.unwrap(np.angle(true * np.exp(-1j * phase / self.track.sizes)))
         return self._threes(np.abs(true) - size, more, middle - own_middle / np.sqrt(2))
 
     def _stretched(self, phase: np.ndarray) -> np.ndarray:
-        """The record's phases of those that were solved, (b, ...): what passes since the start is M times as much; the
-        start's own, which a line through the first two blocks has, is as it is."""
+        """Return the record's phases from the solved ones, (b, ...).
+
+        The phase since the start is M times as large. The phase of the start itself, from a line through the first two
+        blocks, stays as it is.
+        """
         begun = 1.5 * phase[0] - 0.5 * phase[1] if len(phase) > 1 else phase[0]
         return self.slowness * phase - (self.slowness - 1) * begun
 
@@ -208,7 +217,7 @@ class AveragedSolver(Solver):
         return found
 
     def _read(self, blocks: int) -> tuple[Solver, np.ndarray]:
-        """A solver of the oscillation at the points of the first blocks, and their order in time."""
+        """Return a solver of the oscillation at the points of the first blocks, and their order in time."""
         if blocks not in self._readers:
             t, order = _sorted(self.track.times[:blocks])
             self._readers[blocks] = self._plain(t, self.knots), order
@@ -225,7 +234,7 @@ class AveragedSolver(Solver):
 
 
 def _sorted(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times, (b, s), in rising order, and where each of them is there, (b s,)."""
+    """Sort times, (b, s), and return with them the place of each among the sorted ones, (b s,)."""
     order = np.argsort(times.ravel(), kind="stable")
     place = np.empty_like(order)
     place[order] = np.arange(order.size)
@@ -233,8 +242,10 @@ def _sorted(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _projected(values: np.ndarray, order: np.ndarray, phases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Complex amplitudes against phases (b, s), and midlines, (b, ...) each, of values (n, ...) in rising order of
-    time."""
+    """Return complex amplitudes against phases (b, s), and midlines, (b, ...) each, of values (n, ...).
+
+    The values are in rising order of time.
+    """
     points = values[order].reshape(-1, phases.shape[1], int(np.prod(values.shape[1:])))
     blocks, weights = len(points), _WEIGHTS if phases.shape[1] == OFFSETS.size else _REAL_WEIGHTS
     turned = 2 * weights * np.exp(-1j * phases[:blocks])

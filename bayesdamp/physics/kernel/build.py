@@ -138,7 +138,7 @@ def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
 
 
 def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
-    """The function of a term's value and slopes by x, v and its further parameters, and what a call passes besides."""
+    """Return the function of a term's value and slopes by x, v and its parameters, and a call's other arguments."""
     given, name = _arguments(source), f"_slopes_{number}"
     try:
         return differentiated(source, name, [*given[:2], *given[3:]]), ""
@@ -218,9 +218,9 @@ def _own(plugin: DampingTerm | RestoringLaw, base: type, what: str) -> None:
 
 @lru_cache(maxsize=256)
 def _function(function: Callable[..., Any], name: str, what: str) -> str:
-    """The source of a static method as a compiled function of another name.
+    """Return the source of a static method as a compiled function of another name.
 
-    Annotations and defaults go, for they name what the kernel's module does not import.
+    Annotations and defaults are removed, because they name what the kernel's module does not import.
     """
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
@@ -253,7 +253,7 @@ class _Quick(ast.NodeTransformer):
 
 @lru_cache(maxsize=64)
 def _module(text: str) -> ModuleType:
-    """The module with this source, imported from the folder where it and its machine code are kept."""
+    """Import the module with this source from the folder that contains it and its machine code."""
     name = f"bayesdamp_kernel_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
     spec = importlib.util.spec_from_file_location(name, _kept(name, text))
     assert spec is not None
@@ -265,7 +265,7 @@ def _module(text: str) -> ModuleType:
 
 
 def _kept(name: str, text: str) -> Path:
-    """The module's file, in a folder of its own: in the user's cache, in a temporary one where none can be written."""
+    """Return the module's file in a folder of its own: in the user's cache, or else in a temporary one."""
     home = cache_folder() / "kernels"
     try:
         path = _written(home / name, text)
@@ -276,7 +276,7 @@ def _kept(name: str, text: str) -> Path:
 
 
 def _written(folder: Path, text: str) -> Path:
-    """The source in a folder, written whole, as two processes may do it at once; the folder's time is its last use."""
+    """Write the source in one step, because two processes may do so at once; the folder's time is its last use."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "kernel.py"
     if not path.is_file():
@@ -300,7 +300,7 @@ def _evict(home: Path) -> None:
 
 @cache
 def _temporary() -> Path:
-    """A folder of this process, for kernels that can be kept nowhere else."""
+    """Return a folder of this process for kernels that cannot be stored elsewhere."""
     import atexit
 
     folder = Path(tempfile.mkdtemp(prefix="bayesdamp-kernels-"))

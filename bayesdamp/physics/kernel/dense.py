@@ -1,5 +1,7 @@
-"""Dense output: quintic Hermite polynomials between nodes of which value, slope and curvature are known, and what a
-point half way adds to them."""
+"""Dense output: quintic Hermite polynomials between nodes, with a correction half way.
+
+Value, slope and curvature are known at the nodes.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,11 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @compiled
 def quintic(before, after, step, order):
-    """Coefficients, of powers 0 to 6 of the share of a step (s), of the order-th derivative (0 to 2) of the polynomial
-    that has these values, slopes and curvatures, (3,), at both ends, and
-    the correction of a fourth number."""
+    """Return coefficients of the order-th derivative (0 to 2) of a step's polynomial.
+
+    They belong to powers 0 to 6 of the share of the step (s). The polynomial has these values, slopes and curvatures,
+    (3,), at both ends, and the correction of a fourth number.
+    """
     slope, bend = step * before[1], step * step * before[2]
     d = after[0] - before[0] - slope - 0.5 * bend
     v = step * after[1] - slope - bend
@@ -62,7 +66,7 @@ def last_within(times, node, t, first):
 
 @compiled
 def at_times(times, states, t, order):
-    """The order-th derivative (0 to 2) at t, (n,), rising, of states (s, 3 or 4) at nodes (s,)."""
+    """Evaluate the order-th derivative (0 to 2) at rising times t, (n,), of states (s, 3 or 4) at nodes (s,)."""
     found, first = np.empty(t.size), 0
     for node in range(times.size - 1):
         end = last_within(times, node, t, first)
@@ -79,9 +83,12 @@ def at_times(times, states, t, order):
 
 @compiled
 def parts(m0, m1, m2, m3, m4, m5, m6, step, order):
-    """What value, slope, curvature and correction where a step (s) begins, and the first three where it ends, have in
-    a weighted sum over samples of the order-th derivative of its polynomial; m0 to m6: sums of weights times powers of
-    the samples' shares of the step."""
+    """Return the weights of a step's node values in a weighted sum over samples.
+
+    The sum is over the order-th derivative of the step's polynomial. The node values are value, slope, curvature and
+    correction where the step (s) begins, and the first three where it ends. m0 to m6: sums of weights times powers of
+    the samples' shares of the step.
+    """
     if order == 1:
         m0, m1, m2, m3, m4, m5, m6 = 0.0, m0, 2.0 * m1, 3.0 * m2, 4.0 * m3, 5.0 * m4, 6.0 * m5
         m1, m2, m3, m4, m5, m6 = m1 / step, m2 / step, m3 / step, m4 / step, m5 / step, m6 / step
@@ -129,7 +136,7 @@ def slopes_at_times(times, slopes, columns, t, order):
 
 @compiled
 def pulled(times, slopes, columns, t, order, weights):
-    """Sums over t, (n,), of weights, (n,), times what `slopes_at_times` gives of slopes (s, k, 4): (columns.size,).
+    """Sum weights, (n,), times the values of `slopes_at_times` at t, (n,), of slopes (s, k, 4): (columns.size,).
 
     The weights' moments in each step are all that the polynomials of its tangents need.
     """

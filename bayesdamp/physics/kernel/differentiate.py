@@ -1,5 +1,8 @@
-"""Slopes of a force from its source, by the chain rule: the functions that it calls are called once for the value and
-every slope (forward accumulation; A. Griewank, A. Walther, Evaluating Derivatives, 2008, ch. 3)."""
+"""Differentiate a force from its source by the chain rule.
+
+The functions that it calls are called once for the value and every slope (forward accumulation; A. Griewank,
+A. Walther, Evaluating Derivatives, 2008, ch. 3).
+"""
 
 from __future__ import annotations
 
@@ -28,8 +31,10 @@ class NoSlopeError(Exception):
 
 
 def differentiated(source: str, name: str, seeds: list[str]) -> str:
-    """A function of the same arguments, beside the given source of one, that returns its value and its slopes by the
-    seeds: arguments, or items of one such as `p[0]`. Raises NoSlopeError."""
+    """Return the source of a function that gives the value of a function and its slopes by the seeds.
+
+    seeds: arguments, or items of one such as `p[0]`. The arguments stay the same. Raises NoSlopeError.
+    """
     function = ast.parse(source).body[0]
     assert isinstance(function, ast.FunctionDef)
     arguments = [a.arg for a in (*function.args.posonlyargs, *function.args.args)]
@@ -52,8 +57,10 @@ def differentiated(source: str, name: str, seeds: list[str]) -> str:
 
 
 class _Lines:
-    """Lines of a function, each of one operation on names and numbers. A value is its name and those of its slopes,
-    by the seeds of which it depends."""
+    """Lines of a function, each of one operation on names and numbers.
+
+    A value is its name and the names of its slopes, by the seeds on which it depends.
+    """
 
     def __init__(self, seeds: list[str], arguments: list[str]) -> None:
         self.text: list[str] = []
@@ -61,7 +68,7 @@ class _Lines:
         self.known = {a: (a, {a: "1.0"} if a in seeds else {}) for a in arguments}
 
     def of(self, node: ast.expr) -> tuple[str, dict[str, str]]:
-        """The value of an expression, its lines added. Raises NoSlopeError."""
+        """Add the lines of an expression and return its value. Raises NoSlopeError."""
         match node:
             case ast.Constant(value=int() | float() as number):
                 return repr(float(number)), {}
@@ -146,7 +153,7 @@ class _Lines:
 
 
 def differenced(call: str, arguments: list[str], seeds: dict[str, str], name: str) -> str:
-    """A function as `differentiated` gives, by central differences, its arguments as given.
+    """Return a function like that of `differentiated` by central differences, with the given arguments.
 
     call: of the function, the seeds in braces; seeds: by the text of each, the change of it.
     """

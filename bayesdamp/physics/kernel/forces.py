@@ -24,20 +24,22 @@ JUMPS = np.array([False])
 
 @njit
 def shapes(x, v, epsilon, rounding, q, active, out):
-    """Forces per unit of the coefficients at one point; rounding: the ε of terms that are rounded off; q: the terms'
-    further parameters, one after the other."""
+    """Compute the forces per unit of the coefficients at one point.
+
+    rounding: the ε of terms that are rounded off; q: the terms' further parameters, one after the other.
+    """
     out[:] = 0.0
 
 
 @njit
 def damping(x, v, epsilon, rounding, q, c):
-    """The force of all terms at one point; one of which the coefficient is 0 costs nothing."""
+    """Compute the force of all terms at one point; a term with coefficient 0 costs nothing."""
     return 0.0
 
 
 @njit
 def damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, share, out):
-    """The force of all terms at one point and its slopes by x and v.
+    """Compute the force of all terms at one point and its slopes by x and v.
 
     Into `out`, from its third place on, go each term's force per unit and the slopes of the whole by the further
     parameters, times share.
@@ -47,20 +49,25 @@ def damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, share, out):
 
 @njit
 def gathered(coefficients, q, active, law):
-    """Coefficients, 0 of terms that do not act, further parameters and the law's as tuples, which cost no counting of
-    references. Behind the coefficients: 1 where a term acts that is not among the first `build.USUAL`, else 0."""
+    """Return coefficients, further parameters and the law's as tuples, which need no reference counts.
+
+    Coefficients of terms that do not act are 0. Behind the coefficients: 1 where a term acts that is not among the
+    first `build.USUAL`, else 0.
+    """
     return (coefficients[0],), (0.0,), (law[0], law[1])
 
 
 @njit
 def restoring(x, p):
-    """Restoring force at one point. p: the law's parameters, then its number."""
+    """Compute the restoring force at one point. p: the law's parameters, then its number."""
     return p[0] * x
 
 
 @njit
 def restoring_slopes(x, p, sizes, share, out, first):
-    """Restoring force at one point and its slope by x; slopes by the law's parameters go into `out` from `first` on,
-    times share."""
+    """Compute the restoring force at one point and its slope by x.
+
+    Slopes by the law's parameters, times share, go into `out` from `first` on.
+    """
     out[first] = share * x
     return p[0] * x, p[0]

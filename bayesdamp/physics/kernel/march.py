@@ -109,9 +109,11 @@ STILL = 1e-12
 
 @njit
 def acceleration(x, v, w, g, h, c, q, epsilon, rounding, law):
-    """θ̈ at one point, under relative deviations g of the damping and h of the frequency: w is the share of the way
-    between two knots, where they are g[0] and g[1]. c, q, law: tuples, as of `gathered`. rounding: the ε of terms that
-    are rounded off."""
+    """Compute θ̈ at one point under relative deviations g of the damping and h of the frequency.
+
+    w: share of the way between two knots, where the deviations are g[0] and g[1]. c, q, law: tuples, as from
+    `gathered`. rounding: the ε of terms that are rounded off.
+    """
     here, there = g[0] + w * (g[1] - g[0]), h[0] + w * (h[1] - h[0])
     return -(1.0 + here) * damping(x, v, epsilon, rounding, q, c) - (1.0 + 2.0 * there) * restoring(x, law)
 
@@ -125,8 +127,11 @@ def signed(x, v, w, g, h, c, q, rounding, sign, law):
 
 @njit
 def freed(x, w, g, h, c, q, rounding, law, first, least):
-    """Sign of the velocity with which a body at rest moves off, the first one if both can be, and its acceleration;
-    zeros where friction holds it. least: the acceleration that counts."""
+    """Return the sign of the velocity with which a body at rest moves off, and its acceleration.
+
+    If both signs are possible it is the first. Both are zero where friction holds the body. least: the smallest
+    acceleration that counts.
+    """
     for sign in (first, -first):
         a = signed(x, 0.0, w, g, h, c, q, rounding, sign, law)
         if a * sign > least:
@@ -136,8 +141,10 @@ def freed(x, w, g, h, c, q, rounding, law, first, least):
 
 @njit
 def held_until(x, t, piece, knots, g, h, c, q, rounding, law, least):
-    """When friction no longer holds a body at rest, between which knots, and the sign of its velocity then; the last
-    time and 0 where it does not move again. Between two knots pull and friction change linearly."""
+    """Return when friction no longer holds a body at rest, between which knots, and the sign of its velocity then.
+
+    If it does not move again these are the last time and sign 0. Between two knots pull and friction change linearly.
+    """
     at = (t - knots[piece]) / (knots[piece + 1] - knots[piece])
     while True:
         at_g, at_h = (g[piece], g[piece + 1]), (h[piece], h[piece + 1])
@@ -216,9 +223,11 @@ def sums(x, v, weight, epsilon, rounding, q, active, out):
 def march(
     coefficients, q, active, law, epsilon, rounding, start, knots, g, h, tolerance, sizes, tangents, most
 ):
-    """Node times (s,), states (s, 4): θ, θ̇, θ̈, and the correction of the quintic of the step
-    that begins there, and tangents (s, k, 4) likewise; the times are empty where it escapes. Where friction is exact a
-    turning point is two nodes at one time, and so are the times at which a body begins and ends to stick.
+    """Integrate the equation of motion: return node times, states and tangents; the times are empty if it escapes.
+
+    Times are (s,). States, (s, 4), are θ, θ̇, θ̈ and the correction of the quintic of the step that begins there;
+    tangents, (s, k, 4), likewise. Where friction is exact a turning point is two nodes at one time, and so are the
+    times at which a body begins and ends to stick.
 
     law: parameters of the restoring law, as many as the law with most has, then its number among `LAW_SIZES`.
     epsilon, rounding: widths of friction's turning over, 0 for the sign itself, and of what is rounded off.

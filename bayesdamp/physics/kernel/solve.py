@@ -49,7 +49,7 @@ class Slopes:
         return self.points.mean(found)
 
     def pulled(self, weights: np.ndarray) -> np.ndarray:
-        """Summed over the samples by weights, (n,): (p,), without those at each."""
+        """Sum the tangents over the samples by weights, (n,), without those at each sample: (p,)."""
         from bayesdamp.physics.kernel.dense import pulled
 
         spread = self.points.spread(weights)
@@ -58,8 +58,19 @@ class Slopes:
 
 @dataclass(frozen=True)
 class Motion:
-    """A trajectory: values at the samples, (n,), their tangents, (n, k), or what they are read from, and the ends of
-    steps, times (s,), with θ, θ̇, θ̈ there, and what `dense` takes besides, (s, 4)."""
+    """A trajectory.
+
+    Attributes
+    ----------
+    y : ndarray, shape (n,)
+        Values at the samples.
+    slopes : ndarray, shape (n, k), or Slopes
+        Their tangents, or the source from which they are read.
+    times : ndarray, shape (s,)
+        Ends of the steps in s.
+    states : ndarray, shape (s, 4)
+        θ, θ̇, θ̈ there, and the correction that `dense` needs.
+    """
 
     y: np.ndarray
     slopes: np.ndarray | Slopes
@@ -72,7 +83,7 @@ class Motion:
         return self.slopes.at_samples() if isinstance(self.slopes, Slopes) else self.slopes
 
     def pulled(self, weights: np.ndarray) -> np.ndarray:
-        """Sums of the tangents over the samples by weights, (n,): the slope of a function of the values, (k,)."""
+        """Sum the tangents over the samples by weights, (n,): the slope of a function of the values, (k,)."""
         return self.slopes.pulled(weights) if isinstance(self.slopes, Slopes) else weights @ self.slopes
 
     @cached_property
@@ -138,7 +149,7 @@ class Solver:
         return 1.0
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
-        """The solver at other times t, (n,) in s from 0, within the knots, of another quantity."""
+        """Return the solver at other times t, (n,) in s from 0, within the knots, for another quantity."""
         return replace(self, t=t, quantity=quantity, windows=None)
 
     @cached_property
@@ -224,7 +235,7 @@ class Solver:
         stop: int | None = None,
         tolerance: float | None = None,
     ) -> Motion | None:
-        """The motion at parameters p, (k,), with deviations g and h at the knots; None where it escapes.
+        """Solve the motion at parameters p, (k,), with deviations g and h at the knots; None where it escapes.
 
         active: which terms act, (m,). tangents: NONE, by PARAMETERS, or by ALL: parameters, g, h. stop: samples that
         are wanted, the first ones. tolerance: error of a step as a share of the amplitude, `TOLERANCE` by default.
@@ -261,8 +272,10 @@ class Solver:
         return Motion(y, Slopes(times, slopes, columns, points, order), times, states)
 
     def read_slopes(self, times: np.ndarray, states: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-        """Tangents of what is solved for, (n, k), from those at a motion's nodes: times (s,), states (s, 3), slopes
-        (s, k, 3)."""
+        """Return the tangents of the solved quantity, (n, k), from those at a motion's nodes.
+
+        times: (s,); states: (s, 3); slopes: (s, k, 3).
+        """
         from bayesdamp.physics.kernel.dense import slopes_at_times
 
         del states

@@ -1,5 +1,7 @@
-"""The template of a kernel, its variational equations: on a step they are linear, with coefficients that are read along
-the motion, and solved by their power series."""
+"""The template of a kernel's variational equations, which a power series solves.
+
+On a step they are linear, with coefficients that are read along the motion.
+"""
 
 from __future__ import annotations
 
@@ -108,8 +110,9 @@ def powers(read, column):
 
 @njit
 def unforced(x, v, step):
-    """Values and slopes at the last four of `POINTS` without sources, of a unit of displacement where the step begins,
-    (8,), and of a unit of velocity, (8,).
+    """Return values and slopes at the last four of `POINTS` without sources, (8,) twice.
+
+    The first are those of a unit of displacement where the step begins, the second of a unit of velocity.
 
     x, v: slopes of the force by displacement and velocity, as coefficients of powers of the share of a step, (5,).
     """
@@ -147,7 +150,7 @@ def unforced(x, v, step):
 
 @njit
 def over_a_step(read, step, sources, local, half):
-    """What the variational equations make of a step: values and slopes at its end, (2, l), and values half way, (l,).
+    """Solve the variational equations over a step: values and slopes at its end, (2, l), and values half way, (l,).
 
     The first two columns are of a unit of displacement and of velocity at the beginning, the others of the sources, by
     variation of constants. read: slopes of the force by x and v, then the sources, at `POINTS`, (5, l); sources:
@@ -199,7 +202,7 @@ def curvatures(slopes, row, live, base, piece, knots, by_knots):
 
 @njit
 def carry(old, new, local, half):
-    """A tangent at a step's end, of itself at the beginning; the value half way goes where its correction will."""
+    """Carry a tangent from a step's beginning to its end; its value half way goes where its correction will be."""
     new[0] = local[0, 0] * old[0] + local[0, 1] * old[1]
     new[1] = local[1, 0] * old[0] + local[1, 1] * old[1]
     new[2] = 0.0
@@ -208,7 +211,7 @@ def carry(old, new, local, half):
 
 @njit
 def add(old, new, local, half, read, place):
-    """What a source adds to a tangent."""
+    """Add to a tangent the part that comes from a source."""
     new[0] += local[0, place]
     new[1] += local[1, place]
     new[2] -= read[4, place]
@@ -217,7 +220,7 @@ def add(old, new, local, half, read, place):
 
 @njit
 def close(old, new, read, step):
-    """A tangent's curvature at the step's end, and the correction of its quintic."""
+    """Compute a tangent's curvature at the step's end, and the correction of its quintic."""
     new[2] -= read[4, 0] * new[0] + read[4, 1] * new[1]
     value, _, _ = middle(old, new, step)
     old[3] = 64.0 * (old[3] - value)
