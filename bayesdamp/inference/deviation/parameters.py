@@ -112,9 +112,9 @@ class Parameters(Scores):
         """Return the standard normal scores of z, both (d,): z itself."""
         return z
 
-    def log_prior_ratio(self, z: np.ndarray) -> float:
-        """Return the log of the prior's density at z, (d,), over that of the same prior of these scores: 0."""
-        return 0.0
+    def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
+        """Return the log of the prior's density at z, (..., d), over that of the same prior of scores z: 0, (...)."""
+        return np.zeros(z.shape[:-1])
 
 
 @dataclass(frozen=True)
@@ -178,8 +178,14 @@ class Straight(Parameters):
         """Return `new`: these coordinates are straight."""
         return new
 
-    def log_prior_ratio(self, z: np.ndarray) -> float:
-        """Return the log of the prior's density at v, (d,), over that of the same prior of scores v; −∞ for none."""
+    def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
+        """Return the log of the prior's density at v, (..., d), over that of the same prior of scores v: (...).
+
+        It is −∞ where the prior has no density.
+        """
+        return np.apply_along_axis(self._log_prior_ratio, -1, z)
+
+    def _log_prior_ratio(self, z: np.ndarray) -> float:
         plain = np.array(self._law_scores(self._law_values(z[self.places])))
         if not np.all(np.isfinite(plain)):
             return -np.inf

@@ -89,41 +89,44 @@ class Ridge:
         at, centres, roots = self.nodes
         return CubicSpline(at, centres), PchipInterpolator(at, roots)  # whose diagonals stay positive
 
-    def _at(self, a: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return mode and factor of the moved scores at a leading score."""
+    def _at(self, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return modes (..., m) and factors (..., m, m) of the moved scores at leading scores (...)."""
         centre, root = self._curves
-        inside = float(np.clip(a, self.nodes[0][0], self.nodes[0][-1]))
-        return centre(inside) + self.tangent[self.moved] * (a - inside), root(inside)
+        inside = np.clip(a, self.nodes[0][0], self.nodes[0][-1])
+        return centre(inside) + self.tangent[self.moved] * (a - inside)[..., None], root(inside)
 
     def base_scores(self, u: np.ndarray) -> np.ndarray:
-        """Return the scores of `base` that u stands for, both (d,)."""
+        """Return the scores of `base` that u stands for, both (..., d)."""
         off = u - self.mode
-        centre, root = self._at(float(u[self.lead]))
-        beside = self.across @ (off - self.tangent * off[self.lead])[self.fixed]
-        left = np.linalg.solve(self.root, off[self.moved] - self.across @ off[self.fixed])
+        centre, root = self._at(u[..., self.lead])
+        beside = (off - self.tangent * off[..., self.lead, None])[..., self.fixed] @ self.across.T
+        left = off[..., self.moved] - off[..., self.fixed] @ self.across.T
+        left = np.linalg.solve(self.root, left[..., None])
         z = u.copy()
-        z[self.moved] = centre + beside + root @ left
+        z[..., self.moved] = centre + beside + (root @ left)[..., 0]
         return z
 
     def values(self, u: np.ndarray) -> np.ndarray:
         """Return the kernel's parameters at u, (..., d): (..., k)."""
-        if u.ndim > 1:
-            return np.array([self.values(row) for row in u])
         return self.base.values(self.base_scores(u))
 
     def plain(self, u: np.ndarray) -> np.ndarray:
         """Return the standard normal scores of u, both (d,)."""
         return self.base.plain(self.base_scores(u))
 
-    def log_prior_ratio(self, u: np.ndarray) -> float:
-        """Return the log of the prior's density at u, (d,), over that of the linear model; −∞ where it has none."""
+    def log_prior_ratio(self, u: np.ndarray) -> np.ndarray:
+        """Return the log of the prior's density at u, (..., d), over that of the linear model: (...).
+
+        It is −∞ where the prior has no density.
+        """
         z = self.base_scores(u)
-        if np.any(z[self.base.positive] < 0):
-            return -np.inf
-        root = self._at(float(u[self.lead]))[1]
-        stretched = float(np.sum(np.log(np.diagonal(root) / np.diagonal(self.root))))
+        root = self._at(u[..., self.lead])[1]
+        ratio = np.diagonal(root, axis1=-2, axis2=-1) / np.diagonal(self.root)
         linear = log_prior_of(u, self.positive, self.base.shared)
-        return self.base.log_prior_ratio(z) + stretched + float(self.base.log_prior(z) - linear)
+        log_ratio = (
+            self.base.log_prior_ratio(z) + np.sum(np.log(ratio), axis=-1) + self.base.log_prior(z) - linear
+        )
+        return np.where(np.all(z[..., self.base.positive] >= 0, axis=-1), log_ratio, -np.inf)
 
 
 def ridge_of(

@@ -219,7 +219,7 @@ def sampled_result(
         """Return the log of the motions' likelihood over the linear model's, of draws (n, K): (n,)."""
         solved = np.array(at_once(squares, u))
         linear = np.sum((u @ model.root.T - model.target) ** 2, axis=1) + model.rest
-        return 0.5 * (linear - solved) / variance + [parameters.log_prior_ratio(row[:d]) for row in u]
+        return 0.5 * (linear - solved) / variance + parameters.log_prior_ratio(u[:, :d])
 
     own_seed = crc32(result.candidate.name.encode()) + seed % 2**32
     sampled = sample_posterior(ratio, start.weighed, parameters.positive, draws=draws, seed=own_seed)
