@@ -26,7 +26,7 @@ KINDS: dict[str, tuple[tuple[type, ...], str]] = {
 """Types of the arguments with these names in all functions, and their description; the default is valid too."""
 
 
-class Told:
+class CheckedMethods:
     """Base of public classes, whose methods check their arguments."""
 
     def __init_subclass__(cls, **options: Any) -> None:

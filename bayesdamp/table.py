@@ -16,7 +16,7 @@ LONG = 24
 """Letters above which a cell of text may wrap."""
 
 
-class Line(tuple[str, ...]):
+class TableLine(tuple[str, ...]):
     """A row of a table, with its kind: "" or "best", "quiet" (refused, not applicable), "alert"."""
 
     kind: str
@@ -55,7 +55,7 @@ class Table:
         kind: Callable[[T], str] = lambda _: "",
     ) -> Self:
         """Build a table with a line for each row. columns: headers, with the functions that return a row's cell."""
-        lines = [Line((cell(row) for cell in columns.values()), kind(row)) for row in rows]
+        lines = [TableLine((cell(row) for cell in columns.values()), kind(row)) for row in rows]
         return cls(list(columns), lines, left, caption)
 
     def __html__(self) -> str:

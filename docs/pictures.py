@@ -17,7 +17,7 @@ from scipy.signal import find_peaks, hilbert, savgol_filter
 import bayesdamp as bd
 from bayesdamp.report.figures.estimators import against, sweep
 from bayesdamp.report.results.estimators import CATEGORIES, estimates_of, true_models
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.results.sweeping import series
 from bayesdamp.report.style import FAINT, INK, QUIET, RC, colour, dash
 
@@ -132,14 +132,14 @@ def envelopes() -> Figure:
 
 def in_noise(root: Path) -> Figure:
     """Errors of all methods against noise, from the report of studies/noise.toml."""
-    found = next(s for s in series(Run(root / "reports" / "noise")) if s.factor == "noise")
+    found = next(s for s in series(RunFolder(root / "reports" / "noise")) if s.factor == "noise")
     methods = [m for members in CATEGORIES.values() for m in members if any(k[0] == m for k in found.errors)]
     return sweep(found, methods)
 
 
 def beside_posterior(root: Path) -> Figure:
     """The eleven against the posterior, from the report of studies/paper.toml."""
-    run = Run(root / "reports" / "paper")
+    run = RunFolder(root / "reports" / "paper")
     return against([one for made in true_models(run).items() for one in estimates_of(run, *made)], 3)
 
 

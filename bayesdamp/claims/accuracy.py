@@ -13,7 +13,7 @@ from bayesdamp.claims.judge import FAR, NO_RUN, Claim, Judgement, Runs, Verdict,
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.report import words
 from bayesdamp.report.results.estimators import STAGES, EstimatorComparison, printed_error
-from bayesdamp.report.results.sweeping import Series, ahead, interval, places
+from bayesdamp.report.results.sweeping import ErrorSeries, ahead, interval, places
 
 HYBRID = 0.1
 """Per cent: the paper's threshold."""
@@ -144,13 +144,13 @@ def _best_clean(comparison: EstimatorComparison) -> Judgement:
     return Judgement("holds" if best else "holds in part", measured)
 
 
-def _errors(along: Series, method: str, level: float) -> dict[int, float]:
+def _errors(along: ErrorSeries, method: str, level: float) -> dict[int, float]:
     """Return the errors of a method's own estimates by repeat at a noise level; empty if there are none."""
     each = along.each.get((method, "initial"))
     return each[along.values.index(level)] if each and level in along.values else {}
 
 
-def _size(along: Series, method: str, level: float) -> str:
+def _size(along: ErrorSeries, method: str, level: float) -> str:
     """Return the root mean square error of a method's own estimates, with its interval."""
     low, high = interval(_errors(along, method, level))
     error = along.errors[method, "initial"][along.values.index(level)]

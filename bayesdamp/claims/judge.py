@@ -11,8 +11,8 @@ from typing import Literal
 
 from bayesdamp.report.markup import markdown_table
 from bayesdamp.report.results.estimators import EstimatorComparison, compare_estimators
-from bayesdamp.report.results.run import Run
-from bayesdamp.report.results.sweeping import Series, series
+from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.results.sweeping import ErrorSeries, series
 
 Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be judged"]
 """*Better than claimed*: so far below a printed figure that it does not confirm it."""
@@ -46,12 +46,12 @@ class Runs:
     @cached_property
     def compared(self) -> EstimatorComparison | None:
         """The comparison of the estimators on the paper's pendulums without noise."""
-        return compare_estimators(Run(self.paper)) if self.paper else None
+        return compare_estimators(RunFolder(self.paper)) if self.paper else None
 
     @cached_property
-    def along_noise(self) -> list[Series]:
+    def along_noise(self) -> list[ErrorSeries]:
         """Errors at several noise levels."""
-        return [s for folder in self.noise for s in series(Run(folder)) if s.factor == "noise"]
+        return [s for folder in self.noise for s in series(RunFolder(folder)) if s.factor == "noise"]
 
 
 @dataclass(frozen=True)
@@ -104,6 +104,6 @@ def written(judgements: Iterable[tuple[Claim, Judgement]], runs: Runs) -> str:
     ]
     for folder in (runs.paper, *runs.noise):
         if folder is not None:
-            code = str(Run(folder).info.get("revision") or "an unknown revision")
+            code = str(RunFolder(folder).info.get("revision") or "an unknown revision")
             lines += ["", f"Judged by the run `{folder.name}` next to this page, computed by {code}."]
     return "\n".join(lines) + "\n"

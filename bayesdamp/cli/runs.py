@@ -112,7 +112,7 @@ def run_and_print(
     from rich.console import Console
 
     from bayesdamp.pipeline import run_study
-    from bayesdamp.report.terminal import Lasting, Told
+    from bayesdamp.report.terminal import Lasting, VerdictPrinter
 
     envelopes_only = all(s.is_envelope for s in study.signals)
     if not options["quiet"] and not envelopes_only and (notice := compilation_notice()):
@@ -120,7 +120,7 @@ def run_and_print(
     shown = Lasting()
     answered = None
     if not as_json and len(study.signals) <= FIRST_WORDS:
-        answered = Told(shown, {spec.name: spec.source.unit for spec in study.signals})
+        answered = VerdictPrinter(shown, {spec.name: spec.source.unit for spec in study.signals})
     status = run_study(study, folder, console=Console(stderr=True), depth=depth, answered=answered, **options)
     if as_json:
         path = folder / "verdict.json"

@@ -17,11 +17,11 @@ from bayesdamp.config.sections import (
     Header,
     ModelsTable,
     PosteriorTable,
-    Section,
     SignalTable,
+    StudySection,
 )
 
-_SECTIONS: dict[str, type[Section]] = {
+_SECTIONS: dict[str, type[StudySection]] = {
     "estimators": EstimatorsTable,
     "models": ModelsTable,
     "posterior": PosteriorTable,
@@ -81,7 +81,7 @@ def _place(item: tuple[str, Any]) -> int:
     return last.index(item[0]) if item[0] in last else -1
 
 
-def _line(section: type[Section], key: str, value: object) -> str:
+def _line(section: type[StudySection], key: str, value: object) -> str:
     text = f"{key} = {written(value)}"
     return f"{text:<48} # {section.model_fields[key].description}"
 

@@ -34,13 +34,13 @@ UNIT = f"one of {', '.join(UNITS)} (of the displacement itself)"
 _A_COUNT = "a whole number from 1 to 1,000,000"
 
 
-class Section(BaseModel):
+class StudySection(BaseModel):
     """A table of the study file: frozen, without other keys than its own."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class Header(Section):
+class Header(StudySection):
     """The top of the file; the tables are checked one by one after it."""
 
     version: int = Field(ge=1, le=1, description="1, the version of this format")
@@ -52,7 +52,7 @@ class Header(Section):
     )
 
 
-class FileTable(Section):
+class FileTable(StudySection):
     """How a record's file is read.
 
     angle: the recorded quantity's column, whatever the quantity; None where the file has only that one. start and stop
@@ -111,7 +111,7 @@ class SignalTable(FileTable):
     file: str | None = Field(None, min_length=1, description="a file's path in quotes")
 
 
-class SimulateTable(Section):
+class SimulateTable(StudySection):
     """How a record is simulated, besides the true values of the parameters."""
 
     duration: float = Field(
@@ -129,7 +129,7 @@ class SimulateTable(Section):
     unit: Literal["rad", "m"] = Field("rad", description='"rad", or "m" for a translation')
 
 
-class SweepTable(Section):
+class SweepTable(StudySection):
     """One [[sweep]]: all signals that have the key, repeated over its values."""
 
     key: str = Field(min_length=1, description='a key of a signal, such as "simulate.noise_sd"')
@@ -138,7 +138,7 @@ class SweepTable(Section):
     )
 
 
-class PluginsTable(Section):
+class PluginsTable(StudySection):
     """[plugins]: the user's own modules of plug-ins."""
 
     modules: SomeNames | None = Field(
@@ -146,7 +146,7 @@ class PluginsTable(Section):
     )
 
 
-class EstimatorsTable(Section):
+class EstimatorsTable(StudySection):
     """[estimators] without the options of single methods."""
 
     use: Literal["all"] | Names = Field("all", description='"all" or a list of names')
@@ -158,7 +158,7 @@ class EstimatorsTable(Section):
     )
 
 
-class ModelsTable(Section):
+class ModelsTable(StudySection):
     """[models]: the damping sums and restoring laws to compare, and the priors of the terms."""
 
     compare: Literal["all"] | SomeNames = Field(
@@ -173,7 +173,7 @@ class ModelsTable(Section):
     )
 
 
-class PosteriorTable(Section):
+class PosteriorTable(StudySection):
     """[posterior]: which samplers, with which noise model, how many draws."""
 
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
@@ -194,7 +194,7 @@ class PosteriorTable(Section):
     draws: int = Field(1000, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
 
 
-class EvidenceTable(Section):
+class EvidenceTable(StudySection):
     """[evidence]: which methods, and when nested sampling is used as a referee."""
 
     methods: Names = Field(("importance", "bridge"), description="a list of methods' names")
@@ -203,7 +203,7 @@ class EvidenceTable(Section):
     )
 
 
-class CalibrationTable(Section):
+class CalibrationTable(StudySection):
     """[calibration]: how many records for each model, and how truths are ranked.
 
     draws: thinned draws among which a truth is ranked; bins: of the ranks, of equal size.
@@ -221,7 +221,7 @@ class CalibrationTable(Section):
         return self
 
 
-class RecoveryTable(Section):
+class RecoveryTable(StudySection):
     """[recovery]: records for `calibrate --models`, over levels of noise and lengths that the inference knows.
 
     noise: medians of the noise's prior as shares of the reference amplitude; noise_sigma: its sd in the logarithm.

@@ -18,7 +18,7 @@ from bayesdamp.inference.deviation.sample_noise import GAUSSIAN, SampleNoise, no
 from bayesdamp.inference.deviation.sampling import with_samples
 from bayesdamp.inference.deviation.single import found_of
 from bayesdamp.inference.deviation.specimen import DampingRun, OtherForm, WeighedRun, damping_run
-from bayesdamp.inference.deviation.weighing import Known, Result, Weighing
+from bayesdamp.inference.deviation.weighing import CandidateResult, Known, Weighing
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
@@ -29,7 +29,7 @@ from bayesdamp.store.contents import AnswerContent, WeighedCandidate
 from bayesdamp.types import OK, InputError, Reference, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
-from bayesdamp.verdict.parts import Averages, DampingRatio, FrequencyAt, Grade, LawFreeAt, Window
+from bayesdamp.verdict.parts import Averages, DampingRatio, FrequencyAt, Grade, LawFreeAt, UsedWindow
 from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Verdict
 
@@ -232,7 +232,7 @@ def answer(
         quantity=signal.quantity,
         measured=measured,
         approximate=approximate,
-        window=Window(first, first + weighing.data.duration, weighing.data.cycles, ""),
+        window=UsedWindow(first, first + weighing.data.duration, weighing.data.cycles, ""),
         notes=remarks,
         averages=None if averaging is None else Averages(averaging.cycles, averaging.error),
         law_free=measured_at(signal, [r.amplitude for r in numbers.ratios]) if numbers.ratios else None,
@@ -389,12 +389,12 @@ def _runs(weighing: Weighing, numbers: Findings, approximate: bool) -> dict[str,
     return arrays
 
 
-def _counts(weighing: Weighing, result: Result) -> bool:
+def _counts(weighing: Weighing, result: CandidateResult) -> bool:
     """Return whether a candidate is compared: under approximate laws only where it could be linearised."""
     return weighing.results[0].weighed is None or result.weighed is not None
 
 
-def _row(result: Result) -> WeighedCandidate:
+def _row(result: CandidateResult) -> WeighedCandidate:
     return WeighedCandidate(
         damping="+".join(result.candidate.damping),
         restoring=result.candidate.restoring,

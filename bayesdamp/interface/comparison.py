@@ -185,7 +185,7 @@ class Comparison(Result):
     def report(self, path: str | Path) -> Path:
         """Write the answer as one page of HTML, and return the path. Raises InputError where it cannot be written."""
         from bayesdamp.report.render import page_of
-        from bayesdamp.report.results.run import Run
+        from bayesdamp.report.results.run import RunFolder
 
         cells = [
             CellResult(f"answer/{a.verdict.record}/0", "comparison", a.content.meta(), a.arrays)
@@ -196,7 +196,7 @@ class Comparison(Result):
             for a, unit, quantity in zip(self.answers, self.units, self.quantities, strict=True)
         }
         info = {"name": self.verdict.record, "signals": about, "models": []}
-        page, _ = page_of(Run.of_cells(info, cells))
+        page, _ = page_of(RunFolder.of_cells(info, cells))
         return save_bytes(path, page.encode())
 
     def _table(self) -> Table:

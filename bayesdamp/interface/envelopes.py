@@ -13,7 +13,7 @@ from bayesdamp.inference.envelope.sums import assumed, weighable
 from bayesdamp.interface.answer import Answer
 from bayesdamp.physics.amplitude.laws import SUMS
 from bayesdamp.records.envelope.record import EnvelopeRecord
-from bayesdamp.records.envelope.window import Window
+from bayesdamp.records.envelope.window import EnvelopeWindow
 from bayesdamp.serial import join, split
 from bayesdamp.store.contents import AnswerContent, EnvelopeContent
 from bayesdamp.types import Refusal
@@ -29,7 +29,7 @@ LIKELIHOOD, PICTURE = "likelihood/", "picture"
 
 def analyse(
     record: EnvelopeRecord,
-    window: Window | None = None,
+    window: EnvelopeWindow | None = None,
     seed: int = 0,
     sums: Sequence[tuple[str, ...]] = SUMS,
 ) -> EnvelopeAnswer:
@@ -66,7 +66,7 @@ def analyse(
 
 def answer_envelope(
     record: EnvelopeRecord,
-    window: Window | None,
+    window: EnvelopeWindow | None,
     sums: Sequence[tuple[str, ...]],
     seed: int,
     repeated: bool,

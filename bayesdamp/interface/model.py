@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp import types
 from bayesdamp.calls import told
-from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.quick import averaging_of
 from bayesdamp.inference.deviation.sample_noise import MOST_CYCLES, noises_of, prepared_for
@@ -211,7 +211,7 @@ def _choose(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...
         return names[0], None, (), {}
     own = {n: set(NOISES.get(n).parameters) for n in names}
     given = set.union(*own.values()) & {*model.known, *model.priors}
-    candidate = Candidate(model.terms, model.restoring)
+    candidate = MotionCandidate(model.terms, model.restoring)
     with threadpool_limits(1, "blas"):
         weighing = weigh_all(
             prepared(case.signal, average=False),

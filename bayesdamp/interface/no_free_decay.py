@@ -11,7 +11,7 @@ from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.modes import NotOne, other_than_one
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.parts import Grade, Interval, Mode, Motion, Window
+from bayesdamp.verdict.parts import Grade, Interval, MotionKind, Oscillation, UsedWindow
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence
 
@@ -50,7 +50,9 @@ def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
     columns = np.column_stack(
         [own.frequencies, ratios, ratios - half, ratios + half, own.first / scale, own.last / scale]
     )
-    modes = tuple(Mode(f, r, low, high, a, b, signal.unit) for f, r, low, high, a, b in columns.tolist())
+    modes = tuple(
+        Oscillation(f, r, low, high, a, b, signal.unit) for f, r, low, high, a, b in columns.tolist()
+    )
     first = signal.provenance.start
     duration = float(signal.t[-1] - signal.t[0])
     spread = (modes[0].high - modes[0].low) * modes[0].frequency
@@ -62,10 +64,10 @@ def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
         "",
         float("nan"),
         frequency=Interval(f, f - 0.5 * spread, f + 0.5 * spread, "Hz"),
-        motion=Motion(other.seen),
+        motion=MotionKind(other.seen),
         modes=modes,
         quantity=signal.quantity,
-        window=Window(first, first + duration, duration * f, ""),
+        window=UsedWindow(first, first + duration, duration * f, ""),
         remarks=() if np.isnan(own.rates).any() else (VISCOUS,),
     )
     return replace(verdict, sentence=sentence(verdict))

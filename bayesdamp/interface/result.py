@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from bayesdamp import __version__
-from bayesdamp.calls import Told
+from bayesdamp.calls import CheckedMethods
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import join, split
 from bayesdamp.store.files import BROKEN, packed, save_bytes, unpacked
@@ -26,7 +26,7 @@ KINDS = (
 """Public names of the results that are saved."""
 
 
-class Shown(Told, ABC):
+class Shown(CheckedMethods, ABC):
     """A value that prints as a short table, also in a notebook; its methods refuse misspelt keywords in one line."""
 
     @abstractmethod

@@ -14,7 +14,7 @@ from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.records import NOT_APPLICABLE, signal_key
-from bayesdamp.pipeline.targets import Record
+from bayesdamp.pipeline.targets import StudyRecord
 from bayesdamp.pipeline.tasks import Product, cell_seed, task_key
 from bayesdamp.priors import Prior
 from bayesdamp.serial import join, split
@@ -91,7 +91,7 @@ def compute_answer(
     cell = store.read(f"signal/{spec.name}/{repeat}")
     if cell.outcome != OK:
         raise Refusal(following(cell.name, cell.outcome))
-    record = Record(study, spec, cell)
+    record = StudyRecord(study, spec, cell)
     if not record.content.noisy:
         raise Refusal(NOT_APPLICABLE)
     missing = [t for t in _terms_of(study, spec) if TERMS.get(t).kernel is DampingTerm.kernel]

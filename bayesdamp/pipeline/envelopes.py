@@ -13,7 +13,7 @@ from bayesdamp.pipeline.tasks import Product, task_key
 from bayesdamp.plugins import sources_below
 from bayesdamp.records.envelope.reading import read_envelope
 from bayesdamp.records.envelope.record import EnvelopeRecord, scale_of
-from bayesdamp.records.envelope.window import Window, bounded
+from bayesdamp.records.envelope.window import EnvelopeWindow, bounded
 from bayesdamp.serial import split
 from bayesdamp.store import Store, sha256
 from bayesdamp.types import InputError, Refusal
@@ -22,7 +22,7 @@ KEPT = 2000
 """Records that stay in memory, some 100 kB each."""
 
 
-def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Window | None]:
+def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, EnvelopeWindow | None]:
     """Return an envelope under a name, and the window that was asked for. Raises InputError."""
     record = _read(source, source.path.stat().st_mtime_ns)
     first, last = (None if isinstance(end, str) else end for end in (source.start, source.stop))

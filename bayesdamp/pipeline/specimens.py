@@ -40,7 +40,7 @@ from bayesdamp.store.contents import (
     PopulationContent,
     PopulationFound,
     Summary,
-    Weighing,
+    WeighingContent,
 )
 from bayesdamp.types import OK, Reference, Refusal, candidate_parts, summed
 from bayesdamp.units import UNITS
@@ -151,14 +151,14 @@ def compute_joint(specimen: Specimen) -> Product:
         raise Refusal("no damping model was weighed on all records")
     best = find_likeliest({c: row.probability for c, row in rows.items()})
     model = specimen.model_of(best)
-    alone: dict[str, Weighing] = {}
+    alone: dict[str, WeighingContent] = {}
     no_spread = float("nan")
     if model is not None and model in weighed.repeats:
         runs, units = weighed.under(model), rows[best].units
         for record, run in zip(specimen.answered, runs, strict=True):
             single = weigh_specimen([run], specimen.priors, seed=specimen.seed)
             summary = summarise_draws(single.repeats[model])
-            alone[record.label] = Weighing(OK, single.log_evidence[model], summary, units)
+            alone[record.label] = WeighingContent(OK, single.log_evidence[model], summary, units)
         same = weigh_specimen(runs, specimen.priors, spread=0.0, seed=specimen.seed)
         no_spread = same.log_evidence[model] - weighed.log_evidence[model]
     content = JointContent(

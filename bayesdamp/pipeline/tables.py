@@ -38,7 +38,7 @@ from bayesdamp.store.contents import (
     PosteriorContent,
     SampledPosterior,
     Summary,
-    Weighing,
+    WeighingContent,
 )
 from bayesdamp.types import OK, Evidence, candidate_name, candidate_parts
 from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
@@ -305,7 +305,7 @@ def _specimens(study: Study, store: Store) -> Iterator[Row]:
             yield from _weighed_rows({**common, "probability": row.probability}, row)
 
 
-def _weighed_rows(head: Row, row: Weighing) -> Iterator[Row]:
+def _weighed_rows(head: Row, row: WeighingContent) -> Iterator[Row]:
     common = {**head, "outcome": row.outcome}
     if row.log_evidence is not None:
         common["log_evidence"] = row.log_evidence

@@ -17,7 +17,7 @@ KEPT = 8
 _SIGNALS: dict[tuple[str, str], Signal] = {}
 
 
-class Record:
+class StudyRecord:
     """A record, what is known of its system, and any candidate on it."""
 
     def __init__(self, study: Study, spec: SignalSpec, cell: CellResult) -> None:

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from bayesdamp.plugins import extended
 from bayesdamp.report.markup import TEMPLATES, fill
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import SECTIONS
 from bayesdamp.store import write_bytes
 from bayesdamp.store.contents import OtherVersionError
@@ -42,7 +42,7 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     InputError
         If the folder does not contain a run, or contains one of a version that stored other data.
     """
-    run = Run(folder)
+    run = RunFolder(folder)
     if run.info.get("kind") == "envelopes":
         what = "compares envelopes as an earlier version of bayesdamp did; compare the records again"
         raise InputError(what, str(folder))
@@ -67,7 +67,7 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     return path
 
 
-def page_of(run: Run, pool: Executor | None = None) -> tuple[str, set[str]]:
+def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]]:
     """Return the page of a run, and the names of its figures."""
     sections = [section for name in SECTIONS.names() if (section := SECTIONS.get(name)).applies(run)]
     sections.sort(key=lambda section: section.place(run))
@@ -75,7 +75,7 @@ def page_of(run: Run, pool: Executor | None = None) -> tuple[str, set[str]]:
     if pool is None or extended():  # a user's own section exists in this process only
         bodies = [_section(run, name) for name in names]
     else:
-        resolved = Run(run.folder.resolve())
+        resolved = RunFolder(run.folder.resolve())
         bodies = [job.result() for job in [pool.submit(_section, resolved, name) for name in names]]
     css, script = (
         Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("style.css", "page.js")
@@ -94,7 +94,7 @@ def page_of(run: Run, pool: Executor | None = None) -> tuple[str, set[str]]:
     return page, {name for _, figures in bodies for name in figures}
 
 
-def _section(run: Run, name: str) -> tuple[str, tuple[str, ...]]:
+def _section(run: RunFolder, name: str) -> tuple[str, tuple[str, ...]]:
     """Return a section's HTML, and the names of the figures that it wrote."""
     before = len(run.drawings.names)
     body = SECTIONS.get(name).render(run)

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from bayesdamp.report.results.answers import answers, overview_table, specimens
 from bayesdamp.report.results.checks import sampled_words
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.types import OK
 from bayesdamp.units import unit_named
 from bayesdamp.verdict.agreement import agreement
@@ -35,7 +35,7 @@ class Lasting(Console):
         os.close(nowhere)
 
 
-class Told:
+class VerdictPrinter:
     """Print each record's verdict when it arrives, and later whether MCMC sampling confirms it.
 
     Parameters
@@ -88,7 +88,7 @@ def print_verdict(verdict: Verdict, console: Console) -> None:
 
 def conclude(folder: Path, console: Console) -> None:
     """Print the specimens' verdicts, a table of the records, warnings, and the path of the report."""
-    run = Run(folder)
+    run = RunFolder(folder)
     available = answers(run)
     for verdict in specimens(run):
         console.print()
@@ -110,7 +110,7 @@ def conclude(folder: Path, console: Console) -> None:
 
 def beware(folder: Path, console: Console) -> None:
     """Print the warnings about the records of a run."""
-    run = Run(folder)
+    run = RunFolder(folder)
     for signal in run.signals:
         whose = f"{signal}: " if len(run.signals) > 1 else ""
         for warning in run.provenance(signal).warnings:

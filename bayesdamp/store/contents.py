@@ -134,7 +134,7 @@ class RefusedSeed:
 
 
 @dataclass(frozen=True)
-class Maximum:
+class MaximumContent:
     """A maximum of the posterior: its height (nats), its share of the posterior, its parameters."""
 
     log_posterior: float
@@ -159,7 +159,7 @@ class ModeContent(Content):
     log_posterior: float = NAN
     error_budget: Mapping[str, float] = field(default_factory=dict)
     climbs: tuple[Climb, ...] = ()
-    modes: tuple[Maximum, ...] = ()
+    modes: tuple[MaximumContent, ...] = ()
     touching_zero: tuple[str, ...] = ()
     refused: tuple[RefusedSeed, ...] = ()
     windows: tuple[PartialFit, ...] = ()
@@ -392,7 +392,7 @@ Summary = Mapping[str, float]
 
 
 @dataclass(frozen=True)
-class Weighing:
+class WeighingContent:
     """A candidate's log evidence with the summaries of its damping parameters, and their units.
 
     log_evidence: nats, relative to the best evidence that each record has by itself; None where it was not weighed, for
@@ -406,7 +406,7 @@ class Weighing:
 
 
 @dataclass(frozen=True)
-class JointCandidate(Weighing):
+class JointCandidate(WeighingContent):
     """A candidate on all records of a specimen, with its posterior probability."""
 
     probability: float = 0.0
@@ -449,7 +449,7 @@ class JointContent(Content):
     candidates: Mapping[str, JointCandidate]
     spread: Summary
     no_spread: float
-    alone: Mapping[str, Weighing]
+    alone: Mapping[str, WeighingContent]
     others: Mapping[str, float] = field(default_factory=dict)
     deviation: str = "none"
 

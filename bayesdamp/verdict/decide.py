@@ -24,7 +24,7 @@ from bayesdamp.verdict.parts import (
     OverLaw,
     Rival,
     Share,
-    Window,
+    UsedWindow,
 )
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import frequency_off, remarks, sentence
@@ -38,7 +38,7 @@ def decide(
     quantity: str = "angle",
     measured: bool = True,
     approximate: bool = True,
-    window: Window | None = None,
+    window: UsedWindow | None = None,
     notes: Sequence[str] = (),
     averages: Averages | None = None,
     law_free: LawFreeAt | None = None,

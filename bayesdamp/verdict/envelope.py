@@ -15,9 +15,16 @@ from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
 from bayesdamp.inference.deviation.numbers.draws import quantity
 from bayesdamp.inference.deviation.specimen import WeighedSpecimen
-from bayesdamp.inference.envelope.candidates import KNOTS, Candidate
+from bayesdamp.inference.envelope.candidates import KNOTS, EnvelopeCandidate
 from bayesdamp.inference.envelope.decay import Curve, Decay
-from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR, Draws, RateLikelihood, draw, likelihood_of
+from bayesdamp.inference.envelope.posterior import (
+    DRIFT,
+    SENSOR,
+    RateDraws,
+    RateLikelihood,
+    draw,
+    likelihood_of,
+)
 from bayesdamp.inference.envelope.ranking import Ranking, by_power, power_law, ranked, untold
 from bayesdamp.inference.envelope.sums import Sum, weighed
 from bayesdamp.odds import odds
@@ -32,11 +39,11 @@ from bayesdamp.verdict.parts import (
     AtAmplitude,
     Coefficient,
     DampingRatio,
-    Estimate,
     Grade,
     Interval,
+    Measured,
     Share,
-    Window,
+    UsedWindow,
 )
 from bayesdamp.verdict.specimen import pooled, probabilities, spread_of, spread_remark, together
 from bayesdamp.verdict.types import Verdict
@@ -81,7 +88,9 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     # Relative error of every rate that the record cannot show.
     sensor = float(np.hypot(SENSOR, DRIFT / (0.5 * decay.fall))) if decay.record.logarithmic else SENSOR
 
-    def draw_twice(candidates: Sequence[Candidate], terms: Sequence[str]) -> tuple[Draws, Draws]:
+    def draw_twice(
+        candidates: Sequence[EnvelopeCandidate], terms: Sequence[str]
+    ) -> tuple[RateDraws, RateDraws]:
         """Return draws with the law's deviation and the sensor's error, and without both."""
         whole = draw(b, candidates, terms, amplitudes, rng, sensor)
         return whole, draw(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True)
@@ -145,13 +154,13 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     return EnvelopeAnswer(verdict, decay.curve(*ranking.fitted.curve(decay.blocks)), likelihoods)
 
 
-def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Estimate:
+def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Measured:
     """Return the estimate from draws (n,), and from `plain` ones (m,) that vary by the readings' noise alone."""
     q = quantity(draws, min(float(np.std(plain)), float(np.std(draws))))
-    return Estimate(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
+    return Measured(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
 
 
-def _window(decay: Decay) -> Window:
+def _window(decay: Decay) -> UsedWindow:
     record, window, first = decay.record, decay.window, decay.first
     why = list(window.why)
     if first > window.start:
@@ -161,10 +170,12 @@ def _window(decay: Decay) -> Window:
     floor = 10.0 * np.log10(window.floor.power) if window.floor is not None else float("nan")
     start, stop = float(record.t[first]), float(record.t[window.stop - 1])
     cycles = (record.frequency or float("nan")) * (stop - start)
-    return Window(start, stop, cycles, "; ".join(filter(None, why)), float(floor))
+    return UsedWindow(start, stop, cycles, "; ".join(filter(None, why)), float(floor))
 
 
-def _coefficients_of(decay: Decay, ranking: Ranking, draws: Draws, plain: Draws) -> tuple[Coefficient, ...]:
+def _coefficients_of(
+    decay: Decay, ranking: Ranking, draws: RateDraws, plain: RateDraws
+) -> tuple[Coefficient, ...]:
     """Return the coefficients of the most probable sum's terms, over all sums that have them.
 
     They are relative to the amplitude at the start where the record has no scale.
@@ -189,7 +200,7 @@ def _coefficients_of(decay: Decay, ranking: Ranking, draws: Draws, plain: Draws)
 def _registered(
     name: str,
     ranking: Ranking,
-    draws: tuple[Draws, Draws],
+    draws: tuple[RateDraws, RateDraws],
     amplitude: float,
     omega: float | None,
     unit: str,
@@ -396,7 +407,7 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
         [p.mean - 1.96 * p.sd, p.mean + 1.96 * p.sd, p.low, p.high]
     ).tolist()
     between = value * float((p.sd**2 - alone**2) ** 0.5)
-    common = Estimate(value, value * alone, between, low, high, unit)
+    common = Measured(value, value * alone, between, low, high, unit)
     damping = probabilities(joint)[0] if joint else {"": float("nan")}
     verdict = replace(
         together(name, own, {n: min(share, thresholds.CAP) for n, share in damping.items()}, {}),

@@ -50,7 +50,7 @@ class OverLaw(IntervalAt):
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Measured:
     """A number with its total 95 % interval and unit.
 
     sd_noise, sd_law: the parts of its standard deviation from the noise and from deviations of the law.
@@ -68,7 +68,7 @@ class Estimate:
 class AtAmplitude:
     """A number at an amplitude of the record, with its total 95 % interval.
 
-    unit: of the amplitude; sd_noise, sd_law: as in `Estimate`.
+    unit: of the amplitude; sd_noise, sd_law: as in `Measured`.
     """
 
     amplitude: float
@@ -137,7 +137,7 @@ class Bound:
 
 
 @dataclass(frozen=True)
-class Window:
+class UsedWindow:
     """The part of the record that was used, in s of the file's own times, and why.
 
     cycles: NaN where the frequency is not known. floor_db: for an envelope, the mean level of the noise floor behind it
@@ -164,7 +164,7 @@ class Averages:
 
 
 @dataclass(frozen=True)
-class Mode:
+class Oscillation:
     """A damped sinusoid: one of the oscillations of a record that is not a free decay of one oscillator.
 
     frequency: in Hz; damping_ratio: with its 95 % interval low to high, below 0 where it grows; first, last: amplitude
@@ -180,7 +180,7 @@ class Mode:
     unit: str
 
 
-class Motion(StrEnum):
+class MotionKind(StrEnum):
     """What a record is that is not a free decay of one oscillator."""
 
     GROWING = "growing"

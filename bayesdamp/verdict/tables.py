@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from bayesdamp import formatting as fmt
 from bayesdamp.table import Table
-from bayesdamp.verdict.parts import AtAmplitude, DampingRatio, Estimate, Interval, Mode, Motion
+from bayesdamp.verdict.parts import AtAmplitude, DampingRatio, Interval, Measured, MotionKind, Oscillation
 
 
 def quality_of(r: DampingRatio) -> str:
@@ -42,15 +42,15 @@ def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) 
     return Table.of(range(len(rates)), columns)
 
 
-def number(value: Estimate | Interval | AtAmplitude | None) -> str:
+def number(value: Measured | Interval | AtAmplitude | None) -> str:
     """Return a number with its 95 % interval, in powers of ten where it is large."""
     return fmt.NONE if value is None else fmt.by_ten(fmt.with_interval(value.value, value.low, value.high))
 
 
-def modes_table(modes: Iterable[Mode], motion: Motion | None) -> Table:
+def modes_table(modes: Iterable[Oscillation], motion: MotionKind | None) -> Table:
     """Return the oscillations of a record that is not the free decay of one oscillator."""
-    first, last = ("least", "largest") if motion is Motion.EXCITED else ("first", "last")
-    columns: dict[str, Callable[[Mode], str]] = {
+    first, last = ("least", "largest") if motion is MotionKind.EXCITED else ("first", "last")
+    columns: dict[str, Callable[[Oscillation], str]] = {
         "frequency": lambda m: f"{m.frequency:.5g} Hz",
         "damping ratio (95 %)": lambda m: fmt.with_interval(m.damping_ratio, m.low, m.high, " %", 100),
         f"{first} amplitude": lambda m: f"{m.first:.3g} {m.unit}",

@@ -9,7 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from bayesdamp.calls import Told
+from bayesdamp.calls import CheckedMethods
 from bayesdamp.serial import join, split
 from bayesdamp.store.files import save_bytes
 from bayesdamp.types import VERDICT_SCHEMA, InputError
@@ -20,16 +20,16 @@ from bayesdamp.verdict.parts import (
     Bound,
     Coefficient,
     DampingRatio,
-    Estimate,
     FrequencyAt,
     Grade,
     Interval,
-    Mode,
-    Motion,
+    Measured,
+    MotionKind,
+    Oscillation,
     OverLaw,
     Rival,
     Share,
-    Window,
+    UsedWindow,
 )
 from bayesdamp.verdict.tables import ratios_table
 
@@ -49,7 +49,7 @@ _INTERVALS = (
 
 
 @dataclass(frozen=True, repr=False)
-class Verdict(Told):
+class Verdict(CheckedMethods):
     """The answer on one record, or on several of one specimen; it prints as its sentence.
 
     The file `verdict.json` holds a list of these. A number that is not known is NaN, or None.
@@ -146,14 +146,14 @@ class Verdict(Told):
     law_free: bool = False
     contradicted: bool = False
     coefficients: tuple[Coefficient, ...] = ()
-    motion: Motion | None = None
-    modes: tuple[Mode, ...] = ()
+    motion: MotionKind | None = None
+    modes: tuple[Oscillation, ...] = ()
     over_law: OverLaw | None = None
-    window: Window | None = None
+    window: UsedWindow | None = None
     averages: Averages | None = None
     quantity: str = "angle"
-    rate: Estimate | None = None
-    quality_factor: Estimate | None = None
+    rate: Measured | None = None
+    quality_factor: Measured | None = None
     decay_rate: tuple[AtAmplitude, ...] = ()
     quality_factor_at: tuple[AtAmplitude, ...] = ()
     probability_exact: float = NAN
@@ -191,10 +191,10 @@ class Verdict(Told):
         )
         row["remarks"] = " ".join(self.remarks)
 
-        def add(name: str, value: Interval | FrequencyAt | Estimate | DampingRatio | None) -> None:
+        def add(name: str, value: Interval | FrequencyAt | Measured | DampingRatio | None) -> None:
             if value is not None:
                 row.update({name: value.value, f"{name}_low": value.low, f"{name}_high": value.high})
-            if isinstance(value, Estimate | DampingRatio):
+            if isinstance(value, Measured | DampingRatio):
                 row.update({f"{name}_sd_noise": value.sd_noise, f"{name}_sd_law": value.sd_law})
 
         for name in _INTERVALS:

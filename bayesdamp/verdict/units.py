@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from bayesdamp.units import Unit
-from bayesdamp.verdict.parts import AtAmplitude, IntervalAt, Mode
+from bayesdamp.verdict.parts import AtAmplitude, IntervalAt, Oscillation
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence
 
@@ -30,7 +30,7 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
     def convert(value: object) -> object:
         if isinstance(value, tuple):
             return tuple(map(convert, value))
-        if isinstance(value, Mode):
+        if isinstance(value, Oscillation):
             return replace(value, first=value.first * own.scale, last=value.last * own.scale, unit=own.name)
         if isinstance(value, AtAmplitude | IntervalAt):
             return replace(value, amplitude=value.amplitude * own.scale, unit=own.name)

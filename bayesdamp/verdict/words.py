@@ -13,8 +13,8 @@ from bayesdamp.verdict.parts import (
     FrequencyAt,
     Grade,
     Interval,
-    Mode,
-    Motion,
+    MotionKind,
+    Oscillation,
     Share,
 )
 from bayesdamp.verdict.types import Verdict
@@ -45,7 +45,7 @@ def sentence(v: Verdict) -> str:
 def _answer(v: Verdict) -> str:
     if v.motion is not None:
         text = seen_instead(v, v.motion)
-        steady = v.motion is Motion.STEADY
+        steady = v.motion is MotionKind.STEADY
         return f"{_capitalise(text)}." if steady else f"Not the free decay of one oscillator: {text}."
     if v.unexplained_pct > 100 * thresholds.UNDESCRIBED:
         return (
@@ -149,10 +149,10 @@ def extrapolated(natural: Interval, at: FrequencyAt) -> bool:
     return off > thresholds.EXTRAPOLATED * natural.value
 
 
-def seen_instead(v: Verdict, motion: Motion) -> str:
+def seen_instead(v: Verdict, motion: MotionKind) -> str:
     """Return what the record is instead of the free decay of one oscillator, and how large that is."""
     first = v.modes[0]
-    if motion is Motion.STEADY:
+    if motion is MotionKind.STEADY:
         # The largest loss that it may have, should nothing drive it.
         limit = max(first.damping_ratio, 0.0) + 0.5 * (first.high - first.low)
         cycles = f" over {v.window.cycles:.0f} cycles" if v.window else ""
@@ -161,34 +161,34 @@ def seen_instead(v: Verdict, motion: Motion) -> str:
             f"{first.first:.3g} {first.unit}{cycles}. Either something drives it, or its damping ratio is "
             f"below {100 * limit:.2g} % (95 %), Q above {float(f'{0.5 / limit:.2g}'):,.0f}"
         )
-    if motion is Motion.EXCITED:
+    if motion is MotionKind.EXCITED:
         return (
             f"at {first.frequency:.3g} Hz its amplitude rises and falls repeatedly between {first.first:.2g} and "
             f"{first.last:.2g} {first.unit}, as under random forces. To measure the damping, record a decay in which "
             "nothing excites it, or use a method for ambient vibration"
         )
-    if motion is Motion.GROWING:
+    if motion is MotionKind.GROWING:
         return (
             f"its oscillation at {_mode(first)} grows from {first.first:.2g} to {first.last:.2g} {first.unit}"
         )
     second = v.modes[1]
-    if motion is Motion.DRIVEN:
+    if motion is MotionKind.DRIVEN:
         driven, decaying = sorted((first, second), key=lambda m: abs(m.damping_ratio))
         return (
             f"something drives it at {_frequency_of(driven)} Hz with an amplitude of {driven.last:.2g} {driven.unit}, "
             f"in addition to a decay at {_mode(decaying)}"
         )
-    what = "two oscillations beat" if motion is Motion.BEATS else "it contains two modes"
+    what = "two oscillations beat" if motion is MotionKind.BEATS else "it contains two modes"
     share = f"{100 * max(second.first, second.last) / max(first.first, first.last):.2g} %"
     return f"{what}, at {_mode(first)} and at {_mode(second)}, the second with {share} of the amplitude of the first"
 
 
-def _mode(m: Mode) -> str:
+def _mode(m: Oscillation) -> str:
     ratio = with_interval(m.damping_ratio, m.low, m.high, " %", 100).replace(" (", ", ").rstrip(")")
     return f"{_frequency_of(m)} Hz (damping ratio {ratio})"
 
 
-def _frequency_of(m: Mode) -> str:
+def _frequency_of(m: Oscillation) -> str:
     """Return a mode's frequency; its uncertainty in Hz is about that of the damping ratio times the frequency."""
     return digits(m.frequency, max((m.high - m.low) * m.frequency, 1e-4 * m.frequency))
 

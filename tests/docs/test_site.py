@@ -24,12 +24,12 @@ from bayesdamp.verdict.parts import (
     Bound,
     Coefficient,
     DampingRatio,
-    Estimate,
     Grade,
-    Mode,
+    Measured,
+    Oscillation,
     Rival,
     Share,
-    Window,
+    UsedWindow,
 )
 from bayesdamp.verdict.types import Verdict
 
@@ -103,7 +103,7 @@ def test_every_field_of_a_verdict_is_described() -> None:
     assert written["schema"] == 1
     assert set(written) <= described
     assert not {"record", "new_field"} <= described, "the negative control"
-    inner = (AtAmplitude, DampingRatio, Estimate, Coefficient, Rival, Share, Bound, Window, Mode)
+    inner = (AtAmplitude, DampingRatio, Measured, Coefficient, Rival, Share, Bound, UsedWindow, Oscillation)
     assert {f.name for kind in inner for f in fields(kind)} <= described
 
 

@@ -15,7 +15,7 @@ from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.amplitude.laws import ClosedForm
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
-from bayesdamp.records.envelope.window import Window, bounded
+from bayesdamp.records.envelope.window import EnvelopeWindow, bounded
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.envelope import specimen
@@ -31,7 +31,7 @@ def ringdown(rates, seed, **more):
     return made_record("x", result.t, result.level, "dBm", 1e6), result
 
 
-def verdict(record: EnvelopeRecord, window: Window | None = None) -> Verdict:
+def verdict(record: EnvelopeRecord, window: EnvelopeWindow | None = None) -> Verdict:
     return analyse(record, window).verdict
 
 

@@ -15,7 +15,7 @@ from bayesdamp.interface.answer import answer
 from bayesdamp.store import Store
 from bayesdamp.store.contents import RecordContent
 from bayesdamp.types import Signal
-from bayesdamp.verdict.parts import Grade, Motion
+from bayesdamp.verdict.parts import Grade, MotionKind
 from bayesdamp.verdict.types import Verdict
 from tests.records.oscillation.test_modes import OMEGA, shaken, sum_of
 
@@ -24,7 +24,7 @@ def test_beats_are_said_with_their_sizes_and_kept_in_json() -> None:
     t, y = sum_of((0.3, 1.0, 0.01), (0.1, 1.12, 0.01))
     verdict = answer(Signal(t, y)).verdict
     assert verdict.grade is Grade.NO_FREE_DECAY
-    assert verdict.motion is Motion.BEATS
+    assert verdict.motion is MotionKind.BEATS
     assert not verdict.decided
     assert verdict.modes[0].low < 0.01 < verdict.modes[0].high  # 95 %, seed fixed
     assert verdict.modes[1].frequency == pytest.approx(1.12 * OMEGA / (2 * np.pi), rel=1e-3)
@@ -51,7 +51,7 @@ def test_a_small_second_mode_is_a_remark_and_no_more() -> None:
 def test_compare_tells_it_in_python(tmp_path: Path) -> None:
     t, y = sum_of((0.02, 1.0, -0.012))
     found = bd.compare(Signal(t, y))
-    assert found.verdict.motion is Motion.GROWING
+    assert found.verdict.motion is MotionKind.GROWING
     assert found.table.empty
     assert "grows" in str(found.verdict)
     with pytest.raises(bd.InputError, match="nothing to draw"):
@@ -63,7 +63,7 @@ def test_where_no_decay_is_seen_the_loss_is_bounded() -> None:
     """The limit is that of the rate, whose standard error in white noise is sqrt(24) sd / (A T^1.5 rate^.5)."""
     t, y = sum_of((0.3, 1.0, 0.0))
     verdict = answer(Signal(t, y)).verdict
-    assert verdict.motion is Motion.STEADY
+    assert verdict.motion is MotionKind.STEADY
     assert verdict.damping_ratio == ()
     one = verdict.modes[0]
     expected = 24**0.5 * 0.003 / (0.3 * 40**1.5 * 50**0.5) / OMEGA
@@ -75,7 +75,7 @@ def test_where_no_decay_is_seen_the_loss_is_bounded() -> None:
 def test_ambient_vibration_is_told_from_a_decay() -> None:
     t, y = shaken(0.01, 200, 8)
     verdict = answer(Signal(t, y)).verdict
-    assert verdict.motion is Motion.EXCITED
+    assert verdict.motion is MotionKind.EXCITED
     assert verdict.sentence.startswith("Not the free decay of one oscillator: at 1")
     again = Verdict.from_dict(verdict.to_dict())
     assert repr(again) == repr(verdict)
@@ -87,7 +87,7 @@ def test_a_second_mode_near_a_harmonic_is_named(multiple: float, share: float) -
     """It decays like a nonlinear oscillator's harmonic, and bends every law that is fitted to the record."""
     t, y = sum_of((0.3, 1.0, 0.015), (0.3 * share, multiple, 0.015), noise=0.0003)
     verdict = answer(Signal(t, y), restoring=["linear", "duffing"], sample=False).verdict
-    assert verdict.motion is Motion.TWO_MODES
+    assert verdict.motion is MotionKind.TWO_MODES
     assert verdict.modes[0].low < 0.015 < verdict.modes[0].high
     assert verdict.modes[1].frequency == pytest.approx(multiple * OMEGA / (2 * np.pi), rel=0.02)
 

@@ -22,7 +22,7 @@ from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of
 from bayesdamp.pipeline.candidates.modes import seeds_of
 from bayesdamp.pipeline.records import compute_signal, signal_key
-from bayesdamp.pipeline.targets import Record
+from bayesdamp.pipeline.targets import StudyRecord
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.records.oscillation.features import features
@@ -33,7 +33,7 @@ FREQUENCY, RATE = 2 * np.pi * 0.3, 0.02
 
 
 @pytest.fixture(scope="module")
-def record(tmp_path_factory) -> Record:
+def record(tmp_path_factory) -> StudyRecord:
     """An accelerometer on a tower: 24 cycles whose noise, differentiated twice over, hides the regression's terms."""
     folder = tmp_path_factory.mktemp("tower")
     t = np.arange(0, 80, 0.05)
@@ -48,7 +48,7 @@ def record(tmp_path_factory) -> Record:
     spec = study.signals[0]
     key = signal_key(study, spec, 0, store)
     perform(store, "signal/tower/0", key, lambda: compute_signal(study, spec, 0))
-    return Record(study, spec, store.read("signal/tower/0"))
+    return StudyRecord(study, spec, store.read("signal/tower/0"))
 
 
 def test_the_record_itself_says_where_to_start(record) -> None:

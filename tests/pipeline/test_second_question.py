@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store import Store, read_table
 
 STUDY = """
@@ -36,7 +36,7 @@ referee = "never"
 """
 
 
-def modes(run: Run) -> set[str]:
+def modes(run: RunFolder) -> set[str]:
     return {cell.name.split("/")[3] for cell in run.cells("mode")}
 
 
@@ -44,12 +44,12 @@ def test_the_first_question_does_not_show(tmp_path):
     out, file = tmp_path / "out", tmp_path / "two.toml"
     file.write_text(STUDY, encoding="utf-8")
     assert run_study(load_study(file), out, workers=1) == 0
-    assert modes(Run(out)) == {"viscous", "quadratic"}
+    assert modes(RunFolder(out)) == {"viscous", "quadratic"}
     first = Store(out).names()
     file.write_text(STUDY.replace('"viscous", "quadratic"', '"viscous"'), encoding="utf-8")
     assert run_study(load_study(file), out, workers=1) == 0
     assert Store(out).names() == first  # they are there still, and do not show
-    assert modes(Run(out)) == {"viscous"}
+    assert modes(RunFolder(out)) == {"viscous"}
     assert not any("quadratic" in n for n in json.loads((out / "run.json").read_text())["seconds"])
     assert {r["model"] for r in read_table(out / "fits.csv")} == {"viscous"}
     # what the first had computed is not computed again
@@ -58,7 +58,7 @@ def test_the_first_question_does_not_show(tmp_path):
     file.write_text(STUDY, encoding="utf-8")
     assert run_study(load_study(file), out, workers=1) == 0
     assert {n: (out / "cells" / f"{n}.npz").stat().st_mtime_ns for n in hidden} == stamps
-    assert modes(Run(out)) == {"viscous", "quadratic"}
+    assert modes(RunFolder(out)) == {"viscous", "quadratic"}
 
 
 def test_a_cell_of_the_same_name_under_another_key_does_not_show(tmp_path):
@@ -67,8 +67,8 @@ def test_a_cell_of_the_same_name_under_another_key_does_not_show(tmp_path):
     file.write_text(STUDY, encoding="utf-8")
     assert run_study(load_study(file), out, workers=1) == 0
     cell = Store(out).read("mode/rig/0/quadratic")
-    assert modes(Run(out)) == {"viscous", "quadratic"}
+    assert modes(RunFolder(out)) == {"viscous", "quadratic"}
     Store(out).write(replace(cell, key="another"))
-    assert modes(Run(out)) == {"viscous"}
+    assert modes(RunFolder(out)) == {"viscous"}
     Store(out).write(cell)
-    assert modes(Run(out)) == {"viscous", "quadratic"}
+    assert modes(RunFolder(out)) == {"viscous", "quadratic"}

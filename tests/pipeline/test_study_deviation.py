@@ -14,7 +14,7 @@ import bayesdamp as bd
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
 from bayesdamp.report.results.checks import Checks
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store import read_table
 from tests.interface.test_chains import by_sum
 from tests.interface.test_deviation import (
@@ -129,7 +129,7 @@ def test_the_page_says_whether_chains_confirm() -> None:
 
 def checked(folder: Path) -> str:
     """The checks of the answer on the page."""
-    return " ".join(check.text for check in Checks(Run(folder), "drift").all())
+    return " ".join(check.text for check in Checks(RunFolder(folder), "drift").all())
 
 
 def test_auto_says_which_likelihood_each_row_has() -> None:

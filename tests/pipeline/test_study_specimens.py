@@ -10,7 +10,7 @@ import pytest
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.specimens import WIDE
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections.specimens import joint_sentence, population_sentence
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import JointContent
@@ -105,7 +105,7 @@ def test_the_report_and_the_terminal_say_it(run):
         "an encoder may have an offset",
     ):
         assert text in page
-    made = Run(run)
+    made = RunFolder(run)
     a, b = (joint_sentence(made, cell) for cell in made.cells("joint"))
     (over,) = map(population_sentence, made.cells("population"))
     assert a.startswith("2 records together, if every law held exactly: the records")

@@ -11,7 +11,7 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections.specimens import joint_sentence
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import JointContent
@@ -110,7 +110,7 @@ def test_two_dampings_are_two() -> None:
 
 def test_the_page_says_under_which_assumption() -> None:
     law, exact = (
-        joint_sentence(run, run.cells("joint")[0]) for run in (Run(ran(d)) for d in ("law", "none"))
+        joint_sentence(run, run.cells("joint")[0]) for run in (RunFolder(ran(d)) for d in ("law", "none"))
     )
     assert "2 records together, with laws that hold approximately and deviations of each record" in law
     assert "2 records together, if every law held exactly" in exact

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.pipeline.targets import KEPT, Record
+from bayesdamp.pipeline.targets import KEPT, StudyRecord
 from bayesdamp.store import CellResult
 
 NONE: Any = None
@@ -19,10 +19,10 @@ def cell(name: str, key: str, height: float) -> CellResult:
 
 
 def test_a_signal_is_one_for_one_cell_and_another_under_another_key() -> None:
-    first = Record(NONE, NONE, cell("a", "one", 1.0)).signal
-    assert Record(NONE, NONE, cell("a", "one", 1.0)).signal is first
-    assert Record(NONE, NONE, cell("a", "two", 2.0)).signal.y[0] == 2.0
-    assert Record(NONE, NONE, cell("b", "one", 3.0)).signal.y[0] == 3.0
+    first = StudyRecord(NONE, NONE, cell("a", "one", 1.0)).signal
+    assert StudyRecord(NONE, NONE, cell("a", "one", 1.0)).signal is first
+    assert StudyRecord(NONE, NONE, cell("a", "two", 2.0)).signal.y[0] == 2.0
+    assert StudyRecord(NONE, NONE, cell("b", "one", 3.0)).signal.y[0] == 3.0
     for i in range(KEPT):
-        assert Record(NONE, NONE, cell("c", str(i), 4.0 + i)).signal.y[0] == 4.0 + i
-    assert Record(NONE, NONE, cell("a", "one", 1.0)).signal is not first
+        assert StudyRecord(NONE, NONE, cell("c", str(i), 4.0 + i)).signal.y[0] == 4.0 + i
+    assert StudyRecord(NONE, NONE, cell("a", "one", 1.0)).signal is not first

@@ -13,7 +13,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline import run_study
 from bayesdamp.plugins import read_modules, use
 from bayesdamp.report.results.reading import coefficients
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store import Store, read_table
 from bayesdamp.types import InputError
 
@@ -105,7 +105,7 @@ def test_tables_have_its_parameter_under_its_own_name_and_unit(run):
     assert all(r["error_pct"] < 100 for r in own if r["restoring"] == "soft_spring")
     # the report, which knows nothing of the plug-in, has it from the run
     assert "cubic_drag" not in TERMS.names()
-    found = Run(run / "out")
+    found = RunFolder(run / "out")
     assert coefficients(found, "cubic_drag@linear") == ["drag3"]
     assert coefficients(found, "viscous+cubic_drag") == ["zeta", "drag3"]
     assert "drag3" in (run / "out" / "report.html").read_text(encoding="utf-8")

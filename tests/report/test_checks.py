@@ -13,7 +13,7 @@ import pytest
 from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.report.results.checks import Checks, sampled
 from bayesdamp.report.results.reading import over_odds, ranking
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.units import UNITS
@@ -57,7 +57,7 @@ def fitted(value: float = 0.05, estimator: str = "envelope") -> dict:
     return {**common, "unit": "1/s", "value": value, "truth": 0.05}
 
 
-def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **given: Any) -> Run:
+def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **given: Any) -> RunFolder:
     """As much of a run as checks read."""
     cells = {kind: cell(kind, v) for kind, v in given.pop("cells", {}).items()}
     cells |= {"answer": cell("answer", answer)} if answer else {}
@@ -79,10 +79,10 @@ def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **
         "simulated": lambda _: bool(truth),
         "provenance": lambda _: SimpleNamespace(warnings=()),
     }
-    return cast(Run, SimpleNamespace(**{**result, **given}))
+    return cast(RunFolder, SimpleNamespace(**{**result, **given}))
 
 
-def checked(run: Run) -> tuple[list[str], list[str]]:
+def checked(run: RunFolder) -> tuple[list[str], list[str]]:
     """The sentences of the checks that pass, and of those that fail."""
     result = Checks(run, "a").all()
     return [c.text for c in result if not c.fails], [c.text for c in result if c.fails]

@@ -16,7 +16,7 @@ from bayesdamp.report.results.estimators import (
     printed_error,
     true_models,
 )
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.results.sweeping import series
 from bayesdamp.store import TABLES, write_json, write_table
 from bayesdamp.store.folders import claim
@@ -68,7 +68,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_errors_are_those_under_the_model_of_the_truth(folder):
-    result = compare_estimators(Run(folder))
+    result = compare_estimators(RunFolder(folder))
     assert result.signals == ["viscous-base", "coulomb-base"]
     assert result.methods == ["topological", "least_squares", "genetic"]
     assert result.errors["genetic", "viscous-base", "initial"] == pytest.approx(4.0)
@@ -77,7 +77,7 @@ def test_errors_are_those_under_the_model_of_the_truth(folder):
     assert result.mean_published("genetic") == 0.0
     assert math.isnan(result.mean_published("topological"))
     assert result.times == {"genetic": "2–5 min"}
-    assert true_models(Run(folder))["coulomb-half"] == "coulomb"
+    assert true_models(RunFolder(folder))["coulomb-half"] == "coulomb"
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_categories_are_the_papers():
 
 
 def test_series_follow_one_factor(folder):
-    result = series(Run(folder))
+    result = series(RunFolder(folder))
     assert [(s.model, s.factor) for s in result] == [("viscous", "noise"), ("coulomb", "noise")]
     assert result[0].values == list(LEVELS)
     assert result[0].errors["genetic", "initial"] == pytest.approx([0.0, 2.0, 4.0, 8.0])
@@ -102,7 +102,7 @@ def test_series_follow_one_factor(folder):
     assert math.isnan(result[0].bounds[0])
     assert result[0].bounds[1:] == pytest.approx([0.1, 0.2, 0.4])
     # Negative control: a signal that differs in its sampling too is in no series.
-    run = Run(folder)
+    run = RunFolder(folder)
     for signal in run.study["signals"][1:3]:
         signal["source"]["samples"] = 71
     assert [(s.model, s.factor) for s in series(run)] == [("coulomb", "noise")]
@@ -140,7 +140,7 @@ def test_a_study_with_published_figures_leads_with_its_two_tables(folder):
 
 
 def test_a_study_without_published_figures_does_not(folder):
-    run = Run(folder)
+    run = RunFolder(folder)
     info = {**run.info, "study": {**run.study, "published": []}}
     write_json(folder / "run.json", info)
     page = render(folder).read_text(encoding="utf-8")

@@ -20,8 +20,8 @@ from bayesdamp.report.figures.curves import contours, exponent, outline
 from bayesdamp.report.figures.posterior import marginals
 from bayesdamp.report.figures.record import motions, thinned
 from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
-from bayesdamp.table import Line, Table
-from bayesdamp.verdict.parts import Mode
+from bayesdamp.table import Table, TableLine
+from bayesdamp.verdict.parts import Oscillation
 
 
 def test_thinning_keeps_the_extremes():
@@ -38,7 +38,10 @@ def test_thinning_keeps_the_extremes():
 def test_what_is_no_free_decay_is_drawn_with_each_oscillation_in_it() -> None:
     """Amplitudes halve and double; an acceleration's are those of the displacement times (2πf)²."""
     t = np.linspace(0.0, 10.0, 2001)
-    modes = [Mode(1.0, 0.01, 0.009, 0.011, 2.0, 1.0, "mm"), Mode(1.5, -0.01, -0.011, -0.009, 0.5, 1.0, "mm")]
+    modes = [
+        Oscillation(1.0, 0.01, 0.009, 0.011, 2.0, 1.0, "mm"),
+        Oscillation(1.5, -0.01, -0.011, -0.009, 0.5, 1.0, "mm"),
+    ]
     y = np.cos(2 * np.pi * t)
     whole, each = motions(t, y, modes, "acceleration", "acceleration / (mm/s²)").axes
     first, second = (np.asarray(line.get_ydata(), float) for line in each.lines)
@@ -78,7 +81,7 @@ def test_no_law_is_drawn_where_none_is_the_answer() -> None:
 
 
 def test_a_table_has_groups_above_its_headers_and_a_foot_below_its_lines() -> None:
-    table = Table(["method", "own", "refined"], [Line(["a", "1", "2"])], groups=[("", 1), ("viscous", 2)],
+    table = Table(["method", "own", "refined"], [TableLine(["a", "1", "2"])], groups=[("", 1), ("viscous", 2)],
                   foot=[("posterior", 1), ("−1 to +1", 2)])  # fmt: skip
     html = table.__html__()
     assert html.index('<th class="g" colspan="2">viscous</th>') < html.index("<th>own</th>")
@@ -86,7 +89,7 @@ def test_a_table_has_groups_above_its_headers_and_a_foot_below_its_lines() -> No
         '<tfoot><tr class="best"><td class="t" colspan="1">posterior</td><td class="g" colspan="2">−1 to'
         in html
     )
-    plain = Table(["method"], [Line(["a"])]).__html__()
+    plain = Table(["method"], [TableLine(["a"])]).__html__()
     assert "colspan" not in plain
     assert "tfoot" not in plain
 

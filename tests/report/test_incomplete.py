@@ -11,7 +11,7 @@ import pytest
 from bayesdamp.report import render
 from bayesdamp.report.results.checks import Checks
 from bayesdamp.report.results.reading import ranking
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.store.folders import claim
 from bayesdamp.types import InputError
@@ -108,7 +108,7 @@ def test_poor_evidence_is_not_to_be_believed(maker):
 
 def test_methods_that_disagree_are_named(maker):
     folder = maker.make()
-    run = Run(folder)
+    run = RunFolder(folder)
     agreed = ranking(run, "sim", 0)
     assert agreed
     assert {next(iter(p)) for p in agreed.shares.values()} == {"viscous"}

@@ -15,7 +15,7 @@ from bayesdamp.report import render
 from bayesdamp.report.figures.curves import overview
 from bayesdamp.report.results.answers import answers, common_amplitude, ratio_of, short_names
 from bayesdamp.report.results.estimators import estimates_of
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections.estimates import inside
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json
@@ -88,7 +88,7 @@ def test_curves_of_all_records_are_on_one_scale(count: int) -> None:
 
 
 def test_two_records_need_no_overview(folder: Path) -> None:
-    info = Run(folder).info
+    info = RunFolder(folder).info
     (folder / "cells" / "answer" / "rig_run_3").rename(folder / "elsewhere")
     write_json(folder / "run.json", {**info, "signals": {n: info["signals"][n] for n in list(SIZES)[:2]}})
     (folder / "verdict.json").unlink()  # no specimen
@@ -124,7 +124,7 @@ def test_names_are_shown_without_what_all_begin_with() -> None:
 
 
 def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Path) -> None:
-    run = Run(whole_run)
+    run = RunFolder(whole_run)
     estimates = estimates_of(run, "sim", "viscous")[0]
     assert estimates.source == "sim"
     assert estimates.truth == 0.05
@@ -138,7 +138,7 @@ def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Pa
 
 
 def test_records_are_compared_at_an_amplitude_that_all_pass(folder: Path) -> None:
-    records = answers(Run(folder))
+    records = answers(RunFolder(folder))
     shared = common_amplitude(records)
     assert shared == pytest.approx(np.degrees(np.sqrt(0.05 * 0.3)))
     rising = replace(records[0], arrays={**records[0].arrays, "ratio": 0.1 * records[0].arrays["amplitude"]})

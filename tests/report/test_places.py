@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bayesdamp.report.results.sweeping import Series, ahead, interval, places
+from bayesdamp.report.results.sweeping import ErrorSeries, ahead, interval, places
 
 RNG = np.random.default_rng(5)
 
@@ -58,5 +58,5 @@ def test_places_are_ranges():
         "worst": {i: 30 * some[i % 5] for i in range(50)},
     }
     each = {(m, "initial"): [own] for m, own in errors.items()}
-    series = Series("viscous", "noise", [1.0], {}, {}, [math.nan], each)
+    series = ErrorSeries("viscous", "noise", [1.0], {}, {}, [math.nan], each)
     assert places(series, "initial", 0) == {"best": (1, 1), "few": (2, 3), "many": (2, 3), "worst": (4, 4)}

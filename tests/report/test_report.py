@@ -15,7 +15,7 @@ from rich.console import Console
 
 from bayesdamp.report import render
 from bayesdamp.report.results.reading import coefficients, models_by_rank, models_kept
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import SECTIONS, Section, is_drawn
 from bayesdamp.report.sections.asked import _sentences
 from bayesdamp.report.terminal import conclude
@@ -113,7 +113,7 @@ def test_contract_of_a_section(name, whole_run, tmp_path, sketchy):
     assert section.title
     claim(tmp_path)
     write_json(tmp_path / "run.json", {})
-    for run in (Run(whole_run), Run(tmp_path)):
+    for run in (RunFolder(whole_run), RunFolder(tmp_path)):
         if section.applies(run):
             Page(section.render(run))
 
@@ -175,7 +175,7 @@ def test_one_model_is_no_comparison(maker_of):
 
 def test_a_user_s_own_term_is_a_damping_coefficient(maker):
     folder = maker.make()
-    run = Run(folder)
+    run = RunFolder(folder)
     run.info["damping"] = {"drag_of_my_own": {"parameter": "mu_own"}}
     run.posteriors.extend(
         {**row, "model": "drag_of_my_own", "parameter": "mu_own"} for row in run.posteriors[:1]
@@ -244,7 +244,7 @@ def test_models_that_were_pruned_are_no_failed_check(maker_of) -> None:
         # What was pruned is a line of its own table, with its reason, and has no fit.
         assert ("1 model pruned by Laplace's evidence, and why" in words) == believed
         assert ("far behind" in words) == believed
-        assert ("coulomb" in models_kept(Run(folder), "sim", 0)) != believed
+        assert ("coulomb" in models_kept(RunFolder(folder), "sim", 0)) != believed
 
 
 def test_sections_drawn_elsewhere_are_the_same_report(maker_of) -> None:
@@ -260,7 +260,7 @@ def test_sections_drawn_elsewhere_are_the_same_report(maker_of) -> None:
 
 def test_the_likeliest_four_of_few_signals_are_drawn_and_the_best_of_many(maker_of) -> None:
     few, many = (
-        Run(maker_of(signals=[f"sim{i}" for i in range(n)], repeats={}, models=("viscous",)).make())
+        RunFolder(maker_of(signals=[f"sim{i}" for i in range(n)], repeats={}, models=("viscous",)).make())
         for n in (4, 5)
     )
     assert [is_drawn(few, place) for place in range(6)] == [True] * 4 + [False] * 2

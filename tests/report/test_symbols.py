@@ -9,7 +9,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_symbol
 from bayesdamp.plugins import read_modules, use
 from bayesdamp.report import words
-from bayesdamp.table import Line, Table
+from bayesdamp.table import Table, TableLine
 
 OWN = """
 from bayesdamp.physics.damping import DampingTerm
@@ -72,7 +72,9 @@ def test_what_is_no_parameter_of_the_oscillator(name):
 
 def test_indices_are_set_and_marks_of_html_stay_text():
     """In every cell of a table; a record's name may be any."""
-    table = Table(["<i>θs"], [Line(["<b>μc"])], caption="<u>F_damp", groups=[("<s>", 1)], foot=[("<q>", 1)])
+    table = Table(
+        ["<i>θs"], [TableLine(["<b>μc"])], caption="<u>F_damp", groups=[("<s>", 1)], foot=[("<q>", 1)]
+    )
     shown = table.__html__()
     for text in ("&lt;i&gt;θ<sub>s</sub>", "&lt;b&gt;μ<sub>c</sub>", "&lt;u&gt;F<sub>damp</sub>"):
         assert text in shown

@@ -40,7 +40,7 @@ from bayesdamp.store.contents import (
     UnderNoise,
     WeighedCandidate,
     WeighedNoise,
-    Weighing,
+    WeighingContent,
     WidthsContent,
 )
 from bayesdamp.types import ChainStart, Estimate, Evidence, Forecast, NestedRatio, PartialFit, Posterior, Seed
@@ -93,7 +93,7 @@ JOINT = JointContent(
     ("a1", "a2"), (("a1", 0), ("a2", 0)), Reference(0.3, 4.5), "viscous",
     {"viscous": JointCandidate("ok", 9.0, {"zeta": SUMMARY}, {"zeta": ""}, 1.0),
      "coulomb": JointCandidate("pruned: far behind")},
-    SUMMARY, math.nan, {"a1": Weighing("ok", 4.5)}, {"power": 0.1},
+    SUMMARY, math.nan, {"a1": WeighingContent("ok", 4.5)}, {"power": 0.1},
 )  # fmt: skip
 OVER = PopulationContent(
     "viscous",

@@ -9,12 +9,20 @@ from dataclasses import replace
 
 import pytest
 
-from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.findings import Findings, Quantity
 from bayesdamp.types import Ratio
 from bayesdamp.verdict import Verdict, thresholds
 from bayesdamp.verdict.decide import decide
-from bayesdamp.verdict.parts import Averages, DampingRatio, FrequencyAt, Grade, Interval, LawFreeAt, Window
+from bayesdamp.verdict.parts import (
+    Averages,
+    DampingRatio,
+    FrequencyAt,
+    Grade,
+    Interval,
+    LawFreeAt,
+    UsedWindow,
+)
 from bayesdamp.verdict.words import digits, given, plus_minus, probability
 
 TINY = 1e-6
@@ -59,7 +67,7 @@ def findings(**changed: object) -> Findings:
         "restoring_deviation": deviation(0, 0.001, 0.003),
         "other": 0.02,
         "coefficients": {"zeta": Quantity(0.045, 0.044, 0.046, 1e-4, 4e-4)},
-        "best": Candidate(("viscous",), "linear"),
+        "best": MotionCandidate(("viscous",), "linear"),
         "unexplained": 0.001,
         "noise": 0.004,
         "amplitudes": (0.31, 0.028),
@@ -249,7 +257,7 @@ def test_averages_that_stand_for_the_motion_are_said_and_how_far_they_are_off() 
 
 def test_a_verdict_survives_json() -> None:
     """What is written reads back as the same plain values; what is not known is null."""
-    why = Window(1.0, 41.0, 30.0, "after the release")
+    why = UsedWindow(1.0, 41.0, 30.0, "after the release")
     found = decided(findings(exponent=Quantity(1.0, 0.9, 1.1)), window=why)
     back = json.loads(found.to_json(), parse_constant=pytest.fail)
     assert back == found.to_dict() == json.loads(json.dumps(found.to_dict()))

@@ -16,8 +16,8 @@ from bayesdamp.verdict.parts import (
     FrequencyAt,
     Grade,
     Interval,
-    Mode,
-    Motion,
+    MotionKind,
+    Oscillation,
     OverLaw,
     Rival,
     Share,
@@ -176,7 +176,7 @@ def test_no_limit_is_said_to_be_nothing() -> None:
 
 
 def test_oscillations_that_are_seen_are_in_the_records_unit() -> None:
-    mode = Mode(1.1, 0.01, 0.009, 0.011, 0.2, 0.1, "rad")
+    mode = Oscillation(1.1, 0.01, 0.009, 0.011, 0.2, 0.1, "rad")
     over, at = OverLaw(0.2, "rad", 2.0, 1.5, 2.5), FrequencyAt(0.2, "rad", 1.1, 1.0, 1.2)
     one = Verdict(
         "a",
@@ -184,7 +184,7 @@ def test_oscillations_that_are_seen_are_in_the_records_unit() -> None:
         False,
         "",
         math.nan,
-        motion=Motion.GROWING,
+        motion=MotionKind.GROWING,
         modes=(mode,),
         over_law=over,
         frequency_at=at,
@@ -210,6 +210,6 @@ def test_oscillations_that_are_seen_are_in_the_records_unit() -> None:
 )
 def test_what_stays_loses_no_more_than_its_rate_allows(ratio, said) -> None:
     """A rate below 0 is 0 and its error."""
-    mode = Mode(1.1, *ratio, 0.2, 0.2, "rad")
-    one = Verdict("a", Grade.NO_FREE_DECAY, False, "", math.nan, motion=Motion.STEADY, modes=(mode,))
+    mode = Oscillation(1.1, *ratio, 0.2, 0.2, "rad")
+    one = Verdict("a", Grade.NO_FREE_DECAY, False, "", math.nan, motion=MotionKind.STEADY, modes=(mode,))
     assert sentence(one).endswith(said)

@@ -9,13 +9,13 @@ from pathlib import Path
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.markup import markdown_table as table
-from bayesdamp.report.results.run import Run
-from bayesdamp.report.results.sweeping import FACTORS, Series, interval, places, series
+from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.results.sweeping import FACTORS, ErrorSeries, interval, places, series
 
 INITIAL, REFINED = "initial", "refined"
 
 
-def page(run: Run) -> str:
+def page(run: RunFolder) -> str:
     """The page, in Markdown, from a run's folder."""
     found = series(run)
     along = next(s for s in found if s.factor == "noise")
@@ -46,7 +46,7 @@ def page(run: Run) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _table(found: Series) -> str:
+def _table(found: ErrorSeries) -> str:
     order = [places(found, INITIAL, i) for i in range(len(found.values))]
     lines = []
     for method in sorted({m for m, s in found.errors if s == INITIAL}):
@@ -65,7 +65,7 @@ def _table(found: Series) -> str:
 
 def main(folder: Path) -> None:
     """Write README.md beside a study's tables."""
-    (folder / "README.md").write_text(page(Run(folder)), encoding="utf-8")
+    (folder / "README.md").write_text(page(RunFolder(folder)), encoding="utf-8")
 
 
 if __name__ == "__main__":

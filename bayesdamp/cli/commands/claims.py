@@ -21,7 +21,7 @@ def claims(
     """Measure each claim of the paper on the eleven estimators, and report whether it holds."""
     from bayesdamp.claims import CLAIMS, judged, written
     from bayesdamp.claims.judge import Runs
-    from bayesdamp.report.results.run import Run
+    from bayesdamp.report.results.run import RunFolder
     from bayesdamp.report.results.sweeping import series
 
     for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
@@ -36,7 +36,7 @@ def claims(
         what = "is not a run of the paper's study (studies/paper.toml)"
         raise InputError(f"--paper {paper}: {what}; give the folder of bayesdamp study paper")
     for folder in noise or ():
-        if not series(Run(folder)):
+        if not series(RunFolder(folder)):
             what = "has no errors along noise, sampling or length (studies/noise*.toml)"
             raise InputError(f"--noise {folder}: {what}; give the folder of bayesdamp study noise")
     page.write(written(judged(CLAIMS, runs), runs))

@@ -11,7 +11,7 @@ import numpy as np
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
 from bayesdamp.inference.deviation.gaussian.linear import LinearModel, condensed, normals
-from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit, fit, nonnegative
+from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit, fit, nonnegative
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.model.target import default_prior
 from bayesdamp.physics.damping import TERMS
@@ -37,7 +37,7 @@ MOST_G, MOST_H = 3.0, 0.4
 
 
 @dataclass(frozen=True)
-class Candidate:
+class MotionCandidate:
     """A damping sum, as its terms, under a restoring law."""
 
     damping: tuple[str, ...]
@@ -69,7 +69,7 @@ class Linearised:
         The part of the residual that no parameter and no deviation explains.
     """
 
-    fit: Fit
+    fit: LeastSquaresFit
     u: np.ndarray
     motion: Motion
     residual: np.ndarray
@@ -113,7 +113,7 @@ class Linearised:
 
 
 def parameters_of(
-    candidate: Candidate,
+    candidate: MotionCandidate,
     solver: Solver,
     data: Data,
     reference: Reference,
@@ -131,7 +131,7 @@ def parameters_of(
     return Parameters(solver.names, inferred, {k: v for k, v in known.items() if k not in inferred})
 
 
-def first_values(candidate: Candidate, data: Data, known: Mapping[str, float]) -> dict[str, float]:
+def first_values(candidate: MotionCandidate, data: Data, known: Mapping[str, float]) -> dict[str, float]:
     """Return where a search starts: the record's frequency, its start, and its decay shared by the terms."""
     law = LAWS.get(candidate.restoring)
     decay = np.log(max(data.amplitude / max(data.final_amplitude, 1e-12), 1.0001))
@@ -144,7 +144,7 @@ def first_values(candidate: Candidate, data: Data, known: Mapping[str, float]) -
     return {**coefficients, **law.start(data.frequency, data.rest, given), **start}
 
 
-def starts_of(candidate: Candidate, parameters: Parameters) -> list[dict[str, float]]:
+def starts_of(candidate: MotionCandidate, parameters: Parameters) -> list[dict[str, float]]:
     """Return values of the terms' own parameters that searches start from: low, middle and high in their priors."""
     names = [p.name for t in candidate.damping for p in TERMS.get(t).inferred if p.name in parameters.priors]
     either = STARTS if len(names) == 1 else STARTS[::2]
@@ -162,9 +162,9 @@ def active_of(parameters: Parameters, solver: Solver) -> np.ndarray:
 
 def search(
     solver: Solver, data: Data, parameters: Parameters, starts: Sequence[Mapping[str, float]], windows: bool
-) -> Fit | None:
+) -> LeastSquaresFit | None:
     """Return the best of the fits from the starts, which give values of parameters by name; the others are 0."""
-    best: Fit | None = None
+    best: LeastSquaresFit | None = None
     active = active_of(parameters, solver)
     for start in starts:
         z = parameters.scores({**dict.fromkeys(parameters.free_names, 0.0), **start})
@@ -175,12 +175,14 @@ def search(
     return best
 
 
-def refit(solver: Solver, data: Data, at: Fit) -> Fit | None:
+def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | None:
     """Search again from a fit, on other data or with another solver; None where the motion escapes."""
     return fit(solver, at.parameters, at.active, data.y, at.z, noise=data.noise, windows=False)
 
 
-def tangents_at(solver: Solver, at: Fit, u: np.ndarray, tolerance: float | None = None) -> np.ndarray | None:
+def tangents_at(
+    solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
+) -> np.ndarray | None:
     """Return the tangents of a candidate's motion by u = (scores, log g, h), (n, K); None where it escapes."""
     d, n = at.z.size, solver.knots.size
     z, g, h = np.split(u, [d, d + n])
@@ -193,13 +195,15 @@ def tangents_at(solver: Solver, at: Fit, u: np.ndarray, tolerance: float | None 
     return columns
 
 
-def exact(fit: Fit) -> LinearModel:
+def exact(fit: LeastSquaresFit) -> LinearModel:
     """Return the linear model of a candidate's fit under exact laws."""
     target = fit.residual + fit.tangents @ fit.z
     return condensed(fit.tangents, target, *fit.parameters.masks)
 
 
-def linearise(solver: Solver, data: Data, at: Fit, u: np.ndarray | None = None) -> Linearised | None:
+def linearise(
+    solver: Solver, data: Data, at: LeastSquaresFit, u: np.ndarray | None = None
+) -> Linearised | None:
     """Return a candidate's linear model about u = (scores, g, h), by default its fit without deviations.
 
     None where the deviations are too large, or the motion escapes.
@@ -223,7 +227,7 @@ def linearise(solver: Solver, data: Data, at: Fit, u: np.ndarray | None = None) 
 def relinearise(
     solver: Solver,
     data: Data,
-    fit: Fit,
+    fit: LeastSquaresFit,
     variance: float | None,
     start: Linearised | None = None,
     near: bool = False,

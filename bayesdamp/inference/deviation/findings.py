@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
 from bayesdamp.inference.deviation.numbers.bounds import bounds_of_others
 from bayesdamp.inference.deviation.numbers.curves import (
@@ -40,7 +40,7 @@ from bayesdamp.inference.deviation.numbers.draws import (
 )
 from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
 from bayesdamp.inference.deviation.numbers.rivals import LEAST_EXPONENT, MOST_EXPONENT
-from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.types import Ratio, summed
@@ -136,7 +136,7 @@ class Findings:
     restoring_deviation: Quantity
     other: float
     coefficients: Mapping[str, Quantity]
-    best: Candidate
+    best: MotionCandidate
     unexplained: float
     noise: float
     amplitudes: tuple[float, float]
@@ -249,7 +249,7 @@ def findings(
     )
 
 
-def _summed(each: Mapping[Candidate, float], part: int = 0) -> dict[str, float]:
+def _summed(each: Mapping[MotionCandidate, float], part: int = 0) -> dict[str, float]:
     """Return probabilities by damping sum, or with `part` 1 by law, the largest first."""
     return summed({c.name: p for c, p in each.items()}, part)
 
@@ -288,7 +288,7 @@ def _thinned(draws: np.ndarray) -> np.ndarray:
     return draws[:: max(1, len(draws) // FEW)]
 
 
-def _rest_of_draw(result: Result, law: np.ndarray) -> float:
+def _rest_of_draw(result: CandidateResult, law: np.ndarray) -> float:
     """Return the equilibrium of one draw of a restoring law's parameters.
 
     A record of velocity or acceleration does not determine it: each draw has its own, and the frequency about that.
@@ -300,7 +300,7 @@ def _rest_of_draw(result: Result, law: np.ndarray) -> float:
 
 
 def _bounds(
-    weighing: Weighing, best: Candidate, approximate: bool, rng: np.random.Generator
+    weighing: Weighing, best: MotionCandidate, approximate: bool, rng: np.random.Generator
 ) -> dict[str, float]:
     """Return 95 % upper limits of the share of each term that the likeliest sum lacks, if it were added to that sum."""
     same_law = [r for r in weighing.results if r.candidate.restoring == best.restoring]
@@ -355,7 +355,7 @@ def _inseparable(d: CandidateDraws) -> tuple[tuple[str, str], ...]:
 
 
 def posterior_of(
-    weighing: Weighing, result: Result, sampled: Sampled
+    weighing: Weighing, result: CandidateResult, sampled: Sampled
 ) -> tuple[dict[str, object], np.ndarray]:
     """Summarise the draws of a candidate's motions.
 

@@ -30,7 +30,7 @@ with a corner, which the motion itself need not show (measured: at 1e-6 a bound 
 
 
 @dataclass(frozen=True)
-class Fit:
+class LeastSquaresFit:
     """A candidate's best motion under exact laws.
 
     Attributes
@@ -89,7 +89,7 @@ def fit(
     noise: float,
     windows: bool = True,
     integrated: bool = True,
-) -> Fit | None:
+) -> LeastSquaresFit | None:
     """Find the best motion; None where every way leads to a motion that escapes.
 
     Parameters
@@ -136,7 +136,7 @@ def _search(
     z: np.ndarray,
     noise: float,
     tolerance: float,
-) -> Fit | None:
+) -> LeastSquaresFit | None:
     """Search with motions that are solved to one tolerance; None where one escapes on the way."""
 
     def solve(z: np.ndarray, tangents: int, tolerance: float) -> Motion | None:
@@ -168,7 +168,7 @@ def _search(
             new = nonnegative(root, aim, parameters.positive)
             promised = cost - left - float(np.sum((plain @ new - wanted) ** 2))
             if damping >= MOST_DAMPING or promised < NOTHING * close * cost:
-                return Fit(parameters, active, z, r, jacobian, motion)
+                return LeastSquaresFit(parameters, active, z, r, jacobian, motion)
             new = parameters.retracted(solver.restoring, z, new)
             trial = solve(new, NONE, tolerance)
             residual = y if trial is None else y - trial.y
@@ -179,4 +179,4 @@ def _search(
         damping, steps = max(damping * LESS, LOWEST), steps + 1
         z, motion = new, trial
         if (cost - after) / cost < close or steps == MOST_STEPS:
-            return Fit(parameters, active, z, residual, jacobian, motion)
+            return LeastSquaresFit(parameters, active, z, residual, jacobian, motion)

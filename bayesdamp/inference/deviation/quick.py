@@ -10,12 +10,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.deviation.averaged import Averaging
-from bayesdamp.inference.deviation.candidate import Candidate, refit
+from bayesdamp.inference.deviation.candidate import MotionCandidate, refit
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.numbers.bounds import columns_of
 from bayesdamp.inference.deviation.numbers.rivals import exponents_of, with_rivals
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, MOST_CYCLES, prepared_for
-from bayesdamp.inference.deviation.weighing import START, Known, Result, Weighing, weigh_all
+from bayesdamp.inference.deviation.weighing import START, CandidateResult, Known, Weighing, weigh_all
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.physics.kernel.averaged import AveragedSolver
@@ -63,7 +63,7 @@ def weighing_of(
     sums = list(damping) or all_sums()
     weigh = partial(
         weigh_all,
-        candidates=[Candidate(parse_model(s), law) for law in laws for s in sums],
+        candidates=[MotionCandidate(parse_model(s), law) for law in laws for s in sums],
         known=known,
         priors=priors,
         reference=reference,
@@ -92,7 +92,7 @@ def _corrected(weighing: Weighing, approximate: bool) -> Weighing:
     """Return the weighing with the candidates that count corrected by the ODE at their modes, deviations included."""
     top = weighing.best.log_evidence
 
-    def correct(r: Result) -> Result:
+    def correct(r: CandidateResult) -> CandidateResult:
         if top - r.log_evidence > NEAR:
             return r
         assert isinstance(r.solver, AveragedSolver)

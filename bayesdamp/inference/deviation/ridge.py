@@ -14,7 +14,7 @@ import numpy as np
 
 from bayesdamp.inference.deviation.gaussian.linear import LinearModel, Weighed
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import log_prior_of
 
@@ -131,7 +131,7 @@ class Ridge:
 
 def ridge_of(
     weighing: Weighing,
-    result: Result,
+    result: CandidateResult,
     approximate: bool,
     base: Parameters,
     model: LinearModel,
@@ -203,7 +203,7 @@ class _Search:
     """The mode of the scores at `moved`, where the others and the deviations from the laws are fixed."""
 
     weighing: Weighing
-    result: Result
+    result: CandidateResult
     approximate: bool
     base: Parameters
     variance: float

@@ -19,7 +19,7 @@ from bayesdamp.inference.deviation.gaussian.linear import LinearModel, Weighed, 
 from bayesdamp.inference.deviation.gaussian.tempered import DRAWS, sample_posterior
 from bayesdamp.inference.deviation.parameters import Parameters, Straight, straight_at
 from bayesdamp.inference.deviation.ridge import Ridge, ridge_of
-from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE, TOLERANCE
@@ -124,7 +124,7 @@ class SamplingStart:
         return scores
 
 
-def reference_of(weighing: Weighing, result: Result, approximate: bool) -> SamplingStart:
+def reference_of(weighing: Weighing, result: CandidateResult, approximate: bool) -> SamplingStart:
     """Return the linear model that a candidate's draws start from.
 
     In straight coordinates, about the mode in them, where there are any; else the model by which it was weighed.
@@ -147,7 +147,7 @@ def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Sampl
     return SamplingStart(ridge, model, weigh(model, grid, variance, weighing.samples))
 
 
-def _straightened(weighing: Weighing, result: Result, approximate: bool) -> SamplingStart | None:
+def _straightened(weighing: Weighing, result: CandidateResult, approximate: bool) -> SamplingStart | None:
     """Return the linear model in straight coordinates; None where there are none."""
     data, solver, law = weighing.data, result.solver, result.candidate.restoring
     z = result.z if approximate else result.fit.z
@@ -202,8 +202,8 @@ def with_samples(weighing: Weighing, approximate: bool, seed: int = 0) -> Weighi
 
 
 def sampled_result(
-    weighing: Weighing, result: Result, approximate: bool, seed: int = 0, draws: int = DRAWS
-) -> Result:
+    weighing: Weighing, result: CandidateResult, approximate: bool, seed: int = 0, draws: int = DRAWS
+) -> CandidateResult:
     """Return a candidate's result with its motions sampled; a seed always gives the same draws of a candidate."""
     variance = weighing.variance if approximate else result.exact_variance
     start = reference_of(weighing, result, approximate)

@@ -13,17 +13,17 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.checks.diagnostics import summarise, verdict
 from bayesdamp.inference.checks.forecast import Ahead
-from bayesdamp.inference.deviation.candidate import Candidate, active_of, linearise, tangents_at
+from bayesdamp.inference.deviation.candidate import MotionCandidate, active_of, linearise, tangents_at
 from bayesdamp.inference.deviation.data import Data, prepared
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
-from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit
+from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit
 from bayesdamp.inference.deviation.numbers.curves import ratio_at, ratios_drawn
 from bayesdamp.inference.deviation.numbers.deviations import size_of
 from bayesdamp.inference.deviation.numbers.draws import CandidateDraws, Quantity, noise_sds, quantity
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise
 from bayesdamp.inference.deviation.sampling import DrawMotions, motions_near, sampled_result
-from bayesdamp.inference.deviation.weighing import Result, Weighing, weigh_all
+from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing, weigh_all
 from bayesdamp.inference.fit.mode import LinearPosterior, Mode
 from bayesdamp.inference.model.deviation import Deviation
 from bayesdamp.inference.model.likelihood import Likelihood
@@ -141,7 +141,7 @@ class Single:
     """
 
     weighing: Weighing
-    result: Result
+    result: CandidateResult
     found: Found
 
     @cached_property
@@ -370,8 +370,8 @@ def single(
     Refusal
         Where no motion stays in phase with the record, or none can be followed with deviations.
     """
-    asked = Candidate(tuple(damping), restoring)
-    whole = Candidate((*PAPER_TERMS, *(t for t in damping if t not in PAPER_TERMS)), restoring)
+    asked = MotionCandidate(tuple(damping), restoring)
+    whole = MotionCandidate((*PAPER_TERMS, *(t for t in damping if t not in PAPER_TERMS)), restoring)
     both = dict.fromkeys([whole, asked])
     with threadpool_limits(1, "blas"):
         weighing = weigh_all(data, both, known=known, priors=priors, reference=reference, noises=noises)
@@ -381,7 +381,7 @@ def single(
     return _rebuild(data, result.candidate, found_of(weighing, result))
 
 
-def found_of(weighing: Weighing, result: Result) -> Found:
+def found_of(weighing: Weighing, result: CandidateResult) -> Found:
     """Return the end of the search for one of the weighed candidates.
 
     Raises Refusal where no motion with deviations was found.
@@ -437,10 +437,10 @@ def first_half(single: Single) -> Single:
 def put_together(signal: Signal, restoring: str, end: Found) -> Single:
     """Return the candidate on its record, without a search. Raises Refusal where it was found on another record."""
     damping = tuple(t for t in end.terms if TERMS.get(t).parameter in end.priors)
-    return _rebuild(prepared(signal, end.averaged), Candidate(damping, restoring), end)
+    return _rebuild(prepared(signal, end.averaged), MotionCandidate(damping, restoring), end)
 
 
-def _rebuild(data: Data, candidate: Candidate, end: Found, knots: np.ndarray | None = None) -> Single:
+def _rebuild(data: Data, candidate: MotionCandidate, end: Found, knots: np.ndarray | None = None) -> Single:
     """Return a candidate from the end of its search; knots in s, by default the record's own.
 
     Raises Refusal where it was found on another record.
@@ -459,12 +459,12 @@ def _rebuild(data: Data, candidate: Candidate, end: Found, knots: np.ndarray | N
     if motion is None or moved is None:
         raise Refusal(ESCAPED)
     tangents = parameters.by_scores(moved.tangents, end.z)
-    fit = Fit(parameters, active, end.z, data.y - motion.y, tangents, motion)
+    fit = LeastSquaresFit(parameters, active, end.z, data.y - motion.y, tangents, motion)
     about = linearise(solver, data, fit, end.u)
     if about is None:
         raise Refusal(ESCAPED)
     noise = end.variance, end.inflation
-    result = Result.of(candidate, data, solver, fit, about, end.exact_variance, noise)
+    result = CandidateResult.of(candidate, data, solver, fit, about, end.exact_variance, noise)
     weighing = Weighing(
         data, end.reference, end.epsilon, end.frictions, {candidate.restoring: solver}, (result,),
         end.variance, end.inflation, noise=SampleNoise(end.noise),

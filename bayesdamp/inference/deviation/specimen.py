@@ -12,7 +12,7 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, 
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.gaussian.repeats import Repeats, RunLikelihood, joined
 from bayesdamp.inference.deviation.numbers.curves import orbit_of, works_on
-from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.odds import odds
 from bayesdamp.physics.damping import TERMS
@@ -59,7 +59,7 @@ class DampingRun(RunLikelihood):
 
 
 def damping_run(
-    weighing: Weighing, result: Result, amplitudes: np.ndarray, approximate: bool
+    weighing: Weighing, result: CandidateResult, amplitudes: np.ndarray, approximate: bool
 ) -> DampingRun | None:
     """Return a candidate's likelihood of its damping.
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from bayesdamp.inference.deviation.averaged import Averaging
 from bayesdamp.inference.deviation.candidate import (
-    Candidate,
     Linearised,
+    MotionCandidate,
     exact,
     first_values,
     parameters_of,
@@ -24,7 +24,7 @@ from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
 from bayesdamp.inference.deviation.gaussian.linear import Weighed, weigh
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
-from bayesdamp.inference.deviation.least_squares import Fit
+from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.sample_noise import (
     AUTOMATIC,
     GAUSSIAN,
@@ -57,7 +57,7 @@ REACH = 30.0
 
 
 @dataclass(frozen=True)
-class Result:
+class CandidateResult:
     """One candidate weighed.
 
     Attributes
@@ -79,10 +79,10 @@ class Result:
         Draws of the motions themselves.
     """
 
-    candidate: Candidate
+    candidate: MotionCandidate
     data: Data
     solver: Solver
-    fit: Fit
+    fit: LeastSquaresFit
     exact_weighed: Weighed
     exact_variance: float
     about: Linearised | None = None
@@ -92,10 +92,10 @@ class Result:
     @classmethod
     def of(
         cls,
-        candidate: Candidate,
+        candidate: MotionCandidate,
         data: Data,
         solver: Solver,
-        fit: Fit,
+        fit: LeastSquaresFit,
         about: Linearised | None,
         exact_variance: float,
         noise: tuple[float, float],
@@ -196,11 +196,11 @@ class Weighing:
     epsilon: float
     frictions: tuple[Friction, ...]
     solvers: Mapping[str, Solver]
-    results: tuple[Result, ...]
+    results: tuple[CandidateResult, ...]
     variance: float
     inflation: float
-    refused: Mapping[Candidate, str] = field(default_factory=dict)
-    forms: tuple[Result, ...] = ()
+    refused: Mapping[MotionCandidate, str] = field(default_factory=dict)
+    forms: tuple[CandidateResult, ...] = ()
     exponents: tuple[float, ...] = ()
     noise_known: bool = False
     averaging: Averaging | None = None
@@ -213,11 +213,11 @@ class Weighing:
         return self.data.y.size / self.inflation
 
     @property
-    def best(self) -> Result:
+    def best(self) -> CandidateResult:
         """The likeliest candidate's result."""
         return max(self.results, key=lambda r: r.log_evidence)
 
-    def result(self, candidate: Candidate) -> Result:
+    def result(self, candidate: MotionCandidate) -> CandidateResult:
         """Return a candidate's result."""
         return next(r for r in (*self.results, *self.forms) if r.candidate == candidate)
 
@@ -226,7 +226,9 @@ class Weighing:
         """The damping terms that candidates are made of."""
         return next(iter(self.solvers.values())).terms
 
-    def result_of(self, candidate: Candidate, solver: Solver, fit: Fit, approximate: bool) -> Result:
+    def result_of(
+        self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit, approximate: bool
+    ) -> CandidateResult:
         """Weigh another fit on the same record and under the same noise."""
         noise = self.variance, self.inflation
         return _weigh_fit(candidate, self.data, solver, fit, noise, approximate, self.noise_known)
@@ -234,7 +236,7 @@ class Weighing:
 
 def weigh_all(
     data: Data,
-    candidates: Iterable[Candidate],
+    candidates: Iterable[MotionCandidate],
     *,
     known: Known | None = None,
     priors: Mapping[str, Prior] | None = None,
@@ -311,7 +313,7 @@ def weigh_all(
         if c.restoring not in possible:
             refused.setdefault(c, "its restoring law is out of the question")
 
-    def weigh_one(c: Candidate) -> Result | None:
+    def weigh_one(c: MotionCandidate) -> CandidateResult | None:
         fit, noise = fits.of(c), (variance, kappa)
         if fit is None:
             return None
@@ -319,7 +321,7 @@ def weigh_all(
 
     results = [r for r in at_once(weigh_one, [c for c in asked if c.restoring in possible]) if r is not None]
     # In an order that does not depend on which thread was first.
-    order = dict.fromkeys([*whole, *(Candidate(fits.terms, law) for law in fits.laws), *given])
+    order = dict.fromkeys([*whole, *(MotionCandidate(fits.terms, law) for law in fits.laws), *given])
     return Weighing(
         data, reference, fits.epsilon, tuple(frictions), fits.solvers, tuple(results), variance, kappa,
         {c: refused[c] for c in order if c in refused}, noise_known=noise_sd is not None,
@@ -327,7 +329,7 @@ def weigh_all(
     )  # fmt: skip
 
 
-def _why_unsolved(candidate: Candidate) -> str:
+def _why_unsolved(candidate: MotionCandidate) -> str:
     """Return why a user's own term or law cannot be compiled, "" where the candidate can be solved."""
     if LAWS.ships(candidate.restoring) and all(map(TERMS.ships, candidate.damping)):
         return ""
@@ -348,18 +350,18 @@ class _CandidateFits:
     def __init__(
         self,
         data: Data,
-        candidates: Sequence[Candidate],
+        candidates: Sequence[MotionCandidate],
         reference: Reference,
         priors: Mapping[str, Prior],
         known: Known,
-        refused: dict[Candidate, str],
+        refused: dict[MotionCandidate, str],
     ) -> None:
         self.data, self.reference, self.priors = data, reference, priors
         self.known, self.refused = known, refused
         self.terms = tuple(dict.fromkeys(t for c in candidates for t in c.damping))
         self.plain = tuple(t for t in self.terms if not TERMS.get(t).inferred)
         self.laws = list(dict.fromkeys(c.restoring for c in candidates))
-        self.fits: dict[Candidate, Fit] = {}
+        self.fits: dict[MotionCandidate, LeastSquaresFit] = {}
         self.epsilon = self.known_under(self.laws[0]).get("epsilon", reference.friction_width)
         knots = knots_of(data.end, data.cycles)
         self.solvers = {law: data.solver(self.terms, law, self.epsilon, knots) for law in self.laws}
@@ -382,7 +384,7 @@ class _CandidateFits:
         """Return the reference values of the terms under a law; the equilibrium is that of a viscous fit."""
         data, rest, known = self.data, self.data.rest, self.known_under(law)
         if "rest" in self.solvers[law].further:
-            c, viscous = Candidate(("viscous",), law), replace(self.solvers[law], terms=("viscous",))
+            c, viscous = MotionCandidate(("viscous",), law), replace(self.solvers[law], terms=("viscous",))
             parameters = parameters_of(c, viscous, data, self.reference, self.priors, known)
             fit = search(viscous, data, parameters, [first_values(c, data, known)], windows=True)
             if fit is not None:
@@ -392,23 +394,23 @@ class _CandidateFits:
     def seek_whole(self, law: str) -> None:
         """Fit the sum of all terms, after that of the terms without parameters of their own."""
         if self.plain and self.plain != self.terms:
-            self._seek(Candidate(self.plain, law), None)
-        self._seek(Candidate(self.terms, law), self.fits.get(Candidate(self.plain, law)))
+            self._seek(MotionCandidate(self.plain, law), None)
+        self._seek(MotionCandidate(self.terms, law), self.fits.get(MotionCandidate(self.plain, law)))
 
     @property
-    def whole(self) -> list[Candidate]:
+    def whole(self) -> list[MotionCandidate]:
         """The sum of most terms that is fitted, under each law."""
-        every = [Candidate(self.terms, law) for law in self.laws]
-        return [c if c in self.fits else Candidate(self.plain, c.restoring) for c in every]
+        every = [MotionCandidate(self.terms, law) for law in self.laws]
+        return [c if c in self.fits else MotionCandidate(self.plain, c.restoring) for c in every]
 
-    def of(self, c: Candidate) -> Fit | None:
+    def of(self, c: MotionCandidate) -> LeastSquaresFit | None:
         """Return a candidate's fit."""
         if c not in self.fits:
-            plain = self.fits.get(Candidate(self.plain, c.restoring))
-            self._seek(c, self.fits.get(Candidate(self.terms, c.restoring), plain))
+            plain = self.fits.get(MotionCandidate(self.plain, c.restoring))
+            self._seek(c, self.fits.get(MotionCandidate(self.terms, c.restoring), plain))
         return self.fits.get(c)
 
-    def _seek(self, c: Candidate, near: Fit | None) -> None:
+    def _seek(self, c: MotionCandidate, near: LeastSquaresFit | None) -> None:
         data, solver = self.data, self.solvers[c.restoring]
         known = {**self.scales[c.restoring], **self.known_under(c.restoring)}
         start = first_values(c, data, known)
@@ -502,20 +504,20 @@ class _CandidateFits:
         return [Friction(e, w, tuple(p[:m].tolist()), tuple(p[m:].tolist())) for (e, _, p), w in each]
 
 
-def exact_variance(data: Data, fit: Fit, kappa: float) -> float:
+def exact_variance(data: Data, fit: LeastSquaresFit, kappa: float) -> float:
     """Return the variance of the noise, in the record's unit squared, if a fit under exact laws were right."""
     return data.least_variance + kappa * fit.squares / max(data.y.size - fit.z.size, 1)
 
 
 def _weigh_fit(
-    candidate: Candidate,
+    candidate: MotionCandidate,
     data: Data,
     solver: Solver,
-    fit: Fit,
+    fit: LeastSquaresFit,
     noise: tuple[float, float],
     approximate: bool,
     stated: bool,
-) -> Result:
+) -> CandidateResult:
     """Weigh a candidate's fit.
 
     `noise` is the variance that counts, and the inflation in it; `stated`: it is known and not estimated from the
@@ -523,7 +525,7 @@ def _weigh_fit(
     """
     own = noise[0] if stated else exact_variance(data, fit, noise[1])
     about = relinearise(solver, data, fit, noise[0]) if approximate else None
-    return Result.of(candidate, data, solver, fit, about[0] if about else None, own, noise)
+    return CandidateResult.of(candidate, data, solver, fit, about[0] if about else None, own, noise)
 
 
 def _between(at: np.ndarray, logs: np.ndarray) -> float | None:

@@ -21,7 +21,7 @@ from bayesdamp.inference.deviation.gaussian.linear import (
 from bayesdamp.inference.deviation.gaussian.linear import (
     normals as normals_of,
 )
-from bayesdamp.inference.deviation.least_squares import Fit, fit
+from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.envelope.noise import Noise, whiten
 from bayesdamp.physics.amplitude.laws import AmplitudeSolver, Law, PowerLaw
@@ -106,7 +106,7 @@ class Blocks:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class EnvelopeCandidate:
     """A damping sum on a record, with its posterior over hyperparameters and scales of the prior.
 
     Attributes
@@ -198,7 +198,9 @@ def solver_of(blocks: Blocks, law: Law, white: np.ndarray | None = None) -> Ampl
     return AmplitudeSolver(law, blocks.t, blocks.duration, KNOTS, 1e-4 * blocks.mean_rate, white)
 
 
-def fit_rates(blocks: Blocks, law: Law, white: np.ndarray, begin: np.ndarray | None = None) -> Fit:
+def fit_rates(
+    blocks: Blocks, law: Law, white: np.ndarray, begin: np.ndarray | None = None
+) -> LeastSquaresFit:
     """Fit a sum's rates, which are not negative, and ln A at the start.
 
     Parameters
@@ -228,7 +230,7 @@ def _start_of(blocks: Blocks) -> float:
 
 def _fitted(
     blocks: Blocks, law: Law, white: np.ndarray, priors: Mapping[str, Prior], begin: np.ndarray
-) -> Fit:
+) -> LeastSquaresFit:
     names = (*law.terms, "start")
     parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=START_SD)}, {})
     z = parameters.scores(dict(zip(names, map(float, (*begin, _start_of(blocks))), strict=True)))
@@ -243,11 +245,11 @@ def weigh(
     law: Law,
     noises: Sequence[tuple[Noise, np.ndarray]],
     inverse: np.ndarray,
-    fitted: Candidate | None = None,
+    fitted: EnvelopeCandidate | None = None,
     scores: tuple[float, ...] = (),
     log_share: float = 0.0,
     begin: np.ndarray | None = None,
-) -> Candidate:
+) -> EnvelopeCandidate:
     """Compute a sum's evidence and posterior over the grid of hyperparameters.
 
     Parameters
@@ -263,7 +265,7 @@ def weigh(
     fitted : Candidate, optional
         The same sum with another noise, whose fit is used.
     scores, log_share
-        As in `Candidate`.
+        As in `EnvelopeCandidate`.
     begin : ndarray, optional
         Rates at which the fit starts, without `fitted`.
     """
@@ -271,7 +273,7 @@ def weigh(
     unit = SCORE_RATIO * blocks.omega
     motion, about = _posteriors_about(blocks, law, p, np.full(len(law.terms), unit), True, noises)
     weighed = about.under_priors()
-    return Candidate(law, float(p[-1]), p[:-1], motion.y, about, weighed, unit, scores, log_share)
+    return EnvelopeCandidate(law, float(p[-1]), p[:-1], motion.y, about, weighed, unit, scores, log_share)
 
 
 def weigh_power(

@@ -16,7 +16,7 @@ from bayesdamp.physics.amplitude.laws import EXPONENTS, SUMS, ClosedForm, Law, p
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.records.envelope.decay import ABOVE_FLOOR, LEAST_DROP, NEPER, blocks
 from bayesdamp.records.envelope.record import EnvelopeRecord
-from bayesdamp.records.envelope.window import Window, find_window
+from bayesdamp.records.envelope.window import EnvelopeWindow, find_window
 from bayesdamp.types import Refusal
 
 MOST = 100
@@ -82,7 +82,7 @@ class Decay:
     """
 
     record: EnvelopeRecord
-    window: Window
+    window: EnvelopeWindow
     first: int
     blocks: Blocks
     reference: float
@@ -132,7 +132,7 @@ class Decay:
 
 
 def free_decay(
-    record: EnvelopeRecord, window: Window | None, sums: Sequence[tuple[str, ...]]
+    record: EnvelopeRecord, window: EnvelopeWindow | None, sums: Sequence[tuple[str, ...]]
 ) -> tuple[Decay, tuple[Sum, ...]]:
     """Find the free decay of a record, down to the floor that its noise shows, and the sums on it.
 
@@ -182,7 +182,7 @@ def free_decay(
     return Decay(record, chosen, first, b, reference, noises, inverse), asked
 
 
-def _blocks(record: EnvelopeRecord, window: Window, first: int) -> tuple[Blocks, float]:
+def _blocks(record: EnvelopeRecord, window: EnvelopeWindow, first: int) -> tuple[Blocks, float]:
     """Return the decay in blocks, and ln of its reference amplitude: the middle of the fall in dB.
 
     Raises Refusal where the fall is too small to determine its rate.

@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
-from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, Candidate
+from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, EnvelopeCandidate
 from bayesdamp.physics.amplitude.laws import hats
 
 DRAWS = 4000
@@ -33,7 +33,7 @@ are merged: wide compared with every rate that the record allows, and removed ag
 
 
 @dataclass(frozen=True)
-class Draws:
+class RateDraws:
     """Posterior draws, one row each.
 
     Attributes
@@ -63,13 +63,13 @@ class Draws:
 
 def draw(
     blocks: Blocks,
-    candidates: Sequence[Candidate],
+    candidates: Sequence[EnvelopeCandidate],
     terms: Sequence[str],
     amplitudes: np.ndarray,
     rng: np.random.Generator,
     sensor: float = SENSOR,
     exact: bool = False,
-) -> Draws:
+) -> RateDraws:
     """Draw the quantities in an answer.
 
     Parameters
@@ -102,12 +102,12 @@ def draw(
     ]
     at, whole, energy, rms, rates, candidate = (np.concatenate(column) for column in zip(*parts, strict=True))
     known = {term: column[np.isfinite(column)] for term, column in zip(terms, rates.T, strict=True)}
-    return Draws(at, whole, energy, rms, candidate, known)
+    return RateDraws(at, whole, energy, rms, candidate, known)
 
 
 def _draws(
     blocks: Blocks,
-    c: Candidate,
+    c: EnvelopeCandidate,
     rates: np.ndarray,
     g: np.ndarray,
     names: Sequence[str],
@@ -200,7 +200,9 @@ class RateLikelihood:
         return self.log, self.slope * factor, self.information * factor * factor[:, None]
 
 
-def likelihood_of(candidate: Candidate, blocks: Blocks, reference: float, unit: str) -> RateLikelihood:
+def likelihood_of(
+    candidate: EnvelopeCandidate, blocks: Blocks, reference: float, unit: str
+) -> RateLikelihood:
     """Compute the likelihood of a candidate's rates.
 
     Parameters

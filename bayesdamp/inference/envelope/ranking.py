@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from bayesdamp.inference.deviation.numbers.draws import Quantity
-from bayesdamp.inference.envelope.candidates import Candidate, weigh_power
+from bayesdamp.inference.envelope.candidates import EnvelopeCandidate, weigh_power
 from bayesdamp.inference.envelope.decay import Decay
 from bayesdamp.inference.envelope.sums import Sum, sums_on, weighed
 from bayesdamp.physics.amplitude.laws import POWERS
@@ -43,7 +43,7 @@ class Ranking:
     """
 
     sums: tuple[Sum, ...]
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[EnvelopeCandidate, ...]
     log_evidence: np.ndarray
     log_exact: np.ndarray
 
@@ -64,7 +64,7 @@ class Ranking:
         return self.sums[int(np.argmax(self.log_exact))]
 
     @property
-    def fitted(self) -> Candidate:
+    def fitted(self) -> EnvelopeCandidate:
         """The most probable candidate of the most probable sum."""
         own = (c for c in self.candidates if c.name == self.best.name)
         return max(own, key=lambda c: c.total + c.log_share)
@@ -92,7 +92,7 @@ class Ranking:
         return {term: float(sum(p for s, p in each if term in s.terms)) for term in self.terms}
 
 
-def ranked(sums: Sequence[Sum], candidates: Sequence[Candidate]) -> Ranking:
+def ranked(sums: Sequence[Sum], candidates: Sequence[EnvelopeCandidate]) -> Ranking:
     """Rank sums by all of their candidates."""
 
     def by_sum(logs: Sequence[float]) -> np.ndarray:
@@ -145,7 +145,7 @@ def power_law(decay: Decay, ranking: Ranking) -> PowerFit:
     return PowerFit(mixture_range(log_z, mean, variance, LEAST, MOST), odds)
 
 
-def by_power(decay: Decay) -> list[Candidate]:
+def by_power(decay: Decay) -> list[EnvelopeCandidate]:
     """Weigh one power of the velocity, as a damping term."""
     from bayesdamp.physics.amplitude.loss import Scale
 

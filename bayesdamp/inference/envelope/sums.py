@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import EXACT, MEAN_G
-from bayesdamp.inference.envelope.candidates import Blocks, Candidate, fit_rates, weigh
+from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, fit_rates, weigh
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
 from bayesdamp.odds import FURTHER_TERM, odds
@@ -209,7 +209,7 @@ def _power(power: float) -> Shape:
 
 def weighed(
     b: Blocks, sums: Sequence[Sum], noises: Sequence[tuple[Noise, np.ndarray]], inverse: np.ndarray
-) -> list[Candidate]:
+) -> list[EnvelopeCandidate]:
     """Weigh every sum with the first noise, and with all noises those that the first one does not rule out.
 
     A sum with further parameters gives one candidate for each distinct point that represents these.
@@ -236,7 +236,7 @@ def weighed(
     candidates = []
     for s, known, total in zip(sums, first, totals, strict=True):
         tried = noises if total > most - HOPELESS else noises[:1]
-        if isinstance(known, Candidate):
+        if isinstance(known, EnvelopeCandidate):
             candidates.append(weigh(b, known.law, tried, inverse, known, log_share=s.log_prior))
             continue
         points, times = np.unique(known.resampled(POINTS), axis=0, return_counts=True)

@@ -12,7 +12,7 @@ from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.types import Posterior
 
 
-class Laplace(Sampler):
+class LaplaceSampler(Sampler):
     """Draws from the normal distribution with the log posterior's gradient and whole Hessian at the mode.
 
     It is one of the scores, truncated where a reflected score is zero. A mode at zero, where the gradient is not zero,
@@ -31,4 +31,4 @@ class Laplace(Sampler):
         return approximate_posterior(self.name, target, mode, z, normal.log_density(z), settings)
 
 
-PLUGIN = Laplace()
+PLUGIN = LaplaceSampler()

@@ -103,7 +103,7 @@ class Point:
 
 
 @dataclass
-class _Tree:
+class _Subtree:
     """A part of a trajectory.
 
     Its ends in time, the point chosen from it, the log of the sum of its densities, the sum of its momenta, and whether
@@ -140,7 +140,7 @@ class Chain:
         """Return the next point, whether the trajectory diverged, its steps, and its mean acceptance."""
         at = Point(at.u, self.rng.standard_normal(at.u.size), at.slope, at.height)
         self._begun, self._steps, self._accepted, self._diverged = at.joint, 0, 0.0, False
-        tree = _Tree(at, at, at, at.joint, at.p.copy(), True)
+        tree = _Subtree(at, at, at, at.joint, at.p.copy(), True)
         for doubling in range(DOUBLINGS):
             ahead = bool(self.rng.random() < 0.5)
             new = self._build(tree.last if ahead else tree.first, 1 if ahead else -1, doubling)
@@ -153,7 +153,7 @@ class Chain:
                 break
         return tree.chosen, self._diverged, self._steps, self._accepted / max(self._steps, 1)
 
-    def _build(self, end: Point, way: int, depth: int) -> _Tree:
+    def _build(self, end: Point, way: int, depth: int) -> _Subtree:
         """Return 2^depth further points beyond an end of the trajectory; fewer where it does not go on."""
         if depth == 0:
             point = self._step(end, way)
@@ -162,7 +162,7 @@ class Chain:
             self._accepted += float(np.exp(min(0.0, joint - self._begun)))
             diverged = not joint > self._begun - DIVERGED
             self._diverged = self._diverged or diverged
-            return _Tree(point, point, point, joint, point.p, not diverged)
+            return _Subtree(point, point, point, joint, point.p, not diverged)
         near = self._build(end, way, depth - 1)
         if not near.goes_on:
             return near
@@ -174,7 +174,7 @@ class Chain:
         return self._join(near, far, way > 0, chosen)
 
     @staticmethod
-    def _join(tree: _Tree, new: _Tree, ahead: bool, chosen: Point) -> _Tree:
+    def _join(tree: _Subtree, new: _Subtree, ahead: bool, chosen: Point) -> _Subtree:
         """Join two parts; the result goes on unless it, or its half about the join, turns round."""
         early, late = (tree, new) if ahead else (new, tree)
         momentum = early.momentum + late.momentum
@@ -184,7 +184,7 @@ class Chain:
             and _apart(early.last, late.last, late.momentum + early.last.p)
         )
         weight = float(np.logaddexp(early.weight, late.weight))
-        return _Tree(early.first, late.last, chosen, weight, momentum, goes_on)
+        return _Subtree(early.first, late.last, chosen, weight, momentum, goes_on)
 
     def _step(self, at: Point, way: int) -> Point:
         """Return the point a leapfrog step ahead or back.

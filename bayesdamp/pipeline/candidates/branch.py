@@ -12,7 +12,7 @@ from bayesdamp.interface.case import Case
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.pipeline.answering import ANSWERED, law_of, likelihood_of
-from bayesdamp.pipeline.targets import Record
+from bayesdamp.pipeline.targets import StudyRecord
 from bayesdamp.serial import join
 from bayesdamp.store import Store
 from bayesdamp.store.contents import AnswerContent, ModeContent
@@ -38,9 +38,9 @@ class Branch:
         return on if self.model in self.study.estimate(self.spec) else ()
 
     @cached_property
-    def record(self) -> Record:
+    def record(self) -> StudyRecord:
         """The stored record."""
-        return Record(self.study, self.spec, self.store.read(f"signal/{self.spec.name}/{self.repeat}"))
+        return StudyRecord(self.study, self.spec, self.store.read(f"signal/{self.spec.name}/{self.repeat}"))
 
     @cached_property
     def case(self) -> Case:

@@ -14,7 +14,7 @@ from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records import NOT_APPLICABLE
 from bayesdamp.pipeline.tasks import Product, cell_seed
 from bayesdamp.serial import split
-from bayesdamp.store.contents import EstimateContent, Maximum, ModeContent, RefusedSeed
+from bayesdamp.store.contents import EstimateContent, MaximumContent, ModeContent, RefusedSeed
 from bayesdamp.types import OK, Refusal, Seed
 
 PRIOR_SEEDS = 2
@@ -80,7 +80,7 @@ def compute_mode(branch: Branch) -> Product:
         **{k: v for k, v in vars(fit).items() if k not in CHECKS},
         "climbs": climbs,
         "modes": [
-            Maximum(climb.end, share, {n: float(v) for n, v in own_target.values(climb.z).items()})
+            MaximumContent(climb.end, share, {n: float(v) for n, v in own_target.values(climb.z).items()})
             for climb, share in maxima
         ],
         "touching_zero": [n for n, z, sd, reflected in scores if reflected and abs(z) < sd],

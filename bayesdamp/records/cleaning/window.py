@@ -63,7 +63,7 @@ MIDDLE = 0.5
 
 
 @dataclass(frozen=True)
-class Window:
+class DecayWindow:
     """A window of a record.
 
     first, last: its first and last sample, counted from 0, both included. notes: sentences on why. decays: all free
@@ -122,7 +122,7 @@ class _Series:
         return part.size > 1 and float(np.ptp(part)) > STILL * swing + 2 * self.step + ERRORS * self.noise
 
 
-def no_free_decay(t: np.ndarray, y: np.ndarray) -> Window | None:
+def no_free_decay(t: np.ndarray, y: np.ndarray) -> DecayWindow | None:
     """Return the window of a record that is not the free decay of one oscillator, None where it is.
 
     Such a record t (s), y, shape (n,), contains two oscillations, or one that grows, stays, or is excited throughout.
@@ -144,12 +144,12 @@ def no_free_decay(t: np.ndarray, y: np.ndarray) -> Window | None:
     if motion is None or motion.size < SECOND:
         return None
     note = "It is not the free decay of one oscillator, so all that oscillates is used."
-    return Window(first, t.size - 1, (note,))
+    return DecayWindow(first, t.size - 1, (note,))
 
 
 def free_decay(
     t: np.ndarray, y: np.ndarray, step: float, seek_start: bool, seek_stop: bool, name: str
-) -> Window:
+) -> DecayWindow:
     """Return the window in which a record decays freely; of several free decays the most informative one.
 
     Parameters
@@ -204,7 +204,7 @@ def free_decay(
             spans.append(FreeDecay(begin, end))
     all_decays = tuple(sorted(spans, key=lambda span: span.start))
     notes += filter(None, [other_decays(all_decays, t[first], t[last])])
-    return Window(first, last, tuple(notes), all_decays)
+    return DecayWindow(first, last, tuple(notes), all_decays)
 
 
 def _find_decays(t: np.ndarray, y: np.ndarray, step: float, name: str) -> _Decays:

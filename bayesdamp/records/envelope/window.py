@@ -60,7 +60,7 @@ TOLERANCE = 3.0
 
 
 @dataclass(frozen=True)
-class Window:
+class EnvelopeWindow:
     """The part of a record that decays freely.
 
     start, stop: indices of its first sample and behind its last one. why: sentences on how they were chosen.
@@ -73,7 +73,7 @@ class Window:
     why: tuple[str, ...]
 
 
-def find_window(t: np.ndarray, y: np.ndarray) -> Window:
+def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
     """Find the free decay in times (s) and levels (dB of power), both of shape (n,).
 
     The search follows what an eye does: the longest straight descent, followed back to where it begins (the reading
@@ -90,7 +90,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
             )
         _refuse_small(float(y[top] - y[-1]))
         begins = "starts with the record" if top == 0 else f"starts at {t[top]:.4g} s, the highest reading"
-        return Window(top, t.size, None, (begins, "ends with the record"))
+        return EnvelopeWindow(top, t.size, None, (begins, "ends with the record"))
     levels = Levels(t, y, *blocks(t, y, POINTS))
     yb = levels.yb
     first, last = _straightest(levels)
@@ -121,7 +121,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
     if stop - start < LEAST_POINTS:
         raise Refusal(f"only {stop - start} readings are between the start and the noise floor")
     _refuse_small(fall(yb, begin, end))
-    return Window(start, stop, floor, (begins, ends))
+    return EnvelopeWindow(start, stop, floor, (begins, ends))
 
 
 def _refuse_small(drop: float) -> None:
@@ -130,7 +130,7 @@ def _refuse_small(drop: float) -> None:
         raise Refusal(f"the level falls by {max(drop, 0):.1f} dB, {LEAST_DROP:g} are needed")
 
 
-def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> Window:
+def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> EnvelopeWindow:
     """Return the window between given bounds, in s of the record's clock; None: as `find_window` finds it.
 
     Raises Refusal where too few readings are between them.
@@ -140,7 +140,7 @@ def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | Non
     except Refusal:
         if start is None or stop is None:
             raise
-        window = Window(0, t.size, None, ("", ""))
+        window = EnvelopeWindow(0, t.size, None, ("", ""))
     first, behind = window.start, window.stop
     begins, ends = window.why
     if start is not None:
@@ -155,7 +155,7 @@ def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | Non
         begins = f"starts at {t[first]:.4g} s, as asked"
     if stop is not None:
         ends = f"ends at {t[behind - 1]:.4g} s, as asked"
-    return Window(first, behind, window.floor, (begins, ends))
+    return EnvelopeWindow(first, behind, window.floor, (begins, ends))
 
 
 def _straightest(levels: Levels) -> tuple[int, int]:

@@ -38,12 +38,12 @@ class Hdf5Reader(Reader):
         with path.open("rb") as head:
             matlab = b"MATLAB 7.3" in head.read(128) or path.suffix.lower() == ".mat"
         with h5py.File(path, "r") as file:
-            tree = _Tree(h5py, "MATLAB_version" in file.attrs or matlab)
+            tree = _GroupTree(h5py, "MATLAB_version" in file.attrs or matlab)
             tree.visit("", file, "", 0)
         return tree.walk.contents("MATLAB 7.3" if matlab else "HDF5")
 
 
-class _Tree:
+class _GroupTree:
     """Groups and datasets; the references of MATLAB's cells and structs are followed."""
 
     def __init__(self, h5py: Any, matlab: bool) -> None:

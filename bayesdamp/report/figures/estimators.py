@@ -14,7 +14,7 @@ from matplotlib.ticker import NullFormatter
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.results.estimators import STAGES, CoefficientEstimates
-from bayesdamp.report.results.sweeping import FACTORS, Series
+from bayesdamp.report.results.sweeping import FACTORS, ErrorSeries
 from bayesdamp.report.style import FAINT, INK, NARROW, QUIET, WIDTH, colour
 
 ABREAST = 4
@@ -190,7 +190,7 @@ def force(
     return figure
 
 
-def sweep(along: Series, methods: list[str]) -> Figure:
+def sweep(along: ErrorSeries, methods: list[str]) -> Figure:
     """Draw the errors along a factor: left the initial stage, right the refined one.
 
     Both axes are logarithmic; a value of 0 is at the left edge.

@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter
 from bayesdamp.provenance import FreeDecay
 from bayesdamp.report import words
 from bayesdamp.report.style import FAINT, INK, NARROW, QUIET, WIDTH, broken, colour, legend_columns, looks
-from bayesdamp.verdict.parts import Mode
+from bayesdamp.verdict.parts import Oscillation
 
 USED, NOT_USED = "#0072B2", "#56B4E9"
 """Colours of the free decay that is used, and of others."""
@@ -208,7 +208,7 @@ def _finish(ax: Axes, ylabel: str, title: str) -> None:
 
 
 def motions(
-    t: np.ndarray, y: np.ndarray, modes: Sequence[Mode], quantity: str, axis: str, narrow: bool = False
+    t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity: str, axis: str, narrow: bool = False
 ) -> Figure:
     """Draw a record that is not a free decay, with the amplitude of each oscillation in it.
 

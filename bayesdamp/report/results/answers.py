@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store.contents import AnswerContent, EnvelopeContent, WeighedCandidate
 from bayesdamp.table import Table
 from bayesdamp.types import OK
@@ -37,14 +37,14 @@ class RecordAnswer:
     envelope: EnvelopeContent | None = None
 
 
-def answer_content(run: Run, signal: str) -> AnswerContent | None:
+def answer_content(run: RunFolder, signal: str) -> AnswerContent | None:
     """Return the stored answer on a record before sampling; None if the answer contains no law."""
     cell = run.cell("answer", signal, run.repeats(signal)[0])
     content = AnswerContent.of(cell) if cell is not None and cell.outcome == OK else None
     return None if content is None or content.verdict.get("law_free") else content
 
 
-def answer_of(run: Run, signal: str) -> RecordAnswer | None:
+def answer_of(run: RunFolder, signal: str) -> RecordAnswer | None:
     """Return the answer on a record's first repeat, after sampling if it was sampled; None if there is none."""
     cells = (run.cell(kind, signal, run.repeats(signal)[0]) for kind in ("sampled", "answer"))
     cell = next((c for c in cells if c is not None and c.outcome == OK), None)
@@ -56,19 +56,19 @@ def answer_of(run: Run, signal: str) -> RecordAnswer | None:
     return RecordAnswer(signal, verdict, content.candidates, arrays, content.envelope)
 
 
-def answers(run: Run) -> list[RecordAnswer]:
+def answers(run: RunFolder) -> list[RecordAnswer]:
     """Return the answer on every record's first repeat, in the study's order."""
     return [answer for signal in run.signals if (answer := answer_of(run, signal)) is not None]
 
 
-def specimens(run: Run) -> list[Verdict]:
+def specimens(run: RunFolder) -> list[Verdict]:
     """Return the verdict of every specimen that has several records."""
     verdicts = [v for v in run.verdicts if v.record not in run.signals]
     units = {run.unit(signal) for signal in run.signals}
     return [in_unit(v, next(iter(units))) for v in verdicts] if len(units) == 1 else verdicts
 
 
-def only_answered(run: Run) -> bool:
+def only_answered(run: RunFolder) -> bool:
     """Return whether a run has answers only, without fits or samples under exact laws."""
     answered = any(answer_of(run, signal) for signal in run.signals)
     return answered and not any(run.cells("mode", signal) for signal in run.signals)

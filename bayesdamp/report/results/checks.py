@@ -23,7 +23,7 @@ from bayesdamp.report.results.reading import (
     ranking,
     truth,
 )
-from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.report.results.run import Row, RunFolder, rows_of
 from bayesdamp.store.contents import AnswerContent, PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK, candidate_parts
@@ -60,7 +60,7 @@ def sampled_words(comparison: Agreement) -> str:
     return "MCMC sampling corrects this result:"
 
 
-def sampled(run: Run, signal: str) -> list[Check]:
+def sampled(run: RunFolder, signal: str) -> list[Check]:
     """Compare the answer with the one from linear approximations; empty if nothing was sampled."""
     repeat = run.repeats(signal)[0]
     cells = [run.cell(kind, signal, repeat) for kind in ("answer", "sampled")]
@@ -100,7 +100,7 @@ class Checks:
         Whether laws may deviate in the answer but not in the tables that check it.
     """
 
-    def __init__(self, run: Run, signal: str) -> None:
+    def __init__(self, run: RunFolder, signal: str) -> None:
         self.run, self.signal, self.repeat = run, signal, run.repeats(signal)[0]
         answer = answer_of(run, signal)
         self.verdict = v = answer.verdict if answer else None

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from bayesdamp.report.results.reading import coefficients, damping_parameters, summary_rows, truth
-from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.report.results.run import Row, RunFolder, rows_of
 from bayesdamp.types import OK
 
 STAGES = ("initial", "refined")
@@ -86,7 +86,7 @@ def sort_by_category(methods: Iterable[str]) -> list[str]:
     return sorted(dict.fromkeys(methods), key=lambda m: order.index(m) if m in order else len(order))
 
 
-def true_models(run: Run) -> dict[str, str]:
+def true_models(run: RunFolder) -> dict[str, str]:
     """Return the simulated signals, each with the damping that it was simulated with."""
     models = {}
     for signal in run.study.get("signals") or []:
@@ -97,7 +97,7 @@ def true_models(run: Run) -> dict[str, str]:
     return models
 
 
-def compare_estimators(run: Run) -> EstimatorComparison:
+def compare_estimators(run: RunFolder) -> EstimatorComparison:
     """Compare the estimators on the signals with published figures; without such figures on all simulated signals."""
     printed = run.study.get("published") or []
     truths, with_figures = true_models(run), {p["signal"] for p in printed}
@@ -167,7 +167,7 @@ class CoefficientEstimates:
         return list(dict.fromkeys([*self.own, *self.refined]))
 
 
-def posterior_of(run: Run, signal: str, model: str, parameter: str) -> Row | None:
+def posterior_of(run: RunFolder, signal: str, model: str, parameter: str) -> Row | None:
     """Return the row of a coefficient's posterior, or None.
 
     If the signal has none, it is that of the first signal that was simulated with the same damping and has one.
@@ -183,7 +183,7 @@ def posterior_of(run: Run, signal: str, model: str, parameter: str) -> Row | Non
     return None
 
 
-def estimates_of(run: Run, signal: str, model: str) -> list[CoefficientEstimates]:
+def estimates_of(run: RunFolder, signal: str, model: str) -> list[CoefficientEstimates]:
     """Return the estimates of each damping coefficient of a model on a signal, with the published errors.
 
     A signal without noise has no posterior; it gets that of a signal simulated with the same damping.

@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.report.results.run import Row, RunFolder, rows_of
 from bayesdamp.store.contents import ModeContent
 from bayesdamp.types import OK, candidate_parts, summed
 
@@ -40,7 +40,7 @@ def damping_of(row: Row) -> str:
     return candidate_parts(row["model"])[0]
 
 
-def ranking(run: Run, signal: str, repeat: int) -> EvidenceRanking | None:
+def ranking(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | None:
     """Rank the models by the evidence method that covers most of them; None if no evidence was computed.
 
     If several methods cover as many models, the most trusted one is used: a combination, nested sampling, bridge
@@ -66,7 +66,7 @@ def ranking(run: Run, signal: str, repeat: int) -> EvidenceRanking | None:
     return EvidenceRanking(chosen, ordered, shares)
 
 
-def over_widths(run: Run, signal: str, repeat: int, ranked: EvidenceRanking) -> dict[float, float]:
+def over_widths(run: RunFolder, signal: str, repeat: int, ranked: EvidenceRanking) -> dict[float, float]:
     """Return the probability of the most probable damping under wider and narrower damping priors.
 
     It is summed over the restoring laws, and given for the widths at which the evidence of all candidates is known.
@@ -121,13 +121,13 @@ def over_odds(ranked: EvidenceRanking) -> dict[float, dict[str, float]]:
     return shares
 
 
-def mode_of(run: Run, signal: str, repeat: int, model: str) -> ModeContent | None:
+def mode_of(run: RunFolder, signal: str, repeat: int, model: str) -> ModeContent | None:
     """Return the stored mode of a candidate; None if it has none."""
     cell = run.cell("mode", signal, repeat, model)
     return ModeContent.maybe(cell) if cell is not None and cell.outcome == OK else None
 
 
-def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:
+def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
     """Return all models of a signal: first the ranked ones, the most probable first, then in the study's order."""
     ranked = ranking(run, signal, repeat)
     rows = (*run.estimates, *run.posteriors, *run.evidence, *run.fits)
@@ -137,7 +137,7 @@ def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:
     return list(dict.fromkeys([*first, *(m for m in run.models if m in models), *sorted(models)]))
 
 
-def models_kept(run: Run, signal: str, repeat: int) -> list[str]:
+def models_kept(run: RunFolder, signal: str, repeat: int) -> list[str]:
     """Return the models that were not pruned, in the order of `models_by_rank`."""
     ranked = ranking(run, signal, repeat)
     rows = ranked.rows if ranked else []
@@ -145,7 +145,7 @@ def models_kept(run: Run, signal: str, repeat: int) -> list[str]:
     return [model for model in models_by_rank(run, signal, repeat) if model not in pruned]
 
 
-def summary_rows(run: Run, signal: str, repeat: int, model: str) -> list[Row]:
+def summary_rows(run: RunFolder, signal: str, repeat: int, model: str) -> list[Row]:
     """Return the rows of posteriors.csv of the sampler to quote: NUTS or the first that is `ok`, else the first."""
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
     by_sampler = [rows_of(rows, sampler=s) for s in dict.fromkeys(row["sampler"] for row in rows)]
@@ -157,7 +157,7 @@ def summary_rows(run: Run, signal: str, repeat: int, model: str) -> list[Row]:
     return [r for r in best if math.isfinite(r["mean"])]
 
 
-def truth(run: Run, signal: str, parameter: str) -> float:
+def truth(run: RunFolder, signal: str, parameter: str) -> float:
     """Return the true value of a simulated signal's parameter, nan if it is not known."""
     if run.simulated(signal):
         for row in run.estimates:
@@ -166,13 +166,13 @@ def truth(run: Run, signal: str, parameter: str) -> float:
     return math.nan
 
 
-def damping_parameters(run: Run) -> dict[str, str]:
+def damping_parameters(run: RunFolder) -> dict[str, str]:
     """Return the coefficient of each damping term: of the package's own terms, and of a user's terms in run.json."""
     added = run.info.get("damping") or {}
     return {**_SHIPPED, **{term: about["parameter"] for term, about in added.items()}}
 
 
-def coefficients(run: Run, model: str) -> list[str]:
+def coefficients(run: RunFolder, model: str) -> list[str]:
     """Return the damping coefficients of a model, for the terms whose coefficient is known."""
     parameters = damping_parameters(run)
     return [parameters[term] for term in candidate_parts(model)[0].split("+") if term in parameters]

@@ -23,7 +23,7 @@ LATER: dict[str, object] = {"restoring": "", **dict.fromkeys(_NUMBERS, math.nan)
 """Columns that earlier versions did not write, with the values that replace them."""
 
 
-class Run:
+class RunFolder:
     """The contents of a run's folder. Everything except run.json may be missing.
 
     Attributes

@@ -16,7 +16,7 @@ import numpy as np
 
 from bayesdamp.report.results.estimators import STAGES, rms, true_models
 from bayesdamp.report.results.reading import damping_parameters
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 
 FACTORS = {
     "noise": "noise / % of the first amplitude",
@@ -29,7 +29,7 @@ SURE = 0.95
 
 
 @dataclass(frozen=True)
-class Series:
+class ErrorSeries:
     """Errors along one factor under one damping.
 
     Attributes
@@ -57,7 +57,7 @@ class Series:
     each: dict[tuple[str, str], list[dict[int, float]]]
 
 
-def series(run: Run) -> list[Series]:
+def series(run: RunFolder) -> list[ErrorSeries]:
     """Return every series of at least three values in the run, by damping and factor."""
     models = true_models(run)
     designs = {signal: _design(run, signal) for signal in models}
@@ -81,7 +81,7 @@ def series(run: Run) -> list[Series]:
     return runs
 
 
-def _design(run: Run, signal: str) -> tuple[float, float, float] | None:
+def _design(run: RunFolder, signal: str) -> tuple[float, float, float] | None:
     """Return noise in per cent of the first amplitude, samples per period and periods, rounded to two digits."""
     source: dict[str, Any] = next(
         (s.get("source") or {} for s in run.study.get("signals") or [] if s["name"] == signal), {}
@@ -96,7 +96,7 @@ def _design(run: Run, signal: str) -> tuple[float, float, float] | None:
     return tuple(float(f"{x:.2g}") for x in numbers)  # type: ignore[return-value]
 
 
-def _series(run: Run, model: str, factor: str, signals: list[str], values: list[float]) -> Series:
+def _series(run: RunFolder, model: str, factor: str, signals: list[str], values: list[float]) -> ErrorSeries:
     damping = set(damping_parameters(run).values())
     each: dict[tuple[str, str], list[dict[int, float]]] = {}
     tried: Counter[tuple[str, str, str]] = Counter()
@@ -120,7 +120,7 @@ def _series(run: Run, model: str, factor: str, signals: list[str], values: list[
                     return 100 * size / abs(truth)
         return math.nan
 
-    return Series(
+    return ErrorSeries(
         model,
         factor,
         values,
@@ -165,7 +165,7 @@ def ahead(own: Mapping[int, float], other: Mapping[int, float]) -> bool:
     return float(np.log(a.mean() / b.mean())) + half < 0
 
 
-def places(along: Series, stage: str, level: int) -> dict[str, tuple[int, int]]:
+def places(along: ErrorSeries, stage: str, level: int) -> dict[str, tuple[int, int]]:
     """Return the best and the worst place of each method by its errors at one value of the factor.
 
     A method's best place is behind all methods that are significantly better, its worst is before all that are

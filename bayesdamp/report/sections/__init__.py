@@ -11,7 +11,7 @@ from bayesdamp.plugins import Registry
 from bayesdamp.report import words
 from bayesdamp.report.markup import folded, heading, paragraph, stack
 from bayesdamp.report.results.answers import only_answered
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 
 __all__ = ["SECTIONS", "Section", "SignalSection", "by_model", "by_signal", "is_drawn"]
 
@@ -36,15 +36,15 @@ class Section(ABC):
         if package == __package__:
             cls.name = file
 
-    def applies(self, run: Run) -> bool:
+    def applies(self, run: RunFolder) -> bool:
         """Return whether the report of this run has the section; by default every report has it."""
         return True
 
     @abstractmethod
-    def render(self, run: Run) -> str:
+    def render(self, run: RunFolder) -> str:
         """Return the section's HTML, without its heading."""
 
-    def place(self, run: Run) -> int:
+    def place(self, run: RunFolder) -> int:
         """Return the number that orders the sections of this run's report."""
         return self.order
 
@@ -58,19 +58,19 @@ class SignalSection(Section):
     """Sentence for a study that went beyond answers but has no content here; empty to leave the section out."""
 
     @abstractmethod
-    def shows(self, run: Run, signal: str) -> bool:
+    def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether the section has content on a signal."""
 
     @abstractmethod
-    def part(self, run: Run, signal: str) -> Markup:
+    def part(self, run: RunFolder, signal: str) -> Markup:
         """Return the content on a signal."""
 
-    def applies(self, run: Run) -> bool:
+    def applies(self, run: RunFolder) -> bool:
         """Return whether the section has content on any signal, or has to say that it has none."""
         has_content = any(self.shows(run, signal) for signal in run.signals)
         return has_content or bool(self.nothing and run.signals and not only_answered(run))
 
-    def render(self, run: Run) -> Markup:
+    def render(self, run: RunFolder) -> Markup:
         """Return the introduction and the content on each signal."""
         signals = [signal for signal in run.signals if self.shows(run, signal)]
         if not signals and self.nothing:
@@ -81,7 +81,7 @@ class SignalSection(Section):
 SECTIONS: Registry[Section] = Registry("bayesdamp.report.sections", "section")
 
 
-def is_drawn(run: Run, place: int) -> bool:
+def is_drawn(run: RunFolder, place: int) -> bool:
     """Return whether the model at this place of a ranking is drawn.
 
     For a few signals the most probable models are drawn, for many signals only the best.
@@ -90,7 +90,7 @@ def is_drawn(run: Run, place: int) -> bool:
 
 
 def by_signal(
-    run: Run, part: Callable[[Run, str], Markup], signals: Sequence[str], anchor: str = ""
+    run: RunFolder, part: Callable[[RunFolder, str], Markup], signals: Sequence[str], anchor: str = ""
 ) -> Markup:
     """Return the content of each signal under its name; from the fifth on it has to be unfolded.
 

@@ -17,12 +17,12 @@ from bayesdamp.report.markup import fill, folded, paragraph
 from bayesdamp.report.results.answers import ANCHOR, RecordAnswer, answer_of
 from bayesdamp.report.results.checks import Check, Checks, sampled
 from bayesdamp.report.results.reading import models_by_rank, ranking
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import Section, by_signal
 from bayesdamp.store.contents import WeighedCandidate
 from bayesdamp.table import Table
 from bayesdamp.types import OK
-from bayesdamp.verdict.parts import Coefficient, Grade, Motion
+from bayesdamp.verdict.parts import Coefficient, Grade, MotionKind
 from bayesdamp.verdict.tables import decay_table, modes_table, number, quality_of, ratios_table
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like
@@ -69,18 +69,18 @@ class AnswerSection(Section):
     order = 5
     title = "Which damping, and how large"
 
-    def applies(self, run: Run) -> bool:
+    def applies(self, run: RunFolder) -> bool:
         """Return whether the run is not a calibration, which has a verdict of its own."""
         return run.info.get("kind") is None
 
-    def render(self, run: Run) -> str:
+    def render(self, run: RunFolder) -> str:
         """Return a block for each record."""
         if not run.signals:
             return paragraph("This folder does not contain a signal yet: run the study.")
         return by_signal(run, _block, run.signals, ANCHOR)
 
 
-def _block(run: Run, signal: str) -> Markup:
+def _block(run: RunFolder, signal: str) -> Markup:
     """Return the verdict on a record, with its numbers, figures, tables and checks."""
     answer, own = answer_of(run, signal), Checks(run, signal)
     warnings = run.provenance(signal).warnings
@@ -111,7 +111,7 @@ def _block(run: Run, signal: str) -> Markup:
     )
 
 
-def _why_none(run: Run, signal: str) -> str:
+def _why_none(run: RunFolder, signal: str) -> str:
     """Say why a record has no answer, and what there is."""
     repeat = run.repeats(signal)[0]
     cell = run.cell("answer", signal, repeat)
@@ -154,7 +154,7 @@ def _numbers(v: Verdict) -> list[tuple[str, str]]:
     return numbers
 
 
-def _views(run: Run, answer: RecordAnswer) -> list[object]:
+def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     """Return the figures and tables of an answer."""
     v, signal = answer.verdict, answer.signal
     own = run.unit(signal).displacement
@@ -199,7 +199,7 @@ def _candidates(answer: RecordAnswer, unit: str, scale: float) -> Table:
     return Table.of(ranked, columns, (0, 1), "Log Bayes factors relative to the best model, in nats")
 
 
-def _envelope(run: Run, answer: RecordAnswer) -> list[object]:
+def _envelope(run: RunFolder, answer: RecordAnswer) -> list[object]:
     """Return the figure and the table of an answer on an envelope, and how probable each damping is."""
     v, embed = answer.verdict, len(run.signals) <= EMBEDDED
     png = answer.arrays["picture"].tobytes()
@@ -215,7 +215,7 @@ def _envelope(run: Run, answer: RecordAnswer) -> list[object]:
     return parts
 
 
-def _motions(run: Run, signal: str, v: Verdict) -> Markup | str:
+def _motions(run: RunFolder, signal: str, v: Verdict) -> Markup | str:
     """Return the figure of a record that is not a free decay; empty without the record or an oscillation."""
     cell = run.cell("signal", signal, run.repeats(signal)[0])
     if cell is None or "t" not in cell.arrays or not v.modes:
@@ -224,7 +224,7 @@ def _motions(run: Run, signal: str, v: Verdict) -> Markup | str:
     t, y = cell.arrays["t"], cell.arrays["y"] * unit.scale
     axis = f"{unit.called(quantity)} / {unit.of(quantity)}"
     draw = partial(motions, t, y, v.modes, quantity, axis)
-    caption = EXCITED if v.motion is Motion.EXCITED else MOTIONS
+    caption = EXCITED if v.motion is MotionKind.EXCITED else MOTIONS
     return run.drawings.add(f"motions-{signal}", caption, draw, narrow=True)
 
 

@@ -13,7 +13,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.markup import fill, folded
 from bayesdamp.report.results.answers import answer_of, answers, only_answered
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import Section
 from bayesdamp.table import Table
 from bayesdamp.types import candidate_parts
@@ -25,14 +25,14 @@ class AskedSection(Section):
     order = 20
     title = "Settings of the study"
 
-    def render(self, run: Run) -> str:
+    def render(self, run: RunFolder) -> str:
         """Return sentences and a table on the resolved study, and its text to unfold."""
         text = json.dumps(run.study, indent=2, ensure_ascii=False)
         details = folded("The resolved study, every setting", Markup("<pre>{}</pre>").format(escape(text)))
         return fill("asked.html", sentences=_sentences(run, run.study), table=_signals(run), details=details)
 
 
-def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
+def _sentences(run: RunFolder, study: Mapping[str, Any]) -> list[str]:
     sentences = []
     dampings = list(dict.fromkeys(candidate_parts(m)[0] for m in run.models))
     if dampings:
@@ -60,7 +60,7 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
     return [sentence for sentence in sentences if sentence]
 
 
-def _equation(run: Run) -> str:
+def _equation(run: RunFolder) -> str:
     """Return the equation of motion with the forces of the study; empty if they are not known."""
     terms, laws = run.info.get("damping") or {}, run.info.get("restoring") or {}
     forces = [
@@ -76,7 +76,7 @@ def _equation(run: Run) -> str:
     )
 
 
-def _systems(run: Run, study: Mapping[str, Any]) -> list[str]:
+def _systems(run: RunFolder, study: Mapping[str, Any]) -> list[str]:
     """Return what is known of each signal's oscillator; signals with the same knowledge share a sentence."""
     named: dict[str, list[str]] = {}
     for signal in study.get("signals") or []:
@@ -111,7 +111,7 @@ def _used(what: str, names: str | Sequence[str] | None, suffix: str = "") -> str
     return f"{what}: {names if isinstance(names, str) else fmt.listing(map(words.method, names))}{suffix}."
 
 
-def _signals(run: Run) -> Table | str:
+def _signals(run: RunFolder) -> Table | str:
     def recorded(signal: str) -> str:
         unit, quantity = run.unit(signal), run.quantity(signal)
         return f"{unit.called(quantity)} in {unit.of(quantity)}"

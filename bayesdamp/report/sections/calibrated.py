@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.markup import folded, heading, paragraph, stack
-from bayesdamp.report.results.run import Run, rows_of
+from bayesdamp.report.results.run import RunFolder, rows_of
 from bayesdamp.report.sections import Section
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH
 from bayesdamp.table import Table
@@ -44,11 +44,11 @@ class CalibratedSection(Section):
     order = 11
     title = "Are the intervals calibrated?"
 
-    def applies(self, run: Run) -> bool:
+    def applies(self, run: RunFolder) -> bool:
         """Return whether the run is a calibration."""
         return run.info.get("kind") == "calibration"
 
-    def render(self, run: Run) -> str:
+    def render(self, run: RunFolder) -> str:
         """Return tests of uniform ranks, and the coverage with its bands."""
         result = run.info["result"]
         rows = _csv(run, "calibration.csv")
@@ -62,7 +62,7 @@ class CalibratedSection(Section):
         return stack(*parts)
 
 
-def _csv(run: Run, name: str) -> list[dict[str, str]]:
+def _csv(run: RunFolder, name: str) -> list[dict[str, str]]:
     path = run.folder / name
     if not path.is_file():
         return []
@@ -108,7 +108,7 @@ def _records(result: Mapping[str, Any]) -> Table:
     return Table.of(counts, columns, (0, 5))
 
 
-def _model(run: Run, result: Mapping[str, Any], rows: Sequence[dict[str, str]], model: str) -> Markup:
+def _model(run: RunFolder, result: Mapping[str, Any], rows: Sequence[dict[str, str]], model: str) -> Markup:
     """Return the ranks and the coverage of a model."""
     counts: dict[str, dict[str, np.ndarray]] = {}
     for row in rows_of(_csv(run, "ranks.csv"), model=model):

@@ -17,9 +17,9 @@ from bayesdamp.report.results.estimators import (
     true_models,
 )
 from bayesdamp.report.results.reading import damping_parameters, truth
-from bayesdamp.report.results.run import Row, Run
+from bayesdamp.report.results.run import Row, RunFolder
 from bayesdamp.report.sections import Section
-from bayesdamp.table import Line, Table
+from bayesdamp.table import Table, TableLine
 from bayesdamp.types import OK
 
 OWN, REFINED = STAGES
@@ -33,17 +33,17 @@ class ComparisonSection(Section):
     order = 35
     title = "Comparison of the estimators"
 
-    def place(self, run: Run) -> int:
+    def place(self, run: RunFolder) -> int:
         """Return the first place if the study contains published figures."""
         return FIRST if run.study.get("published") else self.order
 
-    def applies(self, run: Run) -> bool:
+    def applies(self, run: RunFolder) -> bool:
         """Return whether several methods have an error, or the study contains published figures."""
         comparison = compare_estimators(run)
         several = len(comparison.methods) > 1 and len(comparison.signals) > 1 and bool(comparison.errors)
         return several or bool(run.study.get("published"))
 
-    def render(self, run: Run) -> str:
+    def render(self, run: RunFolder) -> str:
         """Return tables of errors and times."""
         comparison = compare_estimators(run)
         if not comparison.errors:
@@ -65,7 +65,7 @@ class ComparisonSection(Section):
         return stack(paragraph(" ".join(sentences)), _errors(run, comparison), _times(comparison))
 
 
-def _errors(run: Run, comparison: EstimatorComparison) -> Table:
+def _errors(run: RunFolder, comparison: EstimatorComparison) -> Table:
     """Return errors in per cent by method and signal, with the published ones and the posteriors' intervals."""
     published = bool(comparison.published)
     headers = ["own", "fit", *["published"] * published]
@@ -82,7 +82,7 @@ def _errors(run: Run, comparison: EstimatorComparison) -> Table:
                 cells.append(comparison.published.get((method, signal), fmt.NONE))
         cells += [fmt.short(comparison.mean(method, stage)) for stage in STAGES]
         cells += [fmt.short(comparison.mean_published(method))] * published
-        lines.append(Line(cells))
+        lines.append(TableLine(cells))
     caption = "Errors in per cent of the truth: the method's own estimate, then the trajectory fit that starts there"
     caption += ", then the published error." if published else "."
     posteriors: list[Row] = []

@@ -16,10 +16,10 @@ from bayesdamp.report.figures.estimators import against, eigenvalues, force, tra
 from bayesdamp.report.markup import folded, paragraph, stack
 from bayesdamp.report.results.estimators import CoefficientEstimates, estimates_of, true_models
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
-from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.report.results.run import Row, RunFolder, rows_of
 from bayesdamp.report.sections import SignalSection, by_model, is_drawn
 from bayesdamp.store.contents import EstimateContent
-from bayesdamp.table import Line, Table
+from bayesdamp.table import Table, TableLine
 from bayesdamp.types import OK
 
 Details = Mapping[str, Any]
@@ -42,11 +42,11 @@ class EstimatesSection(SignalSection):
     )
     nothing = "No estimator ran in this study."
 
-    def shows(self, run: Run, signal: str) -> bool:
+    def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether estimators ran on a signal."""
         return any(r["signal"] == signal for r in run.estimates)
 
-    def part(self, run: Run, signal: str) -> Markup:
+    def part(self, run: RunFolder, signal: str) -> Markup:
         """Return a figure and a table for each model, and further results of the methods under the best model."""
         repeats = run.repeats(signal)
         ranked = models_by_rank(run, signal, repeats[0])
@@ -80,7 +80,7 @@ class EstimatesSection(SignalSection):
         return by_model(models, "Under ")
 
 
-def _figure(run: Run, signal: str, model: str) -> list[object]:
+def _figure(run: RunFolder, signal: str, model: str) -> list[object]:
     """Return the figure of the estimates against the posterior, and how many of them are in its interval."""
     estimates = [
         e for e in estimates_of(run, signal, model) if len(e.methods) > 1 or (e.methods and e.posterior)
@@ -125,7 +125,7 @@ def inside(estimates: Sequence[CoefficientEstimates]) -> str:
     return f"{fmt.listing(counts)} are in the posterior's 95 % interval." if counts else ""
 
 
-def _table(run: Run, signal: str, model: str, rows: Sequence[Row], repeats: Sequence[int]) -> Table:
+def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row], repeats: Sequence[int]) -> Table:
     """Return the damping coefficients by each estimator at each stage."""
     names = [n for n in coefficients(run, model) if any(r["parameter"] == n for r in rows)]
     known = {n: truth(run, signal, n) for n in names}
@@ -189,7 +189,7 @@ def _table(run: Run, signal: str, model: str, rows: Sequence[Row], repeats: Sequ
     )
 
 
-def _traces(run: Run, signal: str, repeat: int, model: str) -> dict[str, np.ndarray]:
+def _traces(run: RunFolder, signal: str, repeat: int, model: str) -> dict[str, np.ndarray]:
     """Return the stored curves of the iterative methods, by their titles."""
     curves: dict[str, np.ndarray] = {}
     for cell in run.cells("estimate", signal, repeat, model):
@@ -200,7 +200,7 @@ def _traces(run: Run, signal: str, repeat: int, model: str) -> dict[str, np.ndar
     return curves
 
 
-def _further_results(run: Run, signal: str, model: str) -> list[object]:
+def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
     """Return the terms, expressions, eigenvalues and forces that some methods give besides the coefficients."""
     by_method: dict[str, Details] = {}
     for cell in run.cells("estimate", signal, run.repeats(signal)[0], model):
@@ -226,7 +226,7 @@ def _further_results(run: Run, signal: str, model: str) -> list[object]:
             front = zip(details["pareto_length"], details["pareto_error"], details["pareto_expression"])
             chosen = details.get("pareto_chosen")
             lines = [
-                Line([str(length), fmt.number(error, 3), text], "best" if i == chosen else "")
+                TableLine([str(length), fmt.number(error, 3), text], "best" if i == chosen else "")
                 for i, (length, error, text) in enumerate(front)
             ]
             table = Table(["length", "relative error", "expression"], lines, (2,))
@@ -243,7 +243,7 @@ def _further_results(run: Run, signal: str, model: str) -> list[object]:
     return [Markup("<h4>Further results of the methods</h4>"), stack(*parts)] if parts else []
 
 
-def _drawn(run: Run, signal: str, model: str, method: str, details: Details) -> Markup | str:
+def _drawn(run: RunFolder, signal: str, model: str, method: str, details: Details) -> Markup | str:
     """Return the figure of a method's eigenvalues or force; empty if it has neither."""
     name = f"{method}-{signal}-{model}"
     if {"generator_eigenvalues_re", "generator_eigenvalues_im"} <= set(details):

@@ -13,7 +13,7 @@ from bayesdamp.report import words
 from bayesdamp.report.markup import folded, stack
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import ranking
-from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.report.results.run import Row, RunFolder, rows_of
 from bayesdamp.report.sections import SignalSection
 from bayesdamp.table import Table
 from bayesdamp.types import OK
@@ -37,11 +37,11 @@ class EvidenceSection(SignalSection):
     )
     nothing = "No evidence was computed in this study, so no model can be preferred."
 
-    def shows(self, run: Run, signal: str) -> bool:
+    def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether the study computed evidence besides the answer."""
         return any(r["signal"] == signal for r in run.evidence) and not only_answered(run)
 
-    def part(self, run: Run, signal: str) -> Markup:
+    def part(self, run: RunFolder, signal: str) -> Markup:
         """Return log Bayes factors by method, with probabilities and diagnostics."""
         repeats = run.repeats(signal)
         parts: list[object] = [_table(run, signal, repeats[:1])]
@@ -54,7 +54,7 @@ class EvidenceSection(SignalSection):
         return stack(*parts)
 
 
-def _table(run: Run, signal: str, repeats: Sequence[int]) -> Table:
+def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
     """Return every method's numbers of the models that were not pruned."""
     lines: list[Row] = []
     best = []
@@ -88,7 +88,7 @@ def _table(run: Run, signal: str, repeats: Sequence[int]) -> Table:
     return Table.of(lines, columns, left, caption, kind)
 
 
-def _pruned(run: Run, signal: str, repeat: int) -> Table:
+def _pruned(run: RunFolder, signal: str, repeat: int) -> Table:
     """Return the models that were pruned, the most probable first, with their Laplace evidence if it is known."""
     rows = rows_of(run.evidence, signal=signal, repeat=repeat)
     why = {r["model"]: r["outcome"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}

@@ -12,7 +12,7 @@ from bayesdamp.report import words
 from bayesdamp.report.markup import folded, paragraph, stack
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import coefficients, mode_of, models_by_rank
-from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.report.results.run import Row, RunFolder, rows_of
 from bayesdamp.report.sections import SignalSection, is_drawn
 from bayesdamp.table import Table
 from bayesdamp.types import AddedForm, PartialFit
@@ -37,12 +37,12 @@ class FitQualitySection(SignalSection):
     )
     nothing = "No model was fitted in this study."
 
-    def shows(self, run: Run, signal: str) -> bool:
+    def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether models were fitted."""
         fitted = any(r["signal"] == signal for r in run.fits) or bool(run.cells("mode", signal))
         return fitted and not only_answered(run)
 
-    def part(self, run: Run, signal: str) -> Markup:
+    def part(self, run: RunFolder, signal: str) -> Markup:
         """Return checks of each fit, and fits to parts of the record."""
         repeats = run.repeats(signal)
         ranked = models_by_rank(run, signal, repeats[0])
@@ -68,7 +68,7 @@ class FitQualitySection(SignalSection):
         return stack(*parts)
 
 
-def _table(run: Run, signal: str, repeats: Sequence[int]) -> Table:
+def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
     """Return the checks of each model's fit."""
     rows = []
     for repeat in repeats:
@@ -88,7 +88,7 @@ def _table(run: Run, signal: str, repeats: Sequence[int]) -> Table:
     return Table.of(rows, columns, (len(columns) - 6, len(columns) - 1))
 
 
-def _windows(run: Run, signal: str, repeat: int, model: str) -> Table | None:
+def _windows(run: RunFolder, signal: str, repeat: int, model: str) -> Table | None:
     """Return the damping coefficients from parts of the record; None if there are fewer than two parts."""
     mode = mode_of(run, signal, repeat, model)
     windows = [w for w in mode.windows if w.values] if mode else []

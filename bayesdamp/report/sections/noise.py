@@ -10,7 +10,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.markup import stack
 from bayesdamp.report.results.answers import answer_content
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import SignalSection
 from bayesdamp.store.contents import WeighedNoise
 from bayesdamp.table import Table
@@ -35,12 +35,12 @@ class NoiseSection(SignalSection):
         "Estimators use 2 % of the peak velocity."
     )
 
-    def shows(self, run: Run, signal: str) -> bool:
+    def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether several noise models or widths of friction were compared on a record."""
         content = answer_content(run, signal)
         return content is not None and (len(content.noises) > 1 or bool(content.frictions))
 
-    def part(self, run: Run, signal: str) -> Markup:
+    def part(self, run: RunFolder, signal: str) -> Markup:
         """Return a table of the noise models and of the widths."""
         content = answer_content(run, signal)
         assert content is not None

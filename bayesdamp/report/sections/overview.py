@@ -10,7 +10,7 @@ from markupsafe import Markup
 from bayesdamp.report.figures.curves import overview
 from bayesdamp.report.markup import heading, paragraph, stack
 from bayesdamp.report.results.answers import answers, curve_of, overview_table, short_names, specimens
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import Section
 from bayesdamp.verdict.words import energy_of
 
@@ -27,12 +27,12 @@ class OverviewSection(Section):
     order = 4
     title = "All records"
 
-    def applies(self, run: Run) -> bool:
+    def applies(self, run: RunFolder) -> bool:
         """Return whether many records have an answer, or several are of one specimen."""
         several = len(answers(run)) >= FEWEST or bool(specimens(run))
         return several and not run.study.get("published")
 
-    def render(self, run: Run) -> str:
+    def render(self, run: RunFolder) -> str:
         """Return the verdicts of specimens, a figure of all damping curves, and a line for each record."""
         records, verdicts = answers(run), specimens(run)
         parts: list[object] = []

@@ -14,7 +14,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import marginals, pairs
 from bayesdamp.report.markup import folded
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
-from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.report.results.run import Row, RunFolder, rows_of
 from bayesdamp.report.sections import SignalSection, by_model, is_drawn
 from bayesdamp.store.contents import PosteriorContent
 from bayesdamp.table import Table
@@ -36,11 +36,11 @@ class PosteriorsSection(SignalSection):
     title = "The posteriors"
     nothing = "No posterior was sampled in this study."
 
-    def shows(self, run: Run, signal: str) -> bool:
+    def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether posteriors were sampled on a signal."""
         return any(r["signal"] == signal for r in run.posteriors) or bool(run.cells("posterior", signal))
 
-    def part(self, run: Run, signal: str) -> Markup:
+    def part(self, run: RunFolder, signal: str) -> Markup:
         """Return marginals, pairs and derived quantities of each model."""
         repeats = run.repeats(signal)
         models: list[tuple[str, list[object]]] = []
@@ -55,7 +55,7 @@ class PosteriorsSection(SignalSection):
         return by_model(models, behind=f" (repeat 1 of {len(repeats)})" if len(repeats) > 1 else "")
 
 
-def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
+def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Markup]:
     """Return the marginals and the pairs of damping coefficients, of samplers whose draws are all finite."""
     draws: dict[str, dict[str, np.ndarray]] = {}
     units = {r["parameter"]: r["unit"] for r in rows_of(run.posteriors, signal=signal, model=model)}
@@ -83,7 +83,7 @@ def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
     return figures
 
 
-def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Markup]:
+def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table | Markup]:
     """Return the parameters by each sampler, and why others have none."""
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
     if not rows:
@@ -129,7 +129,7 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
     return parts
 
 
-def _repeats(run: Run, signal: str, model: str) -> Table:
+def _repeats(run: RunFolder, signal: str, model: str) -> Table:
     """Return the damping coefficients in all repeats."""
 
     def inside(r: Row) -> str:

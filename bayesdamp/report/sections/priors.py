@@ -9,7 +9,7 @@ from bayesdamp.priors import LEAST_SCALE, MOST_SCALE, SharedHalfNormal
 from bayesdamp.report import words
 from bayesdamp.report.markup import paragraph, stack
 from bayesdamp.report.results.answers import only_answered
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import SignalSection, by_signal
 from bayesdamp.table import Table
 
@@ -35,15 +35,15 @@ class PriorsSection(SignalSection):
     order = 80
     title = "Assumptions: the priors"
 
-    def shows(self, run: Run, signal: str) -> bool:
+    def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether parameters of a signal were inferred."""
         return bool((run.info.get("priors") or {}).get(signal))
 
-    def applies(self, run: Run) -> bool:
+    def applies(self, run: RunFolder) -> bool:
         """Return whether anything was inferred."""
         return super().applies(run) or bool(run.info.get("assumed"))
 
-    def render(self, run: Run) -> Markup:
+    def render(self, run: RunFolder) -> Markup:
         """Return the prior odds, a table of priors for each signal, and the assumptions on envelopes."""
         signals = [s for s in run.signals if self.shows(run, s)]
         items = Markup("").join(Markup("<li>{}</li>").format(text) for text in run.info.get("assumed") or ())
@@ -58,7 +58,7 @@ class PriorsSection(SignalSection):
             paragraph(" ".join(filter(None, sentences))), by_signal(run, self.part, signals), assumed
         )
 
-    def part(self, run: Run, signal: str) -> Markup:
+    def part(self, run: RunFolder, signal: str) -> Markup:
         """Return a table of the priors."""
         models: dict[str, dict[str, str]] = run.info["priors"][signal]
         lines = []

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report.markup import folded, stack
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import Section
 from bayesdamp.store.cells import Place
 from bayesdamp.table import Table
@@ -20,7 +20,7 @@ class ProvenanceSection(Section):
     order = 90
     title = "How this report was made"
 
-    def render(self, run: Run) -> str:
+    def render(self, run: RunFolder) -> str:
         """Return what made the numbers, and from what."""
         info, text = run.info, (0, 1)
         facts = {
@@ -42,7 +42,7 @@ class ProvenanceSection(Section):
         return stack(*parts)
 
 
-def _without_result(run: Run) -> Table | None:
+def _without_result(run: RunFolder) -> Table | None:
     """Return the tasks that ended without a result, by the sentence that gives the reason."""
     tasks: dict[str, list[str]] = {}
     for cell in run.cells():

@@ -13,7 +13,7 @@ from bayesdamp.report.figures.record import ModelFit, raw, record
 from bayesdamp.report.markup import fill
 from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import models_kept
-from bayesdamp.report.results.run import Run, rows_of
+from bayesdamp.report.results.run import RunFolder, rows_of
 from bayesdamp.report.sections import SignalSection, is_drawn
 from bayesdamp.store.contents import RecordContent
 from bayesdamp.types import OK
@@ -25,11 +25,11 @@ class RecordSection(SignalSection):
     order = 30
     title = "The record and the fits"
 
-    def shows(self, run: Run, signal: str) -> bool:
+    def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether a record is not an envelope, which the answer shows."""
         return run.quantity(signal) != "envelope"
 
-    def part(self, run: Run, signal: str) -> Markup:
+    def part(self, run: RunFolder, signal: str) -> Markup:
         """Return the record as it was read, as it is used, and with the most probable fits."""
         repeats = run.repeats(signal)
         cell, about, own = run.cell("signal", signal, repeats[0]), run.about(signal), run.provenance(signal)
@@ -71,7 +71,9 @@ class RecordSection(SignalSection):
         return fill("record.html", notes=notes, figures=figures, missing=missing, repeats=len(repeats))
 
 
-def _fits(run: Run, signal: str, repeat: int, unit: str, samples: int) -> tuple[list[ModelFit], list[str]]:
+def _fits(
+    run: RunFolder, signal: str, repeat: int, unit: str, samples: int
+) -> tuple[list[ModelFit], list[str]]:
     """Return the fits to draw, and why others are missing."""
     fits, missing = [], []
     for place, model in enumerate(models_kept(run, signal, repeat)):

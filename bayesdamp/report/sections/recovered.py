@@ -8,7 +8,7 @@ from typing import Any
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.markup import heading, paragraph, stack
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import Section
 from bayesdamp.table import Table
 
@@ -31,11 +31,11 @@ class RecoveredSection(Section):
     order = 12
     title = "Are the models' probabilities calibrated?"
 
-    def applies(self, run: Run) -> bool:
+    def applies(self, run: RunFolder) -> bool:
         """Return whether the run is a model recovery."""
         return run.info.get("kind") == "model recovery"
 
-    def render(self, run: Run) -> str:
+    def render(self, run: RunFolder) -> str:
         """Return expected against observed probabilities, and the confusion of models."""
         result = run.info["result"]
         parts: list[object] = [paragraph(sentence) for sentence in EXPLAINED]

@@ -11,7 +11,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import running
 from bayesdamp.report.markup import folded, stack
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import SignalSection, is_drawn
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import PosteriorContent
@@ -27,11 +27,11 @@ class RunningSection(SignalSection):
         "starts from the same priors and linearises about the result of the pass before."
     )
 
-    def shows(self, run: Run, signal: str) -> bool:
+    def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether a sampler filtered a record."""
         return any("running/t" in cell.arrays for cell in run.cells("posterior", signal))
 
-    def part(self, run: Run, signal: str) -> Markup:
+    def part(self, run: RunFolder, signal: str) -> Markup:
         """Return the coefficients against time, with their bands."""
         repeat = run.repeats(signal)[0]
         parts: list[Markup] = []
@@ -43,7 +43,7 @@ class RunningSection(SignalSection):
         return stack(*parts)
 
 
-def _figure(run: Run, signal: str, model: str, cell: CellResult) -> Markup:
+def _figure(run: RunFolder, signal: str, model: str, cell: CellResult) -> Markup:
     content = PosteriorContent.of(cell)
     listed = content.posterior.running
     names = [n for n in coefficients(run, model) if n in listed]

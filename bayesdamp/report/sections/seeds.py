@@ -11,7 +11,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.markup import folded, stack
 from bayesdamp.report.results.reading import mode_of, models_by_rank
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import SignalSection
 from bayesdamp.store.contents import Climb, ModeContent, PosteriorContent
 from bayesdamp.table import Table
@@ -34,11 +34,11 @@ class SeedsSection(SignalSection):
         "point that is too far away for a chain is moved towards the mode."
     )
 
-    def shows(self, run: Run, signal: str) -> bool:
+    def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether modes were searched for."""
         return any(c.outcome == OK and ModeContent.of(c).climbs for c in run.cells("mode", signal))
 
-    def part(self, run: Run, signal: str) -> Markup:
+    def part(self, run: RunFolder, signal: str) -> Markup:
         """Return searches and chains of each candidate, the most probable open."""
         repeat = run.repeats(signal)[0]
         parts: list[Markup] = []
@@ -124,7 +124,7 @@ def _searches(mode: ModeContent) -> Table:
     return Table.of(mode.climbs, columns, (0, 4), kind=kind)
 
 
-def _chains(run: Run, signal: str, repeat: int, model: str) -> list[Table]:
+def _chains(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table]:
     def kind(s: tuple[int, ChainStart]) -> str:
         return "alert" if s[1].shift > ALIKE else ""
 

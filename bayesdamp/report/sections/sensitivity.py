@@ -12,11 +12,11 @@ from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.report.markup import paragraph, stack
 from bayesdamp.report.results.reading import EvidenceRanking, mode_of, models_by_rank, over_odds, ranking
-from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import SignalSection
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import HalfContent, NoisesContent, RatiosContent, WidthsContent
-from bayesdamp.table import Line, Table
+from bayesdamp.table import Table, TableLine
 from bayesdamp.types import OK
 
 _ONE_NOISE = (
@@ -32,11 +32,11 @@ class SensitivitySection(SignalSection):
     order = 62
     title = "What the evidence depends on"
 
-    def shows(self, run: Run, signal: str) -> bool:
+    def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether evidence was computed under other assumptions too."""
         return any(cell.outcome == OK for cell in run.cells("sensitivity", signal))
 
-    def part(self, run: Run, signal: str) -> Markup:
+    def part(self, run: RunFolder, signal: str) -> Markup:
         """Return Bayes factors by the priors' width, the part of the record, the noise and the prior odds."""
         models, ranked = models_by_rank(run, signal, 0), ranking(run, signal, 0)
         parts = [view(run, signal, models) for view in (_widths, _parts_and_noises)]
@@ -46,12 +46,12 @@ class SensitivitySection(SignalSection):
         return stack(*parts, paragraph(_ONE_NOISE, "small") if run.under_law else "")
 
 
-def _cells(run: Run, signal: str, models: list[str], kind: str) -> dict[str, CellResult]:
+def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[str, CellResult]:
     cells = {m: run.cell("sensitivity", signal, 0, m, kind) for m in models}
     return {m: c for m, c in cells.items() if c is not None and c.outcome == OK}
 
 
-def _widths(run: Run, signal: str, models: list[str]) -> Table | Markup | None:
+def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | None:
     """Return log Bayes factors under priors of other widths."""
     cells = _cells(run, signal, models, "widths")
     if len(cells) < 2:
@@ -91,7 +91,7 @@ def _odds(ranked: EvidenceRanking) -> Table | None:
     return Table.of(ranked.dampings, columns, caption=caption) if shares else None
 
 
-def _parts_and_noises(run: Run, signal: str, models: list[str]) -> Table | None:
+def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table | None:
     """Return log Bayes factors from parts of the record, and under each noise model."""
     noises = _cells(run, signal, models, "noises")
     if run.under_law or len(_cells(run, signal, models, "widths")) < 2:
@@ -123,7 +123,7 @@ def _parts_and_noises(run: Run, signal: str, models: list[str]) -> Table | None:
     return Table.of(rows, {"model": words.model, **columns}, caption=caption) if columns else None
 
 
-def _halves(run: Run, signal: str, models: list[str], ranked: EvidenceRanking | None) -> Table | None:
+def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRanking | None) -> Table | None:
     """Return the evidence from the first half of the record, as far as it was sampled, and its prediction."""
     halves = {m: HalfContent.of(cell) for m, cell in _cells(run, signal, models, "half").items()}
     if not halves:
@@ -159,7 +159,7 @@ def _halves(run: Run, signal: str, models: list[str], ranked: EvidenceRanking | 
     return Table.of(halves, columns, (0, 6), caption, kind)
 
 
-def _ratios(run: Run, signal: str, ranked: EvidenceRanking) -> Table | None:
+def _ratios(run: RunFolder, signal: str, ranked: EvidenceRanking) -> Table | None:
     """Return the Savage–Dickey ratios of nested pairs."""
     rows = {frozenset(r["model"].split("+")): r for r in ranked.rows}
     cells = _cells(run, signal, [r["model"] for r in ranked.rows], "savage_dickey")
@@ -177,7 +177,7 @@ def _ratios(run: Run, signal: str, ranked: EvidenceRanking) -> Table | None:
                 fmt.nats(difference, math.hypot(first["stderr"], second["stderr"])),
                 factor.outcome,
             ]
-            lines.append(Line(cells_of_line, "" if valid else "quiet"))
+            lines.append(TableLine(cells_of_line, "" if valid else "quiet"))
     caption = (
         "A third check of nested pairs: the log Bayes factor by the Savage–Dickey ratio, which is the posterior "
         "density of the larger model where the term is zero over its prior density, and the difference of the log "

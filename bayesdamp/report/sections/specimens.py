@@ -12,12 +12,12 @@ from bayesdamp.outcomes import Fitting, fitting_of
 from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import Interval, Panel, intervals
 from bayesdamp.report.markup import heading, paragraph, stack
-from bayesdamp.report.results.run import Run, rows_of
+from bayesdamp.report.results.run import RunFolder, rows_of
 from bayesdamp.report.sections import Section
 from bayesdamp.report.style import colour
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import JointContent, PopulationContent
-from bayesdamp.table import Line, Table
+from bayesdamp.table import Table, TableLine
 from bayesdamp.types import OK
 from bayesdamp.verdict.thresholds import CAP
 
@@ -47,11 +47,11 @@ class SpecimensSection(Section):
     order = 13
     title = "Specimens with several records"
 
-    def applies(self, run: Run) -> bool:
+    def applies(self, run: RunFolder) -> bool:
         """Return whether a specimen has several records, or there are several specimens."""
         return bool(run.cells("joint") or run.cells("population"))
 
-    def render(self, run: Run) -> str:
+    def render(self, run: RunFolder) -> str:
         """Return joint fits with each record alone, and the population."""
         parts: list[object] = []
         for cell in run.cells("joint"):
@@ -62,7 +62,7 @@ class SpecimensSection(Section):
         return stack(*parts)
 
 
-def joint_sentence(run: Run, cell: CellResult) -> str:
+def joint_sentence(run: RunFolder, cell: CellResult) -> str:
     """Say how much the records of a specimen differ, and whether one damping fits all of them."""
     joint = JointContent.maybe(cell)
     if joint is None:
@@ -119,7 +119,7 @@ def _interval(quantiles: Mapping[str, float]) -> Interval:
     return quantiles["q2.5"], quantiles["median"], quantiles["q97.5"]
 
 
-def _joint(run: Run, cell: CellResult) -> list[object]:
+def _joint(run: RunFolder, cell: CellResult) -> list[object]:
     """Return the joint fit of a specimen."""
     joint, name = JointContent.maybe(cell), cell.place.record
     parts: list[object] = [paragraph(joint_sentence(run, cell))]
@@ -179,7 +179,7 @@ def _candidates(joint: JointContent) -> Table:
     return Table.of(ranked, columns, (0, len(columns) - 1), caption, kind)
 
 
-def _population(run: Run, cell: CellResult) -> list[object]:
+def _population(run: RunFolder, cell: CellResult) -> list[object]:
     """Return the population of the specimens."""
     parts: list[object] = [paragraph(population_sentence(cell))]
     content = PopulationContent.maybe(cell)
@@ -206,7 +206,7 @@ def _population(run: Run, cell: CellResult) -> list[object]:
         rows += [(f"{symbol} of {label}", own, 4, "quiet") for label, own in population.shrunk.items()]
         for label, own, digits, kind in rows:
             bounds = fmt.interval(own["q2.5"], own["q97.5"])
-            lines.append(Line([label, fmt.number(own["median"], digits), bounds, unit], kind))
+            lines.append(TableLine([label, fmt.number(own["median"], digits), bounds, unit], kind))
     caption = "Mean and spread (sd) of the population, and each specimen's value given all specimens."
     parts += [paragraph(how), Table(["quantity", "median", "95 %", "unit"], lines, (0, 3), caption)]
     labels = list(content.specimens)

@@ -10,10 +10,10 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.estimators import sweep
 from bayesdamp.report.markup import folded, heading, stack
 from bayesdamp.report.results.estimators import STAGES, sort_by_category
-from bayesdamp.report.results.run import Run
-from bayesdamp.report.results.sweeping import FACTORS, Series, interval, series
+from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.results.sweeping import FACTORS, ErrorSeries, interval, series
 from bayesdamp.report.sections import Section
-from bayesdamp.table import Line, Table
+from bayesdamp.table import Table, TableLine
 
 
 class SweepsSection(Section):
@@ -22,11 +22,11 @@ class SweepsSection(Section):
     order = 37
     title = "Errors against noise, sampling and length"
 
-    def applies(self, run: Run) -> bool:
+    def applies(self, run: RunFolder) -> bool:
         """Return whether at least three signals make a series."""
         return len(run.signals) >= 3 and bool(series(run))
 
-    def render(self, run: Run) -> str:
+    def render(self, run: RunFolder) -> str:
         """Return the errors along each series."""
         parts: list[object] = []
         for along in series(run):
@@ -44,9 +44,9 @@ class SweepsSection(Section):
         return stack(*parts)
 
 
-def _table(along: Series, methods: list[str], stage: str) -> Table:
+def _table(along: ErrorSeries, methods: list[str], stage: str) -> Table:
     headers = [words.stage(stage), *(fmt.given(v) for v in along.values)]
-    lines = [Line(["Cramér–Rao bound", *(fmt.number(b, 2) for b in along.bounds)], "best")]
+    lines = [TableLine(["Cramér–Rao bound", *(fmt.number(b, 2) for b in along.bounds)], "best")]
     for method in methods:
         errors = along.errors.get((method, stage))
         if errors is None:
@@ -58,7 +58,7 @@ def _table(along: Series, methods: list[str], stage: str) -> Table:
             limits = f" ({fmt.number(low, 2)} to {fmt.number(high, 2)})" if math.isfinite(low) else ""
             some = f", {answered} of {tried}" if answered < tried and math.isfinite(error) else ""
             cells.append(fmt.number(error, 2) + limits + some)
-        lines.append(Line([words.method(method), *cells]))
+        lines.append(TableLine([words.method(method), *cells]))
     caption = (
         f"Root mean square error in per cent of the truth, by {FACTORS[along.factor]}. In brackets: its 95 % interval "
         "from the repeats; then the number of repeats with an answer if it is not all of them."

@@ -160,14 +160,14 @@ def without(signal: Signal, *holes: tuple[float, float]) -> Signal:
 @lru_cache
 def both(name: str, holes: bool = False) -> tuple[Weighing, Weighing]:
     """Return a record weighed as amplitudes and phases, and by the ODE; with holes, two of two cycles each."""
-    from bayesdamp.inference.deviation.candidate import Candidate
+    from bayesdamp.inference.deviation.candidate import MotionCandidate
     from bayesdamp.inference.deviation.weighing import weigh_all
 
     signal = signal_of(name, 0.01, 5)
     if holes:
         signal = without(signal, (0.302, 0.302 + 2 / CYCLES), (0.701, 0.701 + 2 / CYCLES))
     law = truth(name)[0]
-    candidates = [Candidate(c, law) for c in (("viscous",), ("viscous", "quadratic"))]
+    candidates = [MotionCandidate(c, law) for c in (("viscous",), ("viscous", "quadratic"))]
     few = weighing_of(signal, damping=["viscous", "viscous+quadratic"], restoring=[law])
     return few, weigh_all(prepared(signal, average=False), candidates)
 

@@ -16,7 +16,7 @@ from bayesdamp.inference.deviation.numbers import bounds
 from bayesdamp.inference.deviation.numbers.bounds import bounds_of_others
 from bayesdamp.inference.deviation.numbers.draws import probabilities
 from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.physics.damping import others
 from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.types import Signal
@@ -29,7 +29,7 @@ TIMES = np.arange(1000) * 2 * math.pi / W / 40
 
 
 @lru_cache
-def weighed(noise: float, friction: float = 0.0) -> tuple[Weighing, Result]:
+def weighed(noise: float, friction: float = 0.0) -> tuple[Weighing, CandidateResult]:
     """Return a weighing and its likeliest candidate, of a viscous decay, or one with exact friction too, which is
     known to be exact."""
     known = {"epsilon": 0.0} if friction else None

@@ -12,7 +12,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import root_scalar
 
 from bayesdamp.inference.deviation import data as preparing
-from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import Data, prepared
 from bayesdamp.inference.deviation.gaussian.hyperparameters import knots_of
 from bayesdamp.inference.deviation.weighing import weigh_all
@@ -96,7 +96,7 @@ def asked(signal: Signal, data: Data | None = None) -> Verdict:
     """Return the verdict on a record whose start is known, weighed on `data` instead of its own where that is given."""
     made = {}
     if data is not None:
-        candidates = [Candidate((term,), LAW) for term in TRUTHS]
+        candidates = [MotionCandidate((term,), LAW) for term in TRUTHS]
         made = {WEIGHED: weigh_all(data, candidates, known=KNOWN, approximate=False)}
     return answer(
         signal, [AMPLITUDE], damping=list(TRUTHS), restoring=[LAW], known=KNOWN, deviation="none", measured=False,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from bayesdamp.inference.deviation.least_squares import Fit, fit, nonnegative
+from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit, nonnegative
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel import Solver
@@ -56,7 +56,7 @@ def case_of(law: str, quantity: str = "angle", **changed: float) -> Case:
 
 def fitted(
     made: Case, active: tuple[bool, ...] = (True, True, True), noise: float = 1e-9, **start: float
-) -> Fit:
+) -> LeastSquaresFit:
     rough = PLUGINS.get(made.solver.restoring).start(1.02 * W, 0.0, {})
     first = made.truth["theta0"]
     begin = {

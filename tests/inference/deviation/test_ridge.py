@@ -13,7 +13,7 @@ from bayesdamp.inference.deviation import sampling
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.ridge import Ridge
 from bayesdamp.inference.deviation.sampling import SamplingStart, reference_of
-from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.priors import SHARED_SIGMAS
 from tests.validation.laws import Case, case
 
@@ -26,7 +26,7 @@ def record() -> Case:
 
 
 @cache
-def weighed(**known: float) -> tuple[Weighing, Result]:
+def weighed(**known: float) -> tuple[Weighing, CandidateResult]:
     signal, noise = record().signal, record().noise
     weighing = weighing_of(
         signal, damping=["stribeck"], restoring=["linear"], known={"noise_sd": noise, **known}

@@ -5,7 +5,7 @@ import pytest
 from scipy import optimize, stats
 
 import bayesdamp as bd
-from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.sample_noise import noises_of, prepared_for
 from bayesdamp.inference.deviation.weighing import weigh_all
@@ -104,7 +104,7 @@ def test_white_noise_is_white_under_exact_laws(noise_time: float | None, white: 
     factors = []
     for seed in range(4):
         signal = bd.simulate({"viscous": 0.05}, "linear", seed=seed, theta0=0.3, **MADE, **own)
-        asked = [Candidate(("viscous",), "linear")]
+        asked = [MotionCandidate(("viscous",), "linear")]
         factors.append(weigh_all(prepared(signal), asked, approximate=False).inflation)
     assert all((one == 1.0) == white for one in factors)
 

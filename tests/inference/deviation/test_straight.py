@@ -12,7 +12,7 @@ from bayesdamp.inference.deviation import sampling
 from bayesdamp.inference.deviation.parameters import Straight, straight_at
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sampling import APART, LOOSER, DrawMotions, motions_near, reference_of
-from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.records.simulate import simulate_signal
@@ -35,11 +35,11 @@ def record() -> Signal:
 
 
 @cache
-def weighed() -> tuple[Weighing, Result]:
+def weighed() -> tuple[Weighing, CandidateResult]:
     return of(record())
 
 
-def of(signal: Signal, scales: Reference | None = None, **known: float) -> tuple[Weighing, Result]:
+def of(signal: Signal, scales: Reference | None = None, **known: float) -> tuple[Weighing, CandidateResult]:
     weighing = weighing_of(
         signal,
         damping=["viscous"],

@@ -10,7 +10,7 @@ import pytest
 from scipy.special import logsumexp
 
 from bayesdamp.inference.deviation.gaussian import linear
-from bayesdamp.inference.envelope.candidates import Blocks, Candidate, weigh
+from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, weigh
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.amplitude.laws import SUMS, ClosedForm, decay
@@ -35,11 +35,11 @@ def blocks(
     return b, [(Noise(1e-4, 1.0, 1e-8, 1.0, noise), noise**2 * np.eye(60))], np.eye(60) / noise
 
 
-def weighed(b: Blocks, noises: Sequence, inverse: np.ndarray) -> list[Candidate]:
+def weighed(b: Blocks, noises: Sequence, inverse: np.ndarray) -> list[EnvelopeCandidate]:
     return [weigh(b, ClosedForm(terms), noises, inverse) for terms in SUMS]
 
 
-def probabilities(candidates: Sequence[Candidate]) -> np.ndarray:
+def probabilities(candidates: Sequence[EnvelopeCandidate]) -> np.ndarray:
     logs = np.array([c.total for c in candidates])
     return np.exp(logs - logsumexp(logs))
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.sample_noise import SampleNoise
 from bayesdamp.inference.deviation.weighing import weigh_all
@@ -53,7 +53,7 @@ def weighed(kind: str, damping: tuple[str, ...] = ("viscous", "quadratic")) -> S
         y = motion(0.2) + noise(kind, rng)
     data = prepared(Signal(TIMES, y, step=recording_step(y)))
     known = {n: v for n, v in KNOWN.items() if n != "epsilon"}
-    asked = [Candidate(damping, "linear")]
+    asked = [MotionCandidate(damping, "linear")]
     return weigh_all(data, asked, known=known, approximate=False, noises=NOISES.names()).noise
 
 

@@ -10,7 +10,7 @@ import pytest
 from bayesdamp.records.cleaning import window as window_module
 from bayesdamp.records.cleaning.clean import recording_step
 from bayesdamp.records.cleaning.swings import Swings
-from bayesdamp.records.cleaning.window import Window, free_decay
+from bayesdamp.records.cleaning.window import DecayWindow, free_decay
 from bayesdamp.records.oscillation.turning import turning_points
 from tests.records.hands import (
     Record,
@@ -30,7 +30,7 @@ EARLY = 0.1
 """Cycles by which a start may come before the hand has let go: its last touch is a light one."""
 
 
-def window(record: Record) -> Window:
+def window(record: Record) -> DecayWindow:
     return free_decay(record.t, record.y, recording_step(record.y), True, True, "x")
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from bayesdamp.inference.deviation.candidate import tangents_at
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import condensed, weigh
-from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.physics.damping import TERMS, TINY, others
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import SCORE_RATIO
@@ -57,7 +57,7 @@ class _Own:
 
 
 def bounds_of_others(
-    weighing: Weighing, result: Result, approximate: bool, rng: np.random.Generator
+    weighing: Weighing, result: CandidateResult, approximate: bool, rng: np.random.Generator
 ) -> dict[str, float]:
     """Return 95 % upper limits of the share of the energy of each form that is not in the result's sum, by name.
 
@@ -92,7 +92,7 @@ def bounds_of_others(
     return bounds
 
 
-def _forms(weighing: Weighing, result: Result, name: str) -> Iterator[_Form]:
+def _forms(weighing: Weighing, result: CandidateResult, name: str) -> Iterator[_Form]:
     """Yield the parts of a term that are bounded: at low and high values of its parameters.
 
     Of a term that reduces to a simpler one, what it adds to that.
@@ -120,7 +120,7 @@ def _difference(more: Shape, less: Shape) -> Shape:
     return lambda x, v, epsilon: more(x, v, epsilon) - less(x, v, epsilon)
 
 
-def columns_of(result: Result, approximate: bool) -> tuple[np.ndarray, np.ndarray] | None:
+def columns_of(result: CandidateResult, approximate: bool) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the linear model's columns (n, K) and what they are fitted to, (n,)."""
     fit, about = result.fit, result.about
     if not approximate or about is None:
@@ -129,7 +129,7 @@ def columns_of(result: Result, approximate: bool) -> tuple[np.ndarray, np.ndarra
     return None if columns is None else (columns, about.residual + columns @ about.u)
 
 
-def _middle(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return times (2s − 1,), displacements and velocities at a motion's refined points and half way between them.
 
     A velocity of 0 at a turning point has the sign of its own side, as exact friction has.
@@ -150,7 +150,7 @@ def _middle(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _sources(
-    weighing: Weighing, result: Result, forms: list[_Form]
+    weighing: Weighing, result: CandidateResult, forms: list[_Form]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, _Own]:
     """Return the forces of the forms and their work along the motion.
 
@@ -171,7 +171,7 @@ def _sources(
     return forces, (width * v) @ forces, (width * np.abs(v)) @ np.abs(forces), own
 
 
-def _tangents(weighing: Weighing, result: Result, sources: np.ndarray) -> np.ndarray:
+def _tangents(weighing: Weighing, result: CandidateResult, sources: np.ndarray) -> np.ndarray:
     """Return the tangents of the record by the forms' coefficients, (n, f).
 
     They solve the variational equation, by Runge and Kutta's method of order 4 on the motion's own steps. Exact
@@ -214,7 +214,7 @@ def _tangents(weighing: Weighing, result: Result, sources: np.ndarray) -> np.nda
 
 
 def _slopes(
-    weighing: Weighing, result: Result, times: np.ndarray, x: np.ndarray, v: np.ndarray
+    weighing: Weighing, result: CandidateResult, times: np.ndarray, x: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return slopes of the force by displacement and velocity along the motion, and the damping's factor, (p,) each."""
     solver, data = weighing.solvers[result.candidate.restoring], weighing.data

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from bayesdamp.inference.deviation.numbers.draws import CandidateDraws, quantity
-from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.rest import by_kernel, frequency_over
@@ -118,7 +118,7 @@ def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     return at[good], np.minimum.accumulate(sizes[good])
 
 
-def share_of_time(result: Result, amplitude: float) -> float:
+def share_of_time(result: CandidateResult, amplitude: float) -> float:
     """Return when the motion has this amplitude, as a share of the record."""
     at, sizes = turning_amplitudes(result.motion)
     if at.size < 2:
@@ -127,7 +127,7 @@ def share_of_time(result: Result, amplitude: float) -> float:
     return float(np.clip(t / result.data.end, 0.0, 1.0))
 
 
-def orbit_of(result: Result, amplitude: float) -> Orbit | None:
+def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
     """Return the orbit of an amplitude under a result's own law."""
     name, law = result.candidate.restoring, result.law
     rest = result.data.equilibrium(name, law)
@@ -264,7 +264,7 @@ def _under_frictions(
     return ratios * (lost / lost[used])[rng.choice(len(weights), len(ratios), p=weights)]
 
 
-def _noise_sd(weighing: Weighing, result: Result, per_unit: np.ndarray) -> float:
+def _noise_sd(weighing: Weighing, result: CandidateResult, per_unit: np.ndarray) -> float:
     """Return the ratio's standard deviation from noise alone, under exact laws."""
     parameters = result.fit.parameters
     rates, gradient = parameters.rates(result.fit.z), np.zeros(parameters.free.size)

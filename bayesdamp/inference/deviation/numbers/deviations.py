@@ -15,7 +15,7 @@ from bayesdamp.inference.deviation.numbers.curves import (
     turning_amplitudes,
 )
 from bayesdamp.inference.deviation.numbers.draws import CandidateDraws, Quantity, quantity
-from bayesdamp.inference.deviation.weighing import Result
+from bayesdamp.inference.deviation.weighing import CandidateResult
 from bayesdamp.physics.kernel.averaged import NUMBERS
 
 CLEAR = 5.0
@@ -27,7 +27,7 @@ FEW = 400
 """Draws, of all candidates together, for the unexplained share."""
 
 
-def size_of(result: Result, values: np.ndarray) -> np.ndarray:
+def size_of(result: CandidateResult, values: np.ndarray) -> np.ndarray:
     """Return the energy-weighted mean of |deviation| about its mean over the record, (n,), of draws (n, k)."""
     weight = _energies(result, values.shape[1])
     centred = values - (values @ weight)[:, None]
@@ -69,7 +69,7 @@ def _deviations_at(
         yield at_share(d.g, share) + between_knots(d.g, rng), at_share(d.h, share)
 
 
-def _energies(result: Result, knots: int) -> np.ndarray:
+def _energies(result: CandidateResult, knots: int) -> np.ndarray:
     """Return shares of the oscillation's energy at equidistant knots, (k,)."""
     at, sizes = turning_amplitudes(result.motion)
     times = np.linspace(0, 1, knots) * result.data.end
@@ -120,7 +120,7 @@ def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> 
     return shares
 
 
-def midline_drift(result: Result) -> float:
+def midline_drift(result: CandidateResult) -> float:
     """Return how far the midline moves from a record's start to its end, as a share of its first amplitude.
 
     From the straight line through the means, cycle by cycle, of what a candidate's plain fit leaves; 0 where this is
@@ -142,7 +142,7 @@ def midline_drift(result: Result) -> float:
     return drift / scale if abs(drift) > CLEAR * np.sqrt(scatter / (place @ place)) else 0.0
 
 
-def left_over(result: Result) -> tuple[float, float]:
+def left_over(result: CandidateResult) -> tuple[float, float]:
     """Return the rms of what a plain fit leaves beyond noise, and of the noise, as shares of the amplitude."""
     about, averaged = result.about, result.data.averaged
     left = result.fit.residual if about is None else about.left

@@ -8,8 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from bayesdamp.inference.deviation.candidate import Candidate
-from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.inference.deviation.candidate import MotionCandidate
+from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.odds import odds
 
 POINTS = 4000
@@ -57,7 +57,7 @@ class CandidateDraws:
         Log deviation of the damping and deviation of the frequency at the knots.
     """
 
-    result: Result
+    result: CandidateResult
     coefficients: np.ndarray
     further: np.ndarray
     law: np.ndarray
@@ -65,7 +65,7 @@ class CandidateDraws:
     h: np.ndarray
 
     @classmethod
-    def of(cls, result: Result, u: np.ndarray) -> Self:
+    def of(cls, result: CandidateResult, u: np.ndarray) -> Self:
         """Return draws of u = (scores, log g, h), (n, K), of a candidate."""
         d, solver = result.fit.z.size, result.solver
         values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
@@ -82,7 +82,7 @@ class CandidateDraws:
         return values[place.ravel()] if len(rows) > 1 else values
 
 
-def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[Candidate, float]:
+def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[MotionCandidate, float]:
     """Return the posterior probability of each candidate.
 
     The prior is `odds`, the same for all laws.
@@ -96,7 +96,7 @@ def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[C
     forms : bool
         Whether other forms of damping are among the candidates.
     """
-    logs: dict[Candidate, float] = {}
+    logs: dict[MotionCandidate, float] = {}
     others = len({r.candidate.damping for r in weighing.forms})
     for r in (*weighing.results, *(weighing.forms if forms else ())):
         weighed = r.exact_weighed if exact else r.weighed
@@ -113,7 +113,7 @@ def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[C
 
 
 def drawn_from(
-    weighing: Weighing, chosen: Mapping[Candidate, float], approximate: bool, rng: np.random.Generator
+    weighing: Weighing, chosen: Mapping[MotionCandidate, float], approximate: bool, rng: np.random.Generator
 ) -> list[CandidateDraws]:
     """Draw from the candidates that count, from each in proportion to its probability."""
     likeliest, total = [], 0.0
@@ -130,7 +130,9 @@ def drawn_from(
     return drawn
 
 
-def draws_of(result: Result, count: int, approximate: bool, rng: np.random.Generator) -> CandidateDraws:
+def draws_of(
+    result: CandidateResult, count: int, approximate: bool, rng: np.random.Generator
+) -> CandidateDraws:
     """Draw from one candidate; only `DISTINCT` draws, repeated, where it has inferred parameters of its terms."""
     weighed = result.weighed if approximate else result.exact_weighed
     assert weighed is not None
@@ -166,7 +168,7 @@ def _works(weighing: Weighing, d: CandidateDraws) -> np.ndarray:
     return d.by_further(lambda rows: solver.works(x, v, v / POINTS, rows, d.result.fit.active))
 
 
-def noise_sds(weighing: Weighing, result: Result) -> np.ndarray:
+def noise_sds(weighing: Weighing, result: CandidateResult) -> np.ndarray:
     """Return the sd that noise alone would cause in each inferred parameter, (p,), if the laws were exact."""
     rates = np.abs(result.fit.parameters.rates(result.fit.z))
     sds = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * rates

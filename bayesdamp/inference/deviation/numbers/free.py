@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import (
-    Candidate,
     Linearised,
+    MotionCandidate,
     first_values,
     linearise,
     mode_of,
@@ -21,7 +21,7 @@ from bayesdamp.inference.deviation.candidate import (
 )
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, wide_grid
 from bayesdamp.inference.deviation.gaussian.linear import weigh
-from bayesdamp.inference.deviation.least_squares import Fit
+from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.numbers.curves import at_share, orbit_at, turning_amplitudes
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import Weighing
@@ -107,7 +107,7 @@ def _mode(weighing: Weighing, solver: Solver, grid: Grid, guess: tuple[Ratio, ..
     near = next(r for r in weighing.results if r.candidate.restoring == law)
     fitted, known = near.fit.parameters.named(near.fit.z), near.fit.parameters.known
     fixed = {n: v for n, v in known.items() if n in solver.names[solver.law_places]}
-    c = Candidate(("viscous",), law)
+    c = MotionCandidate(("viscous",), law)
     parameters = parameters_of(c, solver, data, weighing.reference, {}, fixed)
     # When the motion has the guessed amplitudes, which fall.
     turns, sizes = turning_amplitudes(near.motion)
@@ -123,7 +123,7 @@ def _mode(weighing: Weighing, solver: Solver, grid: Grid, guess: tuple[Ratio, ..
     z = parameters.scores({n: start[n] for n in parameters.free_names})
     empty = np.zeros((data.y.size, 0))
     motion = Motion(data.y, empty, np.zeros(0), np.zeros((0, 3)))
-    fit = Fit(parameters, np.ones(1, bool), z, data.y, empty, motion)
+    fit = LeastSquaresFit(parameters, np.ones(1, bool), z, data.y, empty, motion)
     at = linearise(solver, data, fit, np.concatenate([z, log - log.mean(), np.zeros(solver.knots.size)]))
     for _ in range(STEPS):
         if at is None:

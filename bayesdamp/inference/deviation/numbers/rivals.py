@@ -19,7 +19,7 @@ from itertools import combinations
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import (
-    Candidate,
+    MotionCandidate,
     exact,
     first_values,
     linearise,
@@ -31,10 +31,10 @@ from bayesdamp.inference.deviation.candidate import (
 )
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import weigh
-from bayesdamp.inference.deviation.least_squares import Fit
+from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.numbers.curves import orbit_of, turning_amplitudes, works_on
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.inference.deviation.weighing import START, Result, Weighing, exact_variance
+from bayesdamp.inference.deviation.weighing import START, CandidateResult, Weighing, exact_variance
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel import Solver
@@ -86,7 +86,7 @@ def with_rivals(weighing: Weighing, approximate: bool) -> Weighing:
         return weighing
     best, reference = weighing.best, weighing.reference
     plain = weighing.solvers[best.candidate.restoring]
-    rivals: list[Result] = []
+    rivals: list[CandidateResult] = []
     for form, like in PLACES.items():
         if form not in plain.terms and like in plain.terms:
             solver = replace(plain, terms=(*(t for t in plain.terms if t in PAPER_TERMS), form))
@@ -126,7 +126,7 @@ def _weigh(
     sums: Sequence[tuple[str, ...]],
     approximate: bool,
     starts: Sequence[Mapping[str, float]] = (),
-) -> list[Result]:
+) -> list[CandidateResult]:
     """Fit and weigh rivals, starting from the likeliest sum's motion.
 
     `starts` are values of coefficients and parameters; by default, starts are taken from their priors.
@@ -137,7 +137,7 @@ def _weigh(
     own = {*solver.names[solver.law_places], *START}
     fixed = {n: v for n, v in fit.parameters.known.items() if n in own}
 
-    def weigh_one(c: Candidate) -> Result | None:
+    def weigh_one(c: MotionCandidate) -> CandidateResult | None:
         parameters = parameters_of(c, solver, data, reference, {}, {**fixed, **scales})
         first = first_values(c, data, fixed)
         begin = {**near, **{n: first[n] for n in (TERMS.get(t).parameter for t in c.damping)}}
@@ -146,7 +146,7 @@ def _weigh(
         return None if rival is None else weighing.result_of(c, solver, rival, approximate)
 
     assert solver.kernel  # compiled before several threads ask for it
-    rivals = at_once(weigh_one, [Candidate(terms, law) for terms in sums])
+    rivals = at_once(weigh_one, [MotionCandidate(terms, law) for terms in sums])
     return [r for r in rivals if r is not None]
 
 
@@ -155,7 +155,7 @@ class _At:
     """The log evidence of an exponent in nats, and the mode there: its fit, and scores and (g, h) at the knots."""
 
     log_evidence: float
-    fit: Fit
+    fit: LeastSquaresFit
     u: np.ndarray
 
 
@@ -184,7 +184,7 @@ def _problem(
     known = {n: v for n, v in near.parameters.known.items() if n in own}
     # At the middle, the record determines the size and the exponent independently.
     scales = data.middle.scales(data.rest_under(law, near.values[plain.law_places]))
-    candidate = Candidate(("power",), law)
+    candidate = MotionCandidate(("power",), law)
     starts = [{**near.parameters.named(near.z), **start} for start in power_starts(weighing)]
     solver = power_solver(weighing, starts[0]["exponent"] if starts else 1.0)
     assert solver.kernel  # compiled before several threads ask for it

@@ -11,7 +11,7 @@ NORMAL = "no draws: right where the posterior is normal"
 LINEAR = "of the linear model: parameters and deviations integrated out about the best motion"
 
 
-class Laplace(EvidenceMethod):
+class LaplaceEvidence(EvidenceMethod):
     """The integral of the second-order expansion of the log posterior at its mode, over reflected scores from zero on.
 
     It takes a few likelihoods, no draws, and gives no error: it serves to prune candidates that are far behind. The
@@ -34,4 +34,4 @@ class Laplace(EvidenceMethod):
         )
 
 
-PLUGIN = Laplace()
+PLUGIN = LaplaceEvidence()
