@@ -177,9 +177,9 @@ class AveragedSolver(Solver):
             begin, end = ends[i], ends[i + 1]
             span = np.array([0.0, end - begin])
             inside = t[places[i] : places[i + 1]] - begin
-            one = self._plain(inside if inside.size else span, span)
+            plain = self._plain(inside if inside.size else span, span)
             both = np.array([begin, end])
-            motion = one.solve(
+            motion = plain.solve(
                 p, active, np.interp(both, knots, g), np.interp(both, knots, h), NONE, tolerance=BY_ODE
             )
             if motion is None:
@@ -210,11 +210,11 @@ class AveragedSolver(Solver):
     def _turned(self, z: np.ndarray, slopes: np.ndarray, middle: np.ndarray) -> np.ndarray:
         """Slopes of the blocks' numbers, (3b, k), from those of complex amplitudes and midlines, (b, k) each."""
         relative = slopes / z[:, None]
-        found = np.empty((NUMBERS * z.size, slopes.shape[1]))
-        found[::NUMBERS] = np.abs(z)[:, None] * relative.real
-        found[1::NUMBERS] = self.track.sizes[: z.size, None] * self._stretched(relative.imag)
-        found[2::NUMBERS] = np.sqrt(2) * middle
-        return found
+        numbers = np.empty((NUMBERS * z.size, slopes.shape[1]))
+        numbers[::NUMBERS] = np.abs(z)[:, None] * relative.real
+        numbers[1::NUMBERS] = self.track.sizes[: z.size, None] * self._stretched(relative.imag)
+        numbers[2::NUMBERS] = np.sqrt(2) * middle
+        return numbers
 
     def _read(self, blocks: int) -> tuple[Solver, np.ndarray]:
         """Return a solver of the oscillation at the points of the first blocks, and their order in time."""

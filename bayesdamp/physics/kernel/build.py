@@ -99,10 +99,10 @@ def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
             f"{margin}    total += c[{number}] * _shape_{number}({inside})",
         ]
         calls.append(f"    out[{number}] = _shape_{number}({inside}) if active[{number}] else 0.0")
-        found = ", ".join(["f", "by_x", "by_v", *(f"by_{i}" for i in range(len(further)))])
+        returned = ", ".join(["f", "by_x", "by_v", *(f"by_{i}" for i in range(len(further)))])
         slopes += [
             f"{margin}if active[{number}]:",
-            f"{margin}    {found} = _slopes_{number}({inside}{changes})",
+            f"{margin}    {returned} = _slopes_{number}({inside}{changes})",
             f"{margin}    out[{2 + number}] = share * f",
             f"{margin}    total, x_slope, v_slope = (total + c[{number}] * f, x_slope + c[{number}] * by_x, "
             f"v_slope + c[{number}] * by_v)",
@@ -144,9 +144,9 @@ def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
         return differentiated(source, name, [*given[:2], *given[3:]]), ""
     except NoSlopeError:
         q = [f"q{i}" for i in range(further)]
-        call = f"_shape_{number}({{x}}, {{v}}, epsilon{''.join(f', {{{one}}}' for one in q)})"
+        call = f"_shape_{number}({{x}}, {{v}}, epsilon{''.join(f', {{{seed}}}' for seed in q)})"
         changes = {"x": "1e-6 * sizes[0]", "v": "1e-6 * sizes[1]"}
-        changes |= {one: f"1e-6 * (abs({one}) + 1e-3)" for one in q}
+        changes |= {seed: f"1e-6 * (abs({seed}) + 1e-3)" for seed in q}
         return differenced(call, ["x", "v", "epsilon", *q, "sizes"], changes, name), ", sizes"
 
 
@@ -182,19 +182,19 @@ def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
         own, changes = differentiated(source, name, [x, *(f"{p}[{i}]" for i in range(count))]), ""
     except NoSlopeError:
         numbers = [f"p{i}" for i in range(count)]
-        call = f"_law_{number}({{x}}, ({', '.join(f'{{{one}}}' for one in [*numbers])}, 0.0))"
+        call = f"_law_{number}({{x}}, ({', '.join(f'{{{seed}}}' for seed in [*numbers])}, 0.0))"
         moved = {"x": "1e-6 * sizes[0]"}
-        moved |= {one: f"1e-6 * (abs({one}) + sizes[{2 + i}])" for i, one in enumerate(numbers)}
+        moved |= {seed: f"1e-6 * (abs({seed}) + sizes[{2 + i}])" for i, seed in enumerate(numbers)}
         inner = differenced(call, ["x", *numbers, "sizes"], moved, f"{name}_moved")
         given = ", ".join(["x", *(f"p[{i}]" for i in range(count)), "sizes"])
         own = f"{inner}\n\n@njit\ndef {name}(x, p, sizes):\n    return {name}_moved({given})\n"
         changes = ", sizes"
-    found = ", ".join(["f", "by_x", *(f"by_{i}" for i in range(count))])
-    kept = "".join(f"    out[first + {i}] = share * by_{i}\n" for i in range(count))
+    returned = ", ".join(["f", "by_x", *(f"by_{i}" for i in range(count))])
+    stored = "".join(f"    out[first + {i}] = share * by_{i}\n" for i in range(count))
     return [
         own,
         f"@njit\ndef _slopes_of_law_{number}(x, p, sizes, share, out, first):\n"
-        f"    {found} = {name}(x, p{changes})\n{kept}    return f, by_x\n",
+        f"    {returned} = {name}(x, p{changes})\n{stored}    return f, by_x\n",
     ]
 
 
@@ -226,19 +226,23 @@ def _function(function: Callable[..., Any], name: str, what: str) -> str:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
     except (OSError, SyntaxError):
         raise Refusal(f"the {what} has a `kernel` whose source cannot be read") from None
-    found = tree.body[0]
-    if not isinstance(found, ast.FunctionDef):
+    definition = tree.body[0]
+    if not isinstance(definition, ast.FunctionDef):
         raise Refusal(f"the {what} has a `kernel` that is not a plain function")
     foreign = sorted(set(function.__code__.co_names) & set(function.__globals__) - {"math", "np"})
     if foreign:
         raise Refusal(
             f"the {what} has a `kernel` that uses {foreign[0]!r}: it may use its arguments, math and np"
         )
-    found.name, found.returns, found.decorator_list = name, None, [ast.Name("njit", ast.Load())]
-    for argument in [*found.args.posonlyargs, *found.args.args]:
+    definition.name, definition.returns, definition.decorator_list = (
+        name,
+        None,
+        [ast.Name("njit", ast.Load())],
+    )
+    for argument in [*definition.args.posonlyargs, *definition.args.args]:
         argument.annotation = None
-    found.args.defaults = []
-    return ast.unparse(ast.fix_missing_locations(_Quick().visit(found))) + "\n"
+    definition.args.defaults = []
+    return ast.unparse(ast.fix_missing_locations(_Quick().visit(definition))) + "\n"
 
 
 class _Quick(ast.NodeTransformer):

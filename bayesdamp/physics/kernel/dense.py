@@ -67,7 +67,7 @@ def last_within(times, node, t, first):
 @compiled
 def at_times(times, states, t, order):
     """Evaluate the order-th derivative (0 to 2) at rising times t, (n,), of states (s, 3 or 4) at nodes (s,)."""
-    found, first = np.empty(t.size), 0
+    values, first = np.empty(t.size), 0
     for node in range(times.size - 1):
         end = last_within(times, node, t, first)
         if end == first:
@@ -76,9 +76,9 @@ def at_times(times, states, t, order):
         c0, c1, c2, c3, c4, c5, c6 = quintic(states[node], states[node + 1], step, order)
         for i in range(first, end):
             u = (t[i] - begun) / step
-            found[i] = c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * (c5 + u * c6)))))
+            values[i] = c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * (c5 + u * c6)))))
         first = end
-    return found
+    return values
 
 
 @compiled
@@ -109,7 +109,7 @@ def parts(m0, m1, m2, m3, m4, m5, m6, step, order):
 def slopes_at_times(times, slopes, columns, t, order):
     """`at_times` of some of the tangents, slopes (s, k, 3 or 4): shape (n, columns.size)."""
     k, four = columns.size, slopes.shape[2] > 3
-    found, c, first = np.empty((t.size, k)), np.zeros((7, k)), 0
+    values, c, first = np.empty((t.size, k)), np.zeros((7, k)), 0
     for node in range(times.size - 1):
         end = last_within(times, node, t, first)
         if end == first:
@@ -126,12 +126,12 @@ def slopes_at_times(times, slopes, columns, t, order):
             u2, u3 = u * u, u * u * u
             w0, w1, w2, w3, w4, w5, w6 = parts(1.0, u, u2, u3, u2 * u2, u2 * u3, u3 * u3, step, order)
             for p in range(k):
-                found[i, p] = (
+                values[i, p] = (
                     w0 * c[0, p] + w1 * c[1, p] + w2 * c[2, p] + w3 * c[3, p]
                     + w4 * c[4, p] + w5 * c[5, p] + w6 * c[6, p]
                 )  # fmt: skip
         first = end
-    return found
+    return values
 
 
 @compiled
@@ -140,7 +140,7 @@ def pulled(times, slopes, columns, t, order, weights):
 
     The weights' moments in each step are all that the polynomials of its tangents need.
     """
-    found, first = np.zeros(columns.size), 0
+    values, first = np.zeros(columns.size), 0
     for node in range(times.size - 1):
         end = last_within(times, node, t, first)
         if end == first:
@@ -156,9 +156,9 @@ def pulled(times, slopes, columns, t, order, weights):
         w0, w1, w2, w3, w4, w5, w6 = parts(m0, m1, m2, m3, m4, m5, m6, step, order)
         for p in range(columns.size):
             q = columns[p]
-            found[p] += (
+            values[p] += (
                 w0 * slopes[node, q, 0] + w1 * slopes[node, q, 1] + w2 * slopes[node, q, 2] + w3 * slopes[node, q, 3]
                 + w4 * slopes[node + 1, q, 0] + w5 * slopes[node + 1, q, 1] + w6 * slopes[node + 1, q, 2]
             )  # fmt: skip
         first = end
-    return found
+    return values

@@ -46,8 +46,8 @@ def differentiated(source: str, name: str, seeds: list[str]) -> str:
             case ast.Assign(targets=[ast.Name(id=target)]):
                 lines.known[target] = lines.of(statement.value)
             case ast.Return(value=ast.expr() as value):
-                found, slopes = lines.of(value)
-                returned = ", ".join([found, *(slopes.get(seed, "0.0") for seed in seeds)])
+                returned_value, slopes = lines.of(value)
+                returned = ", ".join([returned_value, *(slopes.get(seed, "0.0") for seed in seeds)])
                 lines.text.append(f"return {returned}")
                 body = "".join(f"    {line}\n" for line in lines.text)
                 return f"@njit\ndef {name}({', '.join(arguments)}):\n{body}"
@@ -84,7 +84,7 @@ class _Lines:
             case ast.BinOp(left=left, op=op, right=right):
                 return self._of_two(op, self.of(left), self.of(right))
             case ast.Call(func=called, args=given, keywords=[]):
-                return self._of_call(called, [self.of(one) for one in given])
+                return self._of_call(called, [self.of(argument) for argument in given])
             case _:
                 raise NoSlopeError
 
@@ -138,7 +138,7 @@ class _Lines:
 
     def _chain(self, parts: list[tuple[str, dict[str, str]]]) -> dict[str, str]:
         """Slopes of what has these partial derivatives by values of these slopes."""
-        found: dict[str, str] = {}
+        slopes_by_seed: dict[str, str] = {}
         for factor, slopes in parts:
             if not slopes:
                 continue
@@ -148,8 +148,10 @@ class _Lines:
                     term = slope if plain == "1.0" else plain
                 else:
                     term = self._new(f"{plain} * {slope}")
-                found[seed] = self._new(f"{found[seed]} + {term}") if seed in found else term
-        return found
+                slopes_by_seed[seed] = (
+                    self._new(f"{slopes_by_seed[seed]} + {term}") if seed in slopes_by_seed else term
+                )
+        return slopes_by_seed
 
 
 def differenced(call: str, arguments: list[str], seeds: dict[str, str], name: str) -> str:

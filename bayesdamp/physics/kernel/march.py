@@ -114,8 +114,8 @@ def acceleration(x, v, w, g, h, c, q, epsilon, rounding, law):
     w: share of the way between two knots, where the deviations are g[0] and g[1]. c, q, law: tuples, as from
     `gathered`. rounding: the ε of terms that are rounded off.
     """
-    here, there = g[0] + w * (g[1] - g[0]), h[0] + w * (h[1] - h[0])
-    return -(1.0 + here) * damping(x, v, epsilon, rounding, q, c) - (1.0 + 2.0 * there) * restoring(x, law)
+    damps, pulls = g[0] + w * (g[1] - g[0]), h[0] + w * (h[1] - h[0])
+    return -(1.0 + damps) * damping(x, v, epsilon, rounding, q, c) - (1.0 + 2.0 * pulls) * restoring(x, law)
 
 
 @njit
@@ -267,10 +267,10 @@ def march(
         edge = 0.0
     elif epsilon == 0.0:
         epsilon = rounding
-    sign, landed, held, aimed = 0.0, False, False, False
+    sign, landed, sticks, aimed = 0.0, False, False, False
     if exact and v == 0.0:
         sign, a = freed(x, 0.0, at_g, at_h, sized, more, rounding, rests, 1.0, least)
-        held = sign == 0.0
+        sticks = sign == 0.0
     elif exact:
         sign = 1.0 if v > 0.0 else -1.0
         a = signed(x, v, 0.0, at_g, at_h, sized, more, rounding, sign, rests)
@@ -279,7 +279,7 @@ def march(
     states[0, 0], states[0, 1], states[0, 2], times[0] = x, v, a, t
     if tangents > 0:
         slopes[0, base, 0] = 1.0
-        if not held:
+        if not sticks:
             slopes[0, base + 1, 1] = 1.0
             linearise(
                 x, v, 0.0, at_g, at_h, sized, more, epsilon, rounding, sign, active, rests, sizes, read[0]
@@ -296,7 +296,7 @@ def march(
         if count + 2 > room:
             room *= 2
             times, states, slopes = with_room(times, states, slopes, count, room)
-        if held:  # until it moves again: the last node's tangents by the velocity are zero
+        if sticks:  # until it moves again: the last node's tangents by the velocity are zero
             t, piece, sign = held_until(x, t, piece, knots, g, h, sized, more, rounding, rests, least)
             times[count], states[count, 0] = t, x
             for p in range(k):
@@ -304,7 +304,7 @@ def march(
             count += 1
             if sign == 0.0:
                 return times[:count], states[:count], slopes[:count]
-            held, landed, sign, a = False, True, -sign, 1.0
+            sticks, landed, sign, a = False, True, -sign, 1.0
             continue
         left = knots[piece + 1] - t
         gone, width = t - knots[piece], knots[piece + 1] - knots[piece]
@@ -312,12 +312,12 @@ def march(
         if landed:  # a second node at the same time
             w, before = gone / width, a
             sign, a = freed(x, w, at_g, at_h, sized, more, rounding, rests, -sign, least)
-            landed, held = False, sign == 0.0
+            landed, sticks = False, sign == 0.0
             times[count], states[count, 0], states[count, 1], states[count, 2] = t, x, 0.0, a
             for p in range(k):
                 slopes[count, p, 0] = slopes[count - 1, p, 0]
                 slopes[count, p, 1] = slopes[count - 1, p, 1] * (a / before)
-            if k > 0 and not held:
+            if k > 0 and not sticks:
                 linearise(
                     x, 0.0, w, at_g, at_h, sized, more, epsilon, rounding, sign, active, rests, sizes, read[0]
                 )

@@ -45,8 +45,8 @@ class Slopes:
         """At each sample, (n, p)."""
         from bayesdamp.physics.kernel.dense import slopes_at_times
 
-        found = slopes_at_times(self.times, self.slopes, self.columns, self.points.t, self.order)
-        return self.points.mean(found)
+        values = slopes_at_times(self.times, self.slopes, self.columns, self.points.t, self.order)
+        return self.points.mean(values)
 
     def pulled(self, weights: np.ndarray) -> np.ndarray:
         """Sum the tangents over the samples by weights, (n,), without those at each sample: (p,)."""
@@ -98,8 +98,8 @@ class Motion:
         values = [at_times(self.times, self.states, times.ravel(), order) for order in range(3)]
         states = np.stack(values, axis=-1).reshape(-1, PARTS, 3)
         states[:, 0] = self.states[:-1, :3]
-        kept = (steps[:, None] > 0) | (np.arange(PARTS) == 0)
-        return np.append(times[kept], self.times[-1:]), np.vstack([states[kept], self.states[-1:, :3]])
+        ends = (steps[:, None] > 0) | (np.arange(PARTS) == 0)
+        return np.append(times[ends], self.times[-1:]), np.vstack([states[ends], self.states[-1:, :3]])
 
 
 @dataclass(frozen=True)
@@ -280,8 +280,8 @@ class Solver:
 
         del states
         columns, points = np.arange(slopes.shape[1]), self._points(None)
-        found = slopes_at_times(times, slopes, columns, points.t, QUANTITIES.index(self.quantity))
-        return points.mean(found)
+        values = slopes_at_times(times, slopes, columns, points.t, QUANTITIES.index(self.quantity))
+        return points.mean(values)
 
     def works(
         self,
@@ -301,7 +301,7 @@ class Solver:
         switched, q = np.zeros(layout.terms, bool), np.zeros((len(further), layout.further))
         switched[layout.places], q[:, layout.given] = active, further
         out = np.zeros((len(further), layout.terms))
-        points = (np.array(one, float) for one in (x, v, weight))
+        points = (np.array(array, float) for array in (x, v, weight))
         widths = self._widths(self.epsilon if epsilon is None else epsilon)
         self.kernel.sums(*points, *widths, q, switched, out)
         return out[:, self._places]
