@@ -10,7 +10,7 @@ import pandas as pd
 
 from bayesdamp.types import OK
 from validation.contest.records import GROUPS
-from validation.scoring import share_held, three, where, wilson
+from validation.scoring import share_covered, three, where, wilson
 
 MEASURED = "measured"
 TIMES = 2000
@@ -58,7 +58,7 @@ def quantile_of_errors(rows: pd.DataFrame, level: float) -> Interval:
 
 def coverage(rows: pd.DataFrame) -> tuple[Interval, int]:
     """Mean share of the three true ratios within a stated interval, Wilson's by records, and how many state one."""
-    share = share_held(rows)
+    share = share_covered(rows)
     stated = share[np.isfinite(share)]
     if not stated.size:
         return Interval(np.nan, np.nan, np.nan), 0
@@ -89,7 +89,7 @@ def paired(rows: pd.DataFrame, peer: str, ours: str) -> tuple[Interval, int]:
 
 def holds_more(rows: pd.DataFrame, peer: str, ours: str) -> Interval:
     """Return by how much larger a share of true ratios a peer's intervals hold than ours, in the same records."""
-    theirs, own = _of_both(rows, peer, ours, share_held)
+    theirs, own = _of_both(rows, peer, ours, share_covered)
     return bootstrapped((theirs - own)[:, None], lambda chosen: np.mean(chosen, axis=-1))
 
 

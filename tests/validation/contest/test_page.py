@@ -194,7 +194,7 @@ def test_a_wrong_option_is_one_line(wrong: list[str], capsys: pytest.CaptureFixt
 
 def test_another_table_is_not_touched(tmp_path: Path):
     (tmp_path / "rows.csv").write_text("x,y\n1,2\n")
-    with pytest.raises(InputError, match="its columns are not those"):
+    with pytest.raises(InputError, match="the columns differ from those"):
         rows.read(tmp_path / "rows.csv")
 
 
