@@ -126,7 +126,7 @@ def _spring(rng: np.random.Generator, law: str, frequency: float, amplitude: flo
 def _coefficients(
     shares: Mapping[str, float], taken: float, amplitude: float, frequency: float, cycles: float, left: float
 ) -> dict[str, float]:
-    """Return coefficients with these shares of the loss at MIDDLE, so that `left` of the amplitude remains at the end."""
+    """Return coefficients with these shares of the loss at MIDDLE, so that the amplitude falls to `left`."""
     unit = {t: s / float(loss_rate(t, MIDDLE * amplitude, frequency)) for t, s in shares.items()}
     grid = np.geomspace(left, 1.0, 200) * amplitude
     ratio = taken + sum(np.asarray(c * loss_rate(t, grid, frequency)) for t, c in unit.items())

@@ -30,7 +30,7 @@ def nats_ahead(
     The trajectories of the rivals are fitted to the true trajectory by least squares, without discrepancy and with an
     exact sign. Nats are half the least sum of squares over the variance of the noise. A sum with all true terms is not
     a rival: it fits equally well, and only its number of parameters counts against it. All sums without a term are
-    special cases of the sum with all other terms, so that one has the least residual.
+    special cases of the sum with all other terms, so that sum has the least residual.
 
     Parameters
     ----------
