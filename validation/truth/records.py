@@ -20,7 +20,7 @@ from validation.truth.rivals import nats_ahead
 FAMILY = "family"
 KINDS = (FAMILY, *discrepancies.KINDS)
 NATS = 12.0
-"""Least difference in log likelihood between the truth of a family record and the best sum that lacks one of its terms."""
+"""Least difference in log likelihood between the truth of a family record and the best sum without one of its terms."""
 LEAST_SHARE, CYCLES, LEFT = 0.15, (8.0, 60.0), (0.1, 0.7)
 """Required of a record: least share of a term, range of cycles, and range of the last amplitude over the first."""
 FROM_END = 0.75
