@@ -8,7 +8,8 @@ ENGINE = tuple(
     f"bayesdamp/{part}"
     for part in (
         "inference", "interface/answer.py", "interface/case.py", "interface/envelopes.py",
-        "interface/no_free_decay.py", "interface/specification.py", "numerics", "physics", "pipeline", "records", "verdict", "priors.py", "types.py", "units.py",
+        "interface/no_free_decay.py", "interface/specification.py", "numerics", "physics", "pipeline", "records",
+        "verdict", "priors.py", "types.py", "units.py",
     )
 )  # fmt: skip
 """The code that computes answers, posteriors and evidence."""
