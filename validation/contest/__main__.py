@@ -35,29 +35,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--rows", type=Path, help="table of the rows; by default OUT/rows.csv")
     parser.add_argument("--kept", type=Path, help="table from which the rows of the other peers are copied")
     parser.add_argument("--page", action="store_true", help="only write the page from the existing rows")
-    asked = parser.parse_args(arguments)
-    unknown = [name for name in asked.peers if name not in ROSTER]
-    if unknown or asked.seed < 0 or asked.count < 0:
+    options = parser.parse_args(arguments)
+    unknown = [name for name in options.peers if name not in ROSTER]
+    if unknown or options.seed < 0 or options.count < 0:
         wrong = f"{unknown[0]!r} is not a peer" if unknown else "--seed and --count must not be negative"
         print(f"{wrong}; peers are {', '.join(ROSTER)}", file=sys.stderr)
         return 2
-    missing = {} if asked.page else _missing(asked.peers)
-    table = asked.rows or asked.out / "rows.csv"
+    missing = {} if options.page else _missing(options.peers)
+    table = options.rows or options.out / "rows.csv"
     try:
-        if not asked.page:
-            _run(asked, table, missing)
+        if not options.page:
+            _run(options, table, missing)
         answers = rows.read(table)
-        if asked.kept:
-            others = rows.of_others(rows.read(asked.kept), _records(asked), asked.peers)
+        if options.kept:
+            others = rows.of_others(rows.read(options.kept), _records(options), options.peers)
             answers = rows.together(answers, others, list(ROSTER))
-            write_frame(asked.out / "rows.csv", answers)
+            write_frame(options.out / "rows.csv", answers)
     except InputError as fault:
         print(fault, file=sys.stderr)
         return 2
     if answers.empty:
         print(f"{table}: there are no rows for a page", file=sys.stderr)
         return 2
-    write(asked.out, answers, missing)
+    write(options.out, answers, missing)
     return 0
 
 
@@ -67,16 +67,16 @@ def _missing(peers: Sequence[str]) -> dict[str, str]:
     return {name: why for name, e in wanted.items() if (why := e.make())}
 
 
-def _run(asked: argparse.Namespace, table: Path, missing: dict[str, str]) -> None:
-    entries = {name: ROSTER[name] for name in asked.peers}
+def _run(options: argparse.Namespace, table: Path, missing: dict[str, str]) -> None:
+    entries = {name: ROSTER[name] for name in options.peers}
     able = {n: e for n, e in entries.items() if e.environment is None or e.environment.name not in missing}
     read = rows.read(table)
     for entry in able.values():
         if entry.environment is None:  # import and compile before any record is timed
             rows.row_of(closed_form(), "", entry.peer)
     done = set(zip(read["record"], read["peer"], strict=True))
-    until = time.monotonic() + 60 * asked.minutes
-    for record in _records(asked):
+    until = time.monotonic() + 60 * options.minutes
+    for record in _records(options):
         if time.monotonic() > until:
             break
         for name in (name for name in able if (record.name, name) not in done):
@@ -86,14 +86,14 @@ def _run(asked: argparse.Namespace, table: Path, missing: dict[str, str]) -> Non
             entry.peer.close()
 
 
-def _records(asked: argparse.Namespace) -> Iterator[Record]:
+def _records(options: argparse.Namespace) -> Iterator[Record]:
     """Yield the measured records, then the simulated ones."""
     try:
-        yield from measured(asked.measured)
+        yield from measured(options.measured)
     except Refusal as refusal:
         print(f"measured records are omitted: {refusal}", file=sys.stderr)
-    for number in range(asked.count):
-        yield simulated(asked.seed, number)
+    for number in range(options.count):
+        yield simulated(options.seed, number)
 
 
 if __name__ == "__main__":

@@ -269,8 +269,8 @@ def _where_refused(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
     """Yield a line for each group with records that bayesdamp refused: the peers that answered, and their errors."""
     for group in groups:
         part = where(rows, group=group)
-        asked = where(part, peer=OURS)
-        refused = set(asked["record"]) - set(where(asked, outcome=OK)["record"])
+        own = where(part, peer=OURS)
+        refused = set(own["record"]) - set(where(own, outcome=OK)["record"])
         others = []
         for name in (n for n in peers_of(part) if n != OURS):
             answered = where(part, peer=name, outcome=OK)
@@ -279,7 +279,7 @@ def _where_refused(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
                 error = quantile_of_errors(extra, 0.5).value
                 others.append(f"{ROSTER[name].label} {len(extra)} ({_digits(100 * error)} %)")
         if refused:
-            head = f"- **{group}**: bayesdamp refused {len(refused)} of {len(asked)} records."
+            head = f"- **{group}**: bayesdamp refused {len(refused)} of {len(own)} records."
             yield f"{head} Peers that answered these, with the median error: {'; '.join(others) or 'none'}."
 
 

@@ -32,28 +32,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--full", action="store_true", help="use enough records to decide small effects; takes a day"
     )
     parser.add_argument("--minutes", type=float, default=float("inf"), help="start no report after this time")
-    asked = parser.parse_args(arguments)
-    unknown = sorted(set(asked.names) - {r.name for r in RECIPES})
+    options = parser.parse_args(arguments)
+    unknown = sorted(set(options.names) - {r.name for r in RECIPES})
     if unknown:
         print(
             f"{unknown[0]!r} is not a report; use one of {', '.join(r.name for r in RECIPES)}",
             file=sys.stderr,
         )
         return 2
-    if asked.check:
+    if options.check:
         return _check()
-    chosen = [r for r in RECIPES if r.name in asked.names] if asked.names else stale(ROOT)
+    chosen = [r for r in RECIPES if r.name in options.names] if options.names else stale(ROOT)
     if changed := _git("status", "--porcelain", "--", ".", ":!reports"):
         print(
             f"the working tree has uncommitted changes ({changed.split()[1]}); please commit them first",
             file=sys.stderr,
         )
         return 2
-    until, status = time.monotonic() + 60 * asked.minutes, 0
+    until, status = time.monotonic() + 60 * options.minutes, 0
     for recipe in chosen:
         if time.monotonic() > until:
             print(f"{recipe.name}: not started, because the time is over")
-        elif not _make(recipe.whole if asked.full else recipe):
+        elif not _make(recipe.whole if options.full else recipe):
             status = STALE
     return status
 

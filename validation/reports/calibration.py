@@ -102,7 +102,7 @@ In {hits["hits"]} of {n} records the most probable damping is the true one; the 
 
 The records have all seven sums in turn, with parameters drawn from the priors \
 ({run["description"].rstrip(".")}). The evidence comes from importance sampling, and the laws are assumed to hold \
-exactly. The two-sided p value of the number is {hits["p"]:.2g}. A test (5 %) on these records detects \
+exactly. The two-sided p value of this number is {hits["p"]:.2g}. A test (5 %) on these records detects \
 probabilities of the leading damping that are {100 * detectable:.0f} percentage points too high or too low on \
 average with a probability of {POWER:g}. The mean log probability of the truth is {result["log_score"]:.3f}; the \
 stated probabilities predict {result["log_score_expected"]:.3f}, and chance gives {result["log_score_ignorant"]:.3f}.

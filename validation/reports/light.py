@@ -340,10 +340,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--records", type=int, default=100, help="number of records of each decade")
     parser.add_argument("--few", type=int, default=100, help=f"largest number of records of {LONG:g}")
     parser.add_argument("--workers", type=int, default=2)
-    asked = parser.parse_args(arguments)
-    rows = gathered(asked.table, COLUMNS, jobs(asked.records, asked.few), row_of, asked.workers)
-    shipped(asked.folder / "rows.csv", COLUMNS, rows)
-    (asked.folder / "README.md").write_text(page(rows), encoding="utf-8")
+    options = parser.parse_args(arguments)
+    rows = gathered(options.table, COLUMNS, jobs(options.records, options.few), row_of, options.workers)
+    shipped(options.folder / "rows.csv", COLUMNS, rows)
+    (options.folder / "README.md").write_text(page(rows), encoding="utf-8")
 
 
 if __name__ == "__main__":
