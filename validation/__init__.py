@@ -1,4 +1,4 @@
-"""What judges an answer for one record: simulated records with a known truth, repeats of measured ones, and scores.
+"""Judge the answer for one record: simulated records with a known truth, repeats of measured records, and scores.
 
 Nothing here imports the physics or the inference that it judges: the truth comes from SciPy's solver and closed forms.
 """

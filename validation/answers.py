@@ -1,4 +1,4 @@
-"""The row of a case: its truth, and the answer that a record got."""
+"""Rows that compare the answer for a simulated record with its truth."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from validation.truth.oscillator import SUMS
 from validation.truth.records import Case
 
 NEAR = 0.1
-"""How far, as a share, the amplitude of a damping ratio may be from the one that was asked for."""
+"""Largest relative difference between the amplitude of a damping ratio and the requested amplitude."""
 LEAST = 1e-12
-"""Probabilities below count as this, so that a mean of their logarithms is finite."""
+"""Smaller probabilities count as this value, so that the mean of their logarithms is finite."""
 
 
 Answering = Callable[[Signal, tuple[float, ...]], Verdict]
-"""From a record and three amplitudes (rad) to a verdict. Raises Refusal if there is none.
+"""A function of a record and three amplitudes (rad) that returns a verdict, or raises Refusal if it has none.
 
-A verdict without damping ratios has no answer; its sentence says why.
+A verdict without damping ratios counts as no answer; its sentence gives the reason.
 """
 COLUMNS = (
     "case", "kind", "oversample", "mode", "damping", "restoring", "cycles", "nats", "noise_sd", "outcome", "seconds",
@@ -34,9 +34,26 @@ Row = dict[str, Any]
 
 
 def row_of(case: Case, answering: Answering, mode: str) -> Row:
-    """The row of a case: its truth, and what an answer says.
+    """Return the row of a case: its truth and the answer.
 
-    mode: how the answer was asked for, such as "none" or "auto"; kept as a label. A refusal is kept as the outcome.
+    Parameters
+    ----------
+    case : Case
+        The record and its truth.
+    answering : callable
+        Returns the verdict on the record.
+    mode : str
+        How the answer was requested, such as "none" or "auto". The row uses it as a label.
+
+    Returns
+    -------
+    dict
+        Values of `COLUMNS`. After a refusal, the outcome is the text of the refusal.
+
+    Raises
+    ------
+    ValueError
+        The answer gives a damping ratio at an amplitude that was not requested.
     """
     row: Row = {
         "case": case.name, "kind": case.kind, "oversample": case.oversample, "mode": mode, "damping": case.damping,
@@ -57,30 +74,34 @@ def row_of(case: Case, answering: Answering, mode: str) -> Row:
         "probability": answer.probability, "true_probability": probability_of(answer, case.damping),
         "grade": str(answer.grade),
     }  # fmt: skip
-    for i, (asked, at) in enumerate(zip(case.amplitudes, answer.damping_ratio, strict=True), 1):
-        if not math.isclose(at.amplitude, asked, rel_tol=NEAR):
-            raise ValueError(f"{case.name}: a damping ratio at {at.amplitude:g} rad, asked was {asked:g} rad")
-        # What is measured without a law ends within the record's amplitudes: compare with the truth where it is given.
+    for i, (requested, at) in enumerate(zip(case.amplitudes, answer.damping_ratio, strict=True), 1):
+        if not math.isclose(at.amplitude, requested, rel_tol=NEAR):
+            raise ValueError(
+                f"{case.name}: the damping ratio is at {at.amplitude:g} rad, but {requested:g} rad was requested"
+            )
+        # A ratio measured without a law may be at a slightly different amplitude, within the record's range.
         row |= {f"amplitude_{i}": at.amplitude, f"ratio_{i}": case.ratio(at.amplitude)}
         row |= {f"value_{i}": at.value, f"low_{i}": at.low, f"high_{i}": at.high}
     if answer.deviation is not None:
-        found = answer.deviation
-        row |= {"deviation": found.value, "deviation_low": found.low, "deviation_high": found.high}
+        deviation = answer.deviation
+        row |= {
+            "deviation": deviation.value, "deviation_low": deviation.low, "deviation_high": deviation.high,
+        }  # fmt: skip
     return row
 
 
 def relation(named: str, truth: str) -> str:
-    """How a named damping sum differs from the true one: right, or which terms are "more", "less" or "other"."""
-    said, true = set(named.split("+")), set(truth.split("+"))
-    if said == true:
+    """Return "right", "more" (further terms), "less" (missing terms) or "other" for a named damping sum."""
+    claimed, true = set(named.split("+")), set(truth.split("+"))
+    if claimed == true:
         return "right"
-    return "more" if said > true else "less" if said < true else "other"
+    return "more" if claimed > true else "less" if claimed < true else "other"
 
 
 def probability_of(answer: Verdict, damping: str) -> float:
-    """The probability that an answer gives to a damping sum.
+    """Return the probability that an answer gives to a damping sum.
 
-    What neither the named sum nor the rivals take is shared evenly by the sums that are not listed.
+    The sums that the answer does not list share the remaining probability equally.
     """
     listed = {frozenset(answer.damping.split("+")): float(answer.probability)}
     for rival in answer.rivals:

@@ -1,4 +1,4 @@
-"""Tables of many records: read, computed on several processes, and written row by row."""
+"""Tables of many records: read them, compute their rows in several processes, and write them row by row."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bayesdamp.types import InputError
 
 
 def read_rows(table: Path) -> list[dict[str, str]]:
-    """Return the rows of a CSV as texts; none if there is no file."""
+    """Return the rows of a CSV file as strings; an empty list if there is no file."""
     if not table.is_file():
         return []
     with table.open(newline="", encoding="utf-8") as file:
@@ -26,16 +26,19 @@ def read_rows(table: Path) -> list[dict[str, str]]:
 
 
 def read_frame(table: Path, columns: Sequence[str]) -> pd.DataFrame:
-    """Return the rows of a CSV as values; none if there is no file. Raises InputError if it has other columns."""
+    """Return the rows of a CSV file as values; an empty table if there is no file.
+
+    Raises InputError if the file has other columns.
+    """
     if not table.is_file():
         return pd.DataFrame(columns=list(columns))
-    found = pd.read_csv(table, keep_default_na=False, na_values=[""])
-    _require(table, list(found.columns), columns)
-    return found
+    frame = pd.read_csv(table, keep_default_na=False, na_values=[""])
+    _require(table, list(frame.columns), columns)
+    return frame
 
 
 def write_frame(table: Path, rows: pd.DataFrame) -> None:
-    """Write a table to six digits, in place of what was there."""
+    """Write a table with six significant digits; an existing file is replaced."""
     table.parent.mkdir(parents=True, exist_ok=True)
     rows.to_csv(table, index=False, float_format="%.6g")
 
@@ -48,14 +51,27 @@ def gathered(
     workers: int = 2,
     key: Sequence[str] = (),
 ) -> list[dict[str, str]]:
-    """Compute and append the rows that a table lacks; return all that were asked for, in that order.
+    """Compute and append the rows that a table lacks; return all requested rows in the requested order.
 
     Parameters
     ----------
+    table : Path
+        The CSV file. It may not exist yet.
+    columns : sequence of str
+        The columns of the table.
     todo : mapping
-        From a row's name to the arguments of `work`, which must be importable.
+        The requested rows: the name of each, and its arguments of `work`.
+    work : callable
+        Returns a row. It must be importable, because other processes call it.
+    workers : int
+        Number of processes.
     key : sequence of str
-        The columns whose texts, with a slash between them, are a row's name; by default the first column.
+        The columns whose values, joined by slashes, are the name of a row; by default the first column.
+
+    Returns
+    -------
+    list of dict
+        The rows as strings.
 
     Raises
     ------
@@ -73,14 +89,14 @@ def gathered(
     missing = [name for name in todo if name not in done]
     for i, row in enumerate(_computed([todo[name] for name in missing], work, workers), 1):
         write_row(table, columns, row)
-        said = row.get("named") or row.get("outcome", "")
-        print(f"{i}/{len(missing)} {row[columns[0]]} {said}".rstrip(), file=sys.stderr, flush=True)
-    found = {name_of(row): row for row in read_rows(table)}
-    return [found[name] for name in todo]
+        result = row.get("named") or row.get("outcome", "")
+        print(f"{i}/{len(missing)} {row[columns[0]]} {result}".rstrip(), file=sys.stderr, flush=True)
+    by_name = {name_of(row): row for row in read_rows(table)}
+    return [by_name[name] for name in todo]
 
 
 def write_row(table: Path, columns: Sequence[str], row: Mapping[str, object]) -> None:
-    """Append a row, after a header if the file is new."""
+    """Append a row; a new file first gets a header."""
     table.parent.mkdir(parents=True, exist_ok=True)
     fresh = not table.is_file()
     with table.open("a", newline="", encoding="utf-8") as file:
@@ -91,7 +107,7 @@ def write_row(table: Path, columns: Sequence[str], row: Mapping[str, object]) ->
 
 
 def rounded(row: Mapping[str, object]) -> dict[str, object]:
-    """Return a row with its numbers as texts of six digits, empty where there is no number."""
+    """Return a row with its numbers as strings of six significant digits; NaN becomes an empty string."""
     return {
         name: ("" if math.isnan(value) else f"{value:.6g}") if isinstance(value, float) else value
         for name, value in row.items()
@@ -99,14 +115,14 @@ def rounded(row: Mapping[str, object]) -> dict[str, object]:
 
 
 def shipped(table: Path, columns: Sequence[str], rows: Sequence[Mapping[str, str]]) -> None:
-    """Write rows as a report holds them."""
+    """Write the table of a report."""
     table.parent.mkdir(parents=True, exist_ok=True)
     write_table(table, columns, rows)
 
 
-def _require(table: Path, found: Sequence[str], columns: Sequence[str]) -> None:
-    if list(found) != list(columns):
-        raise InputError(f"{table}: its columns are not those of this table; give another file")
+def _require(table: Path, present: Sequence[str], columns: Sequence[str]) -> None:
+    if list(present) != list(columns):
+        raise InputError(f"{table}: the columns differ from those of this table; please give another file")
 
 
 def _computed(

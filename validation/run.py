@@ -1,4 +1,4 @@
-"""Answers to simulated records and their scores: `python -m validation.run --group family --out FILE.csv`."""
+"""Answer simulated records and score the answers: `python -m validation.run --group family --out FILE.csv`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DISCREPANT = "discrepant"
 
 @dataclass(frozen=True)
 class Job:
-    """One record, by what it is drawn from."""
+    """The arguments from which one record is drawn."""
 
     kind: str
     seed: int
@@ -34,15 +34,29 @@ class Job:
 
     @property
     def name(self) -> str:
-        """The name of its case."""
+        """The name of the case."""
         times = f"-x{self.oversample}" if self.oversample > 1 else ""
         return f"{self.kind}-{self.seed}-{self.number}{times}"
 
 
 def jobs(group: str, seed: int, first: int, count: int, oversample: int = 1) -> list[Job]:
-    """Records of a group: of "family", of one discrepancy, or of "discrepant", all ten in turn.
+    """Return the jobs of a group of records.
 
-    Raises InputError on an unknown group.
+    Parameters
+    ----------
+    group : str
+        "family", one discrepancy, or "discrepant" for all ten discrepancies in turn.
+    seed : int
+        Seed of the records.
+    first, count : int
+        Number of the first record, and how many records.
+    oversample : int
+        Multiplies the sampling rate.
+
+    Raises
+    ------
+    InputError
+        The group is unknown.
     """
     if group == DISCREPANT:
         kinds = KINDS[1:]
@@ -55,7 +69,7 @@ def jobs(group: str, seed: int, first: int, count: int, oversample: int = 1) -> 
 
 
 def answering_of(path: str) -> Callable:
-    """The function at `module:name`. Raises InputError where there is none."""
+    """Return the function at `module:name`. Raises InputError if it does not exist."""
     module, _, name = path.partition(":")
     try:
         return getattr(import_module(module), name)
@@ -66,23 +80,36 @@ def answering_of(path: str) -> Callable:
 
 
 def answered(job: Job, path: str, mode: str) -> Row:
-    """The row of a record. A fault of the answering is kept as the outcome, so that the others go on."""
-    made = case(job.kind, job.seed, job.number, job.oversample)
+    """Return the row of a record. An exception becomes the outcome, so that the other records are still answered."""
+    record = case(job.kind, job.seed, job.number, job.oversample)
     answering = partial(answering_of(path), deviation=mode)
     try:
-        return row_of(made, answering, mode)
+        return row_of(record, answering, mode)
     except Exception as fault:
-        head = {"case": made.name, "kind": made.kind, "oversample": made.oversample, "mode": mode}
+        head = {"case": record.name, "kind": record.kind, "oversample": record.oversample, "mode": mode}
         return head | {
-            "damping": made.damping, "restoring": made.restoring, "decided": False,
+            "damping": record.damping, "restoring": record.restoring, "decided": False,
             "outcome": Status.FAILED.because(f"{type(fault).__name__}: {' '.join(str(fault).split())}"),
         }  # fmt: skip
 
 
 def run(todo: Sequence[Job], path: str, mode: str, out: Path, workers: int = 2) -> pd.DataFrame:
-    """Answer the records that a table lacks in this mode, each written as it is done; return all rows of the table.
+    """Answer the records that a table lacks in this mode; return all rows of the table.
 
-    path: `module:function`; it is called as answer(signal, amplitudes, deviation=mode).
+    Each row is written as soon as it is computed.
+
+    Parameters
+    ----------
+    todo : sequence of Job
+        The requested records.
+    path : str
+        The answering function as `module:function`. It is called as answer(signal, amplitudes, deviation=mode).
+    mode : str
+        How deviations from the laws are treated: none, law or auto.
+    out : Path
+        The CSV file.
+    workers : int
+        Number of processes.
     """
     answering_of(path)
     wanted = {f"{job.name}/{mode}": (job, path, mode) for job in todo}
@@ -91,19 +118,23 @@ def run(todo: Sequence[Job], path: str, mode: str, out: Path, workers: int = 2) 
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line; its exit status: 0, 2 where the input is wrong, 3 where an answer failed."""
+    """Run the command line; return 0, or 2 if the input is wrong, or 3 if an answer failed."""
     parser = argparse.ArgumentParser(prog="python -m validation.run", description=__doc__)
     parser.add_argument("--group", default=FAMILY, help=f"{DISCREPANT} (all in turn), or {', '.join(KINDS)}")
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="number of the first record")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
-        "--oversample", type=int, default=1, help="so many times the samples of the same records"
+        "--oversample", type=int, default=1, help="multiplies the number of samples of the same records"
     )
-    parser.add_argument("--deviation", default="auto", help="passed on to the answer: none, law, auto")
+    parser.add_argument(
+        "--deviation", default="auto", help="passed to the answering function: none, law, auto"
+    )
     parser.add_argument("--answer", default=ANSWER, help="module:function(signal, amplitudes, deviation=...)")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, required=True, help="a CSV; what it has is not done again")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="CSV file; rows that it already has are not computed again"
+    )
     given = parser.parse_args(arguments)
     try:
         todo = jobs(given.group, given.seed, given.first, given.count, given.oversample)
@@ -113,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     if len(rows):
         print(markdown(scores(rows)))
-    faults = rows[[status_of(str(said)) is Status.FAILED for said in rows["outcome"]]]
+    faults = rows[[status_of(str(outcome)) is Status.FAILED for outcome in rows["outcome"]]]
     for name, outcome in zip(faults["case"], faults["outcome"], strict=True):
         print(f"{name}: {outcome}", file=sys.stderr)
     return 3 if len(faults) else 0

@@ -1,4 +1,4 @@
-"""Scores of answers to records with a known truth, by group, as a table and as Markdown."""
+"""Score answers to records with a known truth, by group; write the scores as a table or as Markdown."""
 
 from __future__ import annotations
 
@@ -16,29 +16,45 @@ from validation.answers import COLUMNS, LEAST
 from validation.truth.records import FAMILY, KINDS
 
 Z = float(norm.ppf(0.975))
-"""Standard normal quantile of a two-sided 95 % interval."""
+"""Quantile of the standard normal distribution for a two-sided 95 % interval."""
 SHARES = ("decided", "right", "more", "wrong", "coverage", "deviates")
 HEADS = {
     "group": "group", "records": "records", "answered": "answered", "decided": "named outright",
-    "right": "right among these", "more": "with a term too many", "wrong": "wrong outright, of all",
-    "coverage": "coverage of the ratio's intervals", "half_width": "their half width",
-    "relative_width": "their width, relative", "deviates": "deviates", "log_probability": "mean log P(true)",
+    "right": "right, of the named", "more": "true terms and further ones, of the named",
+    "wrong": "named wrongly, of all", "coverage": "coverage of the ratio's intervals",
+    "half_width": "half width of the intervals", "relative_width": "relative width of the intervals",
+    "deviates": "deviates", "log_probability": "mean log P(true)",
     "seconds": "seconds",
 }  # fmt: skip
 
 
 def scores(rows: pd.DataFrame) -> pd.DataFrame:
-    """A line for each kind, mode and oversampling among rows (as `row_of` makes them), and one for all discrepancies.
+    """Score each kind, mode and oversampling among rows from `row_of`, and all discrepancies together.
 
-    decided: share of the records that name a damping sum outright; right: of these, with the true one; more: of these,
-    with the true terms and others, which a record with a further damping force may well have; wrong: share of all
-    records that name another sum than the true one outright; coverage: mean share of the three damping ratios within
-    their intervals, over the records that have any; deviates: share with that grade. Each has Wilson's 95 % interval
-    in *_low and *_high; that of the coverage counts a record once, for its three ratios are not independent.
-    half_width: geometric mean of half the intervals' widths over the true ratios. relative_width: geometric mean of
-    the widths over those of the same record and amplitude in the rows of mode "none".
-    log_probability: mean of the logarithm of the true sum's probability, at least 1e-12. seconds: median. Records
-    without an answer are not decided, and count for nothing else.
+    Records without an answer count as not decided, and do not enter the other scores.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Rows with `COLUMNS`.
+
+    Returns
+    -------
+    DataFrame
+        One row for each group, with these columns. Each share has its Wilson 95 % interval in *_low and *_high.
+
+        - decided: share of the records whose damping sum is named outright.
+        - right: share of these whose named sum is the true one.
+        - more: share of these whose named sum has the true terms and others. That can be correct for a record with
+          a further damping force.
+        - wrong: share of all records whose sum is named outright and is not the true one.
+        - coverage: mean share of the three true damping ratios inside their intervals, over the records with
+          intervals. Its own interval counts each record once, because the three ratios are not independent.
+        - deviates: share of records with that grade.
+        - half_width: geometric mean of half the width of an interval over the true ratio.
+        - relative_width: geometric mean of the width over that of the same record and amplitude in mode "none".
+        - log_probability: mean logarithm of the probability of the true sum, which counts as at least 1e-12.
+        - seconds: median time.
     """
     rows = rows.reindex(columns=list(COLUMNS))
     exact = where(rows, mode="none", outcome=OK)
@@ -47,9 +63,9 @@ def scores(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def wilson(share: float, count: float) -> tuple[float, float]:
-    """Return the 95 % interval of a probability from the share among a count of trials (Wilson 1927).
+    """Return the 95 % interval of a probability from the share of hits in a number of trials (Wilson 1927).
 
-    SciPy's needs a whole number of hits, which a mean share of three intervals for each record is not.
+    SciPy's function requires a whole number of hits; a mean share of three intervals for each record has none.
     """
     if count == 0:
         return math.nan, math.nan
@@ -60,18 +76,18 @@ def wilson(share: float, count: float) -> tuple[float, float]:
 
 
 def with_interval(value: float, low: float, high: float) -> str:
-    """Write a share with its interval; a dash if there is none."""
+    """Format a share with its interval; a dash if the share is NaN."""
     return "–" if math.isnan(value) else f"{value:.2f} ({low:.2f}–{high:.2f})"
 
 
 def share_of(hits: int, count: int) -> str:
-    """Write the share of hits among a count with its 95 % interval; a dash if the count is 0."""
+    """Format the share of hits in a count with its 95 % interval; a dash if the count is 0."""
     value = hits / count if count else math.nan
     return with_interval(value, *wilson(value, count))
 
 
 def markdown(scores: pd.DataFrame) -> str:
-    """Write the scores as a Markdown table; shares with their intervals."""
+    """Write the scores as a Markdown table, with the intervals of the shares."""
     return table(
         list(HEADS.values()), [[_cell(line, name) for name in HEADS] for line in scores.to_dict("records")]
     )
@@ -108,7 +124,7 @@ def _line(name: str, part: pd.DataFrame, exact: Mapping[str, np.ndarray]) -> dic
         "right": (right, len(decided)),
         "more": (len(where(decided, relation="more")), len(decided)),
         "wrong": (len(decided) - right, len(part)),
-        "coverage": (np.nansum(share_held(answered)), len(answered)),
+        "coverage": (np.nansum(share_covered(answered)), len(answered)),
         "deviates": (len(where(answered, grade="deviates")), len(answered)),
     }
     line: dict[str, Any] = {"group": name, "records": len(part), "answered": len(answered)}
@@ -127,7 +143,7 @@ def _line(name: str, part: pd.DataFrame, exact: Mapping[str, np.ndarray]) -> dic
 
 
 def where(rows: pd.DataFrame, **values: object) -> pd.DataFrame:
-    """Return the rows whose columns have these values."""
+    """Return the rows in which the named columns have the given values."""
     mask = np.ones(len(rows), bool)
     for column, value in values.items():
         mask &= rows[column].to_numpy() == value
@@ -135,12 +151,12 @@ def where(rows: pd.DataFrame, **values: object) -> pd.DataFrame:
 
 
 def three(rows: pd.DataFrame, what: str) -> np.ndarray:
-    """Return a value at the three amplitudes of each row, shape (n, 3)."""
+    """Return a quantity at the three amplitudes of each row, shape (n, 3)."""
     return rows[[f"{what}_{i}" for i in (1, 2, 3)]].to_numpy(float)
 
 
-def share_held(rows: pd.DataFrame) -> np.ndarray:
-    """Return the share of the three true ratios within the stated intervals, shape (n,); NaN where none is stated."""
+def share_covered(rows: pd.DataFrame) -> np.ndarray:
+    """Return the share of the three true ratios inside their intervals, shape (n,); NaN in rows without intervals."""
     low, true, high = (three(rows, what) for what in ("low", "ratio", "high"))
     stated = np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
     return np.where(stated, np.mean((low <= true) & (true <= high), axis=1), np.nan)
@@ -151,6 +167,6 @@ def _widths(rows: pd.DataFrame) -> np.ndarray:
 
 
 def _geometric(values: np.ndarray) -> float:
-    """Geometric mean of those that are finite and above 0."""
+    """Return the geometric mean of the finite values above 0."""
     good = values[np.isfinite(values) & (values > 0)]
     return float(np.exp(np.log(good).mean())) if good.size else math.nan

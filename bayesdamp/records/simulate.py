@@ -96,7 +96,7 @@ def simulate_signal(
         y[at] += rng.choice([-1.0, 1.0], spikes) * rng.uniform(0.3, 1.0, spikes) * half
     if quantum:
         y = np.round(y / quantum) * quantum
-        notes.append(f"The values lie on steps of {quantum:.4g}.")
+        notes.append(f"The values are rounded to steps of {quantum:.4g}.")
     keep = np.ones(samples, bool)
     if gaps:  # stretches that do not touch
         free = samples - gaps * (length + 1) - 2

@@ -149,7 +149,7 @@ class ModeContent(Content):
     values, sd: of the inferred parameters; known: the others; priors in words. climbs, modes: the searches and the
     maxima that they found; touching_zero: coefficients within a standard deviation of zero. refused: seeds without
     values. stored: an `inference.fit.mode.StoredMode`, as `bayesdamp.serial` splits it; its arrays are `stored/...`.
-    The other fields are checks of the fit, which `inference.checks.checks.Fit` explains.
+    The other fields are checks of the fit, which `inference.checks.checks.FitCheck` explains.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)

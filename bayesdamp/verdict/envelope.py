@@ -165,7 +165,7 @@ def _window(decay: Decay) -> UsedWindow:
     why = list(window.why)
     if first > window.start:
         why[0] = (
-            f"starts at {record.t[first]:.4g} s, because the reading before it does not belong to the decay"
+            f"starts at {record.t[first]:.4g} s, where the reading before it does not continue the decay"
         )
     floor = 10.0 * np.log10(window.floor.power) if window.floor is not None else float("nan")
     start, stop = float(record.t[first]), float(record.t[window.stop - 1])

@@ -134,7 +134,7 @@ def _case(term: str, rng: np.random.Generator) -> Case | None:
         {"viscous": zeta} if not alone else {},
         discrepancy=Discrepancy(
             term, lambda x, v, turn: coefficient * truth.force(x, v, turn),
-            held=lambda x: coefficient * truth.held(x),
+            static_friction=lambda x: coefficient * truth.held(x),
         ),
     )  # fmt: skip
     times = np.arange(int(cycles * rng.uniform(30, 60))) * 0.0

@@ -184,9 +184,9 @@ def test_changes_of_the_damping_are_as_large_as_they_say() -> None:
         scale(2 * np.pi / W * 2 * 3) for scale in many if scale
     ]  # at a knot: sd 0.03, within 5 of its own sd
     assert np.std(values) == pytest.approx(0.03, rel=5 / np.sqrt(600))
-    friction, held = odd.angle_friction(rng, draw).damping, odd.angle_friction(rng, draw).held
+    friction, static = odd.angle_friction(rng, draw).damping, odd.angle_friction(rng, draw).static_friction
     assert friction is not None
-    assert held is not None
+    assert static is not None
     assert max(abs(friction(x, 1.0, 1.0)) for x in np.linspace(-A, A, 400)) == pytest.approx(
         0.1 * 0.02, rel=1e-3
     )

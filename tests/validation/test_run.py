@@ -97,7 +97,7 @@ def test_wrong_input_is_one_line(
 def test_another_table_is_left_alone(tmp_path: Path) -> None:
     out = tmp_path / "rows.csv"
     out.write_text("a,b\n1,2\n", encoding="utf-8")
-    with pytest.raises(InputError, match="its columns are not those"):
+    with pytest.raises(InputError, match="the columns differ from those"):
         read_frame(out, COLUMNS)
 
 

@@ -1,1 +1,1 @@
-"""What people measure damping with today, beside us on the same records: `python -m validation.contest`."""
+"""Compare bayesdamp with other methods of measuring damping on the same records: `python -m validation.contest`."""

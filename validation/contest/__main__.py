@@ -1,4 +1,4 @@
-"""Run the contest, and write its page: `python -m validation.contest --out reports/contest`."""
+"""Run the contest and write its page: `python -m validation.contest --out reports/contest`."""
 
 from __future__ import annotations
 
@@ -22,63 +22,61 @@ MEASURED = Path("../shared/data")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command; exit status 0, or 2 on a wrong option or table."""
+    """Run the command; return 0, or 2 after a wrong option or table."""
     parser = argparse.ArgumentParser(prog="python -m validation.contest", description=__doc__)
     parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--count", type=int, default=COUNT, help="simulated records, of five groups in turn")
+    parser.add_argument(
+        "--count", type=int, default=COUNT, help="number of simulated records, of five groups in turn"
+    )
     parser.add_argument("--peers", nargs="+", default=list(ROSTER), help=", ".join(ROSTER))
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no record after so many")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="start no record after this time")
     parser.add_argument("--measured", type=Path, default=MEASURED, help="folder with ten_runs/")
     parser.add_argument("--out", type=Path, default=Path("reports/contest"))
-    parser.add_argument("--rows", type=Path, help="table where rows are gathered; by default OUT/rows.csv")
-    parser.add_argument(
-        "--kept", type=Path, help="table from which the rows of all but --peers are taken over"
-    )
-    parser.add_argument(
-        "--page", action="store_true", help="only write the page from the rows that are there"
-    )
-    asked = parser.parse_args(arguments)
-    unknown = [name for name in asked.peers if name not in ROSTER]
-    if unknown or asked.seed < 0 or asked.count < 0:
-        said = f"{unknown[0]!r} is no peer" if unknown else "--seed and --count must not be negative"
-        print(f"{said}: peers are {', '.join(ROSTER)}", file=sys.stderr)
+    parser.add_argument("--rows", type=Path, help="table of the rows; by default OUT/rows.csv")
+    parser.add_argument("--kept", type=Path, help="table from which the rows of the other peers are copied")
+    parser.add_argument("--page", action="store_true", help="only write the page from the existing rows")
+    options = parser.parse_args(arguments)
+    unknown = [name for name in options.peers if name not in ROSTER]
+    if unknown or options.seed < 0 or options.count < 0:
+        wrong = f"{unknown[0]!r} is not a peer" if unknown else "--seed and --count must not be negative"
+        print(f"{wrong}; peers are {', '.join(ROSTER)}", file=sys.stderr)
         return 2
-    missing = {} if asked.page else _missing(asked.peers)
-    table = asked.rows or asked.out / "rows.csv"
+    missing = {} if options.page else _missing(options.peers)
+    table = options.rows or options.out / "rows.csv"
     try:
-        if not asked.page:
-            _run(asked, table, missing)
-        made = rows.read(table)
-        if asked.kept:
-            kept = rows.of_others(rows.read(asked.kept), _records(asked), asked.peers)
-            made = rows.together(made, kept, list(ROSTER))
-            write_frame(asked.out / "rows.csv", made)
+        if not options.page:
+            _run(options, table, missing)
+        answers = rows.read(table)
+        if options.kept:
+            others = rows.of_others(rows.read(options.kept), _records(options), options.peers)
+            answers = rows.together(answers, others, list(ROSTER))
+            write_frame(options.out / "rows.csv", answers)
     except InputError as fault:
         print(fault, file=sys.stderr)
         return 2
-    if made.empty:
-        print(f"{table}: there are no rows to make a page of", file=sys.stderr)
+    if answers.empty:
+        print(f"{table}: there are no rows for a page", file=sys.stderr)
         return 2
-    write(asked.out, made, missing)
+    write(options.out, answers, missing)
     return 0
 
 
 def _missing(peers: Sequence[str]) -> dict[str, str]:
-    """Environments that could not be made, and why."""
+    """Install the environments; return those that failed, with the reason."""
     wanted = {e.name: e for e in (ROSTER[name].environment for name in peers) if e is not None}
     return {name: why for name, e in wanted.items() if (why := e.make())}
 
 
-def _run(asked: argparse.Namespace, table: Path, missing: dict[str, str]) -> None:
-    entries = {name: ROSTER[name] for name in asked.peers}
+def _run(options: argparse.Namespace, table: Path, missing: dict[str, str]) -> None:
+    entries = {name: ROSTER[name] for name in options.peers}
     able = {n: e for n, e in entries.items() if e.environment is None or e.environment.name not in missing}
     read = rows.read(table)
     for entry in able.values():
-        if entry.environment is None:  # what is imported and compiled once is no record's time
+        if entry.environment is None:  # import and compile before any record is timed
             rows.row_of(closed_form(), "", entry.peer)
     done = set(zip(read["record"], read["peer"], strict=True))
-    until = time.monotonic() + 60 * asked.minutes
-    for record in _records(asked):
+    until = time.monotonic() + 60 * options.minutes
+    for record in _records(options):
         if time.monotonic() > until:
             break
         for name in (name for name in able if (record.name, name) not in done):
@@ -88,14 +86,14 @@ def _run(asked: argparse.Namespace, table: Path, missing: dict[str, str]) -> Non
             entry.peer.close()
 
 
-def _records(asked: argparse.Namespace) -> Iterator[Record]:
-    """Those that were measured, then the simulated ones."""
+def _records(options: argparse.Namespace) -> Iterator[Record]:
+    """Yield the measured records, then the simulated ones."""
     try:
-        yield from measured(asked.measured)
+        yield from measured(options.measured)
     except Refusal as refusal:
-        print(f"measured records are left out: {refusal}", file=sys.stderr)
-    for number in range(asked.count):
-        yield simulated(asked.seed, number)
+        print(f"measured records are omitted: {refusal}", file=sys.stderr)
+    for number in range(options.count):
+        yield simulated(options.seed, number)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Peers with packages of their own: an environment for each, and a child process that answers records."""
+"""Run peers that need other packages: each has its own environment and a child process that answers records."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ ONE_THREAD = {
 
 @dataclass(frozen=True)
 class Environment:
-    """name: its folder in .contest, made with `packages` by pip."""
+    """A virtual environment in the folder .contest/name, into which pip installs the packages."""
 
     name: str
     packages: tuple[str, ...]
 
     @property
     def python(self) -> Path:
-        """Its interpreter."""
+        """The interpreter of the environment."""
         return ROOT / self.name / "bin" / "python"
 
     @property
@@ -42,7 +42,7 @@ class Environment:
         return (ROOT / self.name / ".ready").is_file()
 
     def make(self) -> str:
-        """Make it where it is not there; "" or why it could not be made."""
+        """Make the environment if it is missing; return "" or the reason of the failure."""
         if self.ready:
             return ""
         pip = (str(self.python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
@@ -50,15 +50,15 @@ class Environment:
         for command in commands:
             done = subprocess.run(command, capture_output=True, text=True)
             if done.returncode:
-                said = [x for x in done.stderr.splitlines() if x.startswith("ERROR")] or ["it failed"]
-                return f"{' '.join(self.packages)} did not install: {said[-1]}"
+                errors = [x for x in done.stderr.splitlines() if x.startswith("ERROR")] or ["it failed"]
+                return f"{' '.join(self.packages)} did not install: {errors[-1]}"
         (ROOT / self.name / ".ready").touch()
         return ""
 
 
 @dataclass
 class Child:
-    """A program in `apart`, run by an environment's Python; begun with the first record, and again where it ends."""
+    """A program in `apart`, which runs in an environment. It starts with the first record, and again after it ends."""
 
     environment: Environment
     program: str
@@ -67,8 +67,8 @@ class Child:
     seconds: float = 0.0
 
     def __call__(self, t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-        """Raises Refusal with what the program says instead of an answer; `seconds` has the CPU time it took."""
-        process = self._begun()
+        """Answer a record; `seconds` is then the CPU time. Raises Refusal with the reason if there is no answer."""
+        process = self._start()
         assert process.stdin is not None
         assert process.stdout is not None
         with tempfile.TemporaryDirectory() as folder:
@@ -80,21 +80,21 @@ class Child:
         if not line:
             self.close()
             self.seconds = float("nan")
-            raise Refusal("it was not done within its CPU time")
-        said = json.loads(line)
-        self.seconds = float(said["seconds"])
-        if said["outcome"] != "ok":
-            raise Refusal(said["outcome"])
-        low, high = said.get("low", ()), said.get("high", ())
-        return Reply(tuple(said["values"]), tuple(low), tuple(high), said.get("named", ""))
+            raise Refusal("it reached its limit of CPU time")
+        reply = json.loads(line)
+        self.seconds = float(reply["seconds"])
+        if reply["outcome"] != "ok":
+            raise Refusal(reply["outcome"])
+        low, high = reply.get("low", ()), reply.get("high", ())
+        return Reply(tuple(reply["values"]), tuple(low), tuple(high), reply.get("named", ""))
 
     def close(self) -> None:
         """End the program."""
         if self._process is not None:
-            self._process.communicate()  # closes its input, and what is left of its pipes
+            self._process.communicate()  # closes its input and the other pipes
         self._process = None
 
-    def _begun(self) -> subprocess.Popen[str]:
+    def _start(self) -> subprocess.Popen[str]:
         if self._process is None:
             command = [str(self.environment.python), str(APART / self.program), *self.arguments]
             hidden = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}

@@ -1,4 +1,4 @@
-"""Measured records whose repeats give the truth: ten runs of one turning disc, which are not shipped."""
+"""Measured records whose repeats give the truth: ten runs of a rotating disc, which are not shipped."""
 
 from __future__ import annotations
 
@@ -13,42 +13,42 @@ from validation.contest.records import Record
 
 FILE = Path("ten_runs") / "Run_1-10_no_magnet.csv"
 PARTS = (5 / 6, 1 / 2, 1 / 6)
-"""Where in the logarithm of a run's range of amplitudes it is judged."""
+"""Positions at which a run is judged, as fractions of its range of ln(amplitude)."""
 FLOOR = 0.25
-"""No run is judged below this share of its first amplitude: there it begins to stick."""
+"""No run is judged below this share of its first amplitude, because there it begins to stick."""
 NEAR = 0.35
-"""In ln(amplitude): half cycles within this of an amplitude make its truth."""
+"""Largest distance, in ln(amplitude), of the half cycles that give the truth at an amplitude."""
 LEAST = 6
 
 
 def measured(folder: Path) -> list[Record]:
-    """A record for each run. Raises Refusal where the file is not there.
+    """Return a record for each run. Raises Refusal if the file is missing.
 
-    The truth at an amplitude is what half cycles of all other runs near it lose: ln of the ratio of two successive
-    distances between turning points, over π, by a straight line in logarithms through all that are near. It takes no
-    law, no rest and no method from this contest.
+    The truth at an amplitude comes from the half cycles of all other runs near this amplitude. The loss of a half cycle
+    is ln of the ratio of two successive distances between turning points, over π. The truth is a straight line, in
+    logarithms, through the nearby losses. It requires no law, no rest position and no method of this contest.
     """
     import bayesdamp as bd
 
     path = folder / FILE
     if not path.is_file():
-        raise Refusal(f"{FILE.name} is not there")
+        raise Refusal(f"{FILE.name} is missing")
     signals = bd.read(path).signals()
     lost = [half_cycles(s) for s in signals]
-    made = []
+    records = []
     for i, signal in enumerate(signals):
-        others = np.concatenate([one for j, one in enumerate(lost) if j != i])
+        others = np.concatenate([losses for j, losses in enumerate(lost) if j != i])
         high = lost[i][:, 0].max()
         low = max(lost[i][:, 0].min(), FLOOR * high)
         amplitudes = tuple(float(low * (high / low) ** part) for part in PARTS)
         ratios = tuple(_line_near(others, a) for a in amplitudes)
         name = f"measured-ten_runs-{i}"
-        made.append(Record(name, "measured", "ten_runs", signal.t, signal.y, amplitudes, ratios))
-    return made
+        records.append(Record(name, "measured", "ten_runs", signal.t, signal.y, amplitudes, ratios))
+    return records
 
 
 def half_cycles(signal: Signal) -> np.ndarray:
-    """Amplitude (rad) and damping ratio of each two successive half cycles, shape (m, 2)."""
+    """Return the amplitude (rad) and damping ratio of each two successive half cycles, shape (m, 2)."""
     t, y = signal.t, signal.y
     f = frequency(*even(t, y))
     turns = _turns(t, y, f)
@@ -58,23 +58,23 @@ def half_cycles(signal: Signal) -> np.ndarray:
 
 
 def _turns(t: np.ndarray, y: np.ndarray, f: float) -> np.ndarray:
-    """Displacements of the turning points, each by a parabola through the samples about it."""
+    """Return the displacement at each turning point, from a parabola through the nearby samples."""
     rest = np.median(y[t >= t[-1] - 2 / f])
     side = np.sign(y - rest)
     cuts = np.flatnonzero(np.diff(side) != 0) + 1
-    found = []
+    turns = []
     for begin, end in itertools.pairwise(cuts):
         if end - begin < 0.3 / (f * np.median(np.diff(t))):
             continue
         top = begin + int(np.argmax(np.abs(y[begin:end] - rest)))
         near = np.abs(t - t[top]) <= 0.12 / f
         c, b, a = np.polynomial.polynomial.polyfit(t[near] - t[top], y[near], 2)
-        found.append(c - b**2 / (4 * a))
-    return np.array(found)
+        turns.append(c - b**2 / (4 * a))
+    return np.array(turns)
 
 
 def _line_near(lost: np.ndarray, amplitude: float) -> float:
-    """Ratio at an amplitude. Raises Refusal where too few half cycles are near."""
+    """Return the ratio at an amplitude. Raises Refusal if too few half cycles are near."""
     away = np.log(lost[:, 0] / amplitude)
     near = np.abs(away) <= NEAR
     if near.sum() < LEAST:

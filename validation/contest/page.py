@@ -1,4 +1,4 @@
-"""The contest's page, made from its rows."""
+"""Write the page of the contest from its rows."""
 
 from __future__ import annotations
 
@@ -30,95 +30,110 @@ from validation.scoring import three, with_interval
 
 INTRODUCTION = """# A contest
 
-What people measure damping with today, beside bayesdamp, on the same records; each by its authors' defaults, or as said
-at the end where these do not work on a single decay. Scored is the error of the equivalent viscous damping ratio at
-three amplitudes of each record (near its start, near its end, and between). Simulated records come from SciPy's DOP853,
-the truth from the energy at their turning points. Intervals are of 95 %: of errors by drawing records again, of shares
-Wilson's. Seconds are CPU seconds, one thread, imports not counted.
+This page compares bayesdamp with other methods of measuring damping on the same records. Each method runs with its
+authors' defaults; the last section lists the changes for methods whose defaults do not work on a single decay. The
+score is the error of the equivalent viscous damping ratio at three amplitudes of each record: near its start, near its
+end, and between. Simulated records come from SciPy's DOP853, and the truth from the energy at their turning points.
+Intervals are 95 %: a bootstrap over records for errors, Wilson's interval for shares. Seconds are CPU seconds of one
+thread without imports.
 """
 ONE_NUMBER = (
-    "One number for all amplitudes is what these give: {}. They are charged with it at each amplitude: factors against "
-    "them say that the damping depends on the amplitude, not that bayesdamp fits better than a good script does."
+    "These give one number for all amplitudes: {}. This number is scored at each amplitude. A factor against them "
+    "shows that the damping depends on the amplitude, not that bayesdamp fits better than a good script."
 )
-FEWER = "Given fewer records than others, of {}: {}."
-SCRIPT_WORDS = """## A script that an engineer writes in an afternoon
+FEWER = "These got fewer than all {} records: {}."
+SCRIPT_WORDS = """## A script that an engineer could write in an afternoon
 
 About 130 lines of NumPy, SciPy and Numba solve the motion of viscous, Coulomb and quadratic damping on a cubic spring
 or a pendulum by Runge-Kutta steps, fit each of the seven sums by least squares over windows that grow, weigh the sums
-by BIC, name one at a weight of 0.95, and average intervals from the Jacobians over the sums. The script gets what the
-other peers get: samples and amplitudes. Below it stands before bayesdamp, on the records that both were given.
+by BIC, name a sum at a weight of 0.95, and average intervals from the Jacobians over the sums. The script gets the same
+input as the other peers: samples and amplitudes. The table compares it with bayesdamp on the records that both got.
 """
 GROUP_WORDS = {
     "family": "sums of viscous, Coulomb and quadratic damping on four springs, noise of 0.3 to 3 %, 8 to 60 cycles; "
     "each is drawn until its true sum is 12 nats or more ahead of every sum that lacks one of its terms, so that the "
-    "damping can be named at all",
-    "discrepant": "the same with something that no candidate has: drift, Stribeck, a sensor's curve, a second mode, …",
+    "record can determine the damping",
+    "discrepant": "the same with an effect that no candidate has: drift, Stribeck friction, a nonlinear sensor, a "
+    "second mode, …",
     "noisy": "the family with noise of 5 to 15 % of the first amplitude",
     "short": "the family's first 3 to 6 cycles",
-    "gappy": "the family with three gaps that take 40 % of the time",
-    "measured": "ten runs of one disc that others measured; the truth is what half cycles of the nine other runs lose, "
-    "so that differences between runs count as errors, which no interval of one run can hold",
+    "gappy": "the family with three gaps, 40 % of the time in total",
+    "measured": "ten runs of one disc that others measured; the truth comes from the half cycles of the nine other "
+    "runs, so differences between runs count as errors, which the interval of a single run does not include",
 }
 HOW = """## How each was run
 
-- Decrement: peaks at least 0.7 periods apart, a straight line through their logarithms. Rest is the mean of the last
-  whole cycles, at most five, for this and the next three.
-- Hilbert: without the first and last cycle; one line through ln(envelope), or a line for a quarter of its range on
-  either side of each amplitude.
-- Half power: the spectrum of the whole record, no window, lengthened with zeros.
-- curve_fit: one exponentially decaying cosine from the spectrum's frequency, the interval 1.96 sd of its covariance.
+- Decrement: peaks at least 0.7 periods apart, a straight line through their logarithms. For this and the next three,
+  the rest position is the mean of the last whole cycles, at most five.
+- Hilbert: without the first and last cycle; one line through ln(envelope), or at each amplitude a line through a
+  quarter of its range on either side.
+- Half power: the spectrum of the whole record, without a window, padded with zeros.
+- curve_fit: an exponentially decaying cosine, starting at the frequency of the spectrum; the interval is 1.96 sd of its
+  covariance.
 - PySINDy: its thresholded least squares (0.1 in SI units), its smoothed differences, a library of x, v, sign v, v|v|.
-- pyOMA2: order up to 10; time scaled to 2 Hz, for its widths in Hz are those of buildings; SSI without checks of mode
-  shapes, which one channel has none of; EFDD, which takes no single channel, with the velocity as second.
-- pyEMA: LSCF on the spectrum of the record, lengthened with zeros to 512 samples where it is shorter; time scaled to
-  500 Hz, for its band is that of hammer tests.
-- NumPyro: three dampings and a cubic spring in diffrax, in units of a least-squares solution's covariance, where it
-  begins (without, one was not done in 180 CPU seconds); 250 and 250 steps of one NUTS chain, at most 180 CPU seconds
-  a record, compilation counted.
+- pyOMA2: order up to 10; time scaled to 2 Hz, because its widths in Hz are meant for buildings; SSI without the checks
+  of mode shapes, which do not exist for one channel; EFDD with the velocity as second channel, because it does not
+  accept one channel.
+- pyEMA: LSCF on the spectrum of the record, padded with zeros to 512 samples if it is shorter; time scaled to 500 Hz,
+  because its band is meant for hammer tests.
+- NumPyro: three dampings and a cubic spring in diffrax, in units of the covariance of a least-squares solution, from
+  which it starts (otherwise a record did not finish in 180 CPU seconds); 250 and 250 steps of one NUTS chain, at most
+  180 CPU seconds for a record, including compilation.
 - Script: frequency from the spectrum of the longest piece without a gap, first values from the first and the last
-  cycle; two springs by seven sums; 40 steps a cycle, cut at turning points; windows of 3, 6, 12, … cycles; the ratio at
-  an amplitude is that of the energies. It gives no answer where its best fit explains less than half of the record's
-  variance. It was changed twice, after 40 records each of seeds 91 and 92: before, its frequency came from bridged
-  gaps, and its intervals from draws that were cut at zero.
-- bayesdamp: `compare(signal, sample=False)` on the record as it is, told neither the spring nor the damping. In a first
-  contest (seed 811) it refused 35 of 37 gappy records, for it saw no further than the longest piece and took some gaps
-  for a beat; that was mended before records of other seeds were drawn.
+  cycle; two springs by seven sums; 40 steps in a cycle, divided at turning points; windows of 3, 6, 12, … cycles; the
+  ratio at an amplitude is that of the energies. It gives no answer if its best fit explains less than half of the
+  variance of the record. It was changed twice, after 40 records each of seeds 91 and 92: before, it took its frequency
+  from interpolated gaps, and its intervals from draws that were truncated at zero.
+- bayesdamp: `compare(signal, sample=False)` on the unchanged record, without information on the spring or the damping.
+  In a first contest (seed 811) it refused 35 of 37 gappy records, because it used only the longest piece and mistook
+  some gaps for a beat. This was corrected before records of other seeds were drawn.
 
-Who needs an even clock gets gaps bridged by straight lines.
+Methods that need even sampling get straight lines across gaps.
 """
 
 
 def page(rows: pd.DataFrame, missing: Mapping[str, str]) -> str:
-    """The page in Markdown. missing: by environment, why its peers did not take part."""
+    """Return the page in Markdown.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        The rows of the contest.
+    missing : mapping
+        By environment, the reason why its peers did not take part.
+    """
     groups = groups_of(rows)
     seeds = sorted({str(r).split("-")[1] for r in simulated(rows)["record"]})
     parts = [INTRODUCTION]
     parts += [
         f"- **{g}** ({len(set(where(rows, group=g)['record']))} records): {GROUP_WORDS[g]}." for g in groups
     ]
-    parts += ["", f'Seed {", ".join(seeds)}; `make contest ARGS="--seed 1"` draws others.', ""]
+    parts += ["", f'Seed {", ".join(seeds)}; `make contest ARGS="--seed 1"` draws other records.', ""]
     parts += [f"{name} did not take part: {why}." for name, why in missing.items()]
     parts += [*_given(rows), "", *_script(rows, groups), "![errors](errors.svg)", ""]
     parts += ["## All simulated records", ""]
     parts += [_scores(simulated(rows)), "", "## Better and worse than bayesdamp", ""]
     parts += [
-        "Error of a peer over that of bayesdamp on the records that both answered, geometric mean. **Bold**: the peer "
-        "is nearer to the truth, and the interval says so.",
+        "The numbers are the error of a peer over that of bayesdamp on the records that both answered, as a geometric "
+        "mean. **Bold**: the peer is nearer to the truth by more than chance.",
         "",
-        _beside(rows, groups),
+        _factors(rows, groups),
         "",
         *_where_better(rows, groups),
     ]
     parts += ["", "![coverage and time](cost.svg)", ""]
     for group in groups:
         parts += [f"## {group.capitalize()}", "", _scores(where(rows, group=group)), ""]
-    parts += ["## What was refused", "", *_refusals(rows), "", HOW]
-    parts += ["`make contest` makes it, and goes on where it was cut off; `rows.csv` has every answer.", ""]
+    parts += ["## Refusals", "", *_refusals(rows), "", HOW]
+    parts += [
+        "`make contest` makes this page, and resumes after an interruption; `rows.csv` has every answer.",
+        "",
+    ]
     return "\n".join(parts)
 
 
 def write(folder: Path, rows: pd.DataFrame, missing: Mapping[str, str]) -> None:
-    """README.md and its plots."""
+    """Write README.md and its plots."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "README.md").write_text(page(rows, missing), encoding="utf-8")
     plots.errors(rows, folder / "errors.svg")
@@ -126,7 +141,7 @@ def write(folder: Path, rows: pd.DataFrame, missing: Mapping[str, str]) -> None:
 
 
 def _given(rows: pd.DataFrame) -> Iterator[str]:
-    """Say which peers give one number for all amplitudes, and which were given fewer records than others."""
+    """Name the peers with one number for all amplitudes, and those that got fewer records than others."""
     counts = {name: len(where(rows, peer=name)) for name in peers_of(rows)}
     values = {name: three(where(rows, peer=name, outcome=OK), "value") for name in counts}
     constant = [ROSTER[n].label for n, v in values.items() if len(v) and not np.ptp(v, axis=1).any()]
@@ -139,7 +154,7 @@ def _given(rows: pd.DataFrame) -> Iterator[str]:
 
 
 def _script(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
-    """Compare the script with bayesdamp on the records that both were given."""
+    """Compare the script with bayesdamp on the records that both got."""
     theirs, own = (set(where(rows, peer=name)["record"]) for name in (SCRIPT, OURS))
     rows = rows.iloc[[i for i, record in enumerate(rows["record"]) if record in theirs & own]]
     if rows.empty:
@@ -149,8 +164,10 @@ def _script(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
     cells = {
         "answered": lambda part: f"{len(where(part, outcome=OK))} of {len(part)}",
         "median error": lambda part: _percent(quantile_of_errors(part, 0.5), ends=False),
-        "intervals hold the truth": lambda part: _share(coverage(where(part, outcome=OK))[0], ends=False),
-        "named, of these rightly": lambda part: "{1}, {2}".format(*names(part)) if names(part)[0] else "–",
+        "coverage of the intervals": lambda part: _share(coverage(where(part, outcome=OK))[0], ends=False),
+        "named outright, of these correctly": lambda part: (
+            "{1}, {2}".format(*names(part)) if names(part)[0] else "–"
+        ),
         "CPU seconds a record": _seconds,
     }
     yield SCRIPT_WORDS
@@ -172,10 +189,10 @@ def _script(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
     oftener = [n for n, m in more.items() if m.low > 0], [n for n, m in more.items() if m.high < 0]
     nearer, oftener = ([", ".join(names) or "no group" for names in both] for both in (nearer, oftener))
     yield ""
-    yield "By more than chance, on the records that both answered:"
+    yield "These differences exceed chance, on the records that both answered:"
     yield ""
     yield f"- the script is nearer to the truth in {nearer[0]}, bayesdamp in {nearer[1]};"
-    yield f"- the script's intervals hold the truth more often in {oftener[0]}, bayesdamp's in {oftener[1]}."
+    yield f"- the script's intervals contain the truth more often in {oftener[0]}, bayesdamp's in {oftener[1]}."
     yield ""
 
 
@@ -190,28 +207,28 @@ def _scores(rows: pd.DataFrame) -> str:
             *(_percent(quantile_of_errors(part, level)) for level in (0.5, 0.9)),
             _share(coverage(answered)[0]), f"{named} of {known}, {right}" if named else "–", _seconds(part),
         ])  # fmt: skip
-    heads = "records", "answered", "median error", "90 % below", "holds the truth", "named, right", "seconds"
+    heads = "records", "answered", "median error", "90 % quantile", "coverage", "named, right", "seconds"
     return table(["", *heads], lines)
 
 
 def _seconds(rows: pd.DataFrame) -> str:
-    """Median CPU time; a record that ran into its limit has none."""
+    """Format the median CPU time; a record that reached the limit has none."""
     known = rows["seconds"].dropna().to_numpy(float)
     return f"{np.median(known):.2g}" if known.size else "–"
 
 
-def _beside(rows: pd.DataFrame, groups: list[str]) -> str:
+def _factors(rows: pd.DataFrame, groups: list[str]) -> str:
     parts = [*(where(rows, group=g) for g in groups), where(simulated(rows), damping="viscous")]
     lines = [
         [ROSTER[name].label, *(_factor(*paired(part, name, OURS)) for part in parts)]
         for name in peers_of(rows)
         if name != OURS
     ]
-    return table(["", *groups, "viscous alone, all simulated"], lines)
+    return table(["", *groups, "only viscous, all simulated"], lines)
 
 
 def _where_better(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
-    """A line for each peer that is nearer in a group, with the reason."""
+    """Yield a line for each peer that is nearer to the truth in a group, with the reason."""
     parts = {g: where(rows, group=g) for g in groups}
     factors = {
         name: {group: paired(part, name, OURS)[0] for group, part in parts.items()}
@@ -222,22 +239,22 @@ def _where_better(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
     viscous = where(simulated(rows), damping="viscous")
     for name in better:
         if paired(viscous, name, OURS)[0].high < 1:
-            better[name].append("viscous alone")
+            better[name].append("only viscous")
     yield from _faster(simulated(rows))
     yield from _where_refused(rows, groups)
     if not any(better.values()):
-        yield "- Of records that both answered, no peer is nearer to the truth in any group by more than chance."
+        yield "- On records that both answered, no peer is nearer to the truth in any group by more than chance."
     level = {name: [g for g, f in each.items() if f.low <= 1 <= f.high] for name, each in factors.items()}
-    said = [f"{ROSTER[name].label} in {', '.join(places)}" for name, places in level.items() if places]
-    if said:
-        yield f"- Neither nearer nor farther by more than chance: {'; '.join(said)}."
+    equal = [f"{ROSTER[name].label} in {', '.join(places)}" for name, places in level.items() if places]
+    if equal:
+        yield f"- Neither nearer nor farther by more than chance: {'; '.join(equal)}."
     for name, places in better.items():
         if places:
             yield f"- **{ROSTER[name].label}** is nearer in: {', '.join(places)}. {ROSTER[name].better}".rstrip()
 
 
 def _faster(rows: pd.DataFrame) -> Iterator[str]:
-    """A line of who needs less time, by which factor."""
+    """Yield a line with the peers that need less time than bayesdamp, and the factors."""
     medians = {
         name: float(np.nanmedian(where(rows, peer=name)["seconds"].to_numpy(float)))
         for name in peers_of(rows)
@@ -245,62 +262,64 @@ def _faster(rows: pd.DataFrame) -> Iterator[str]:
     own = medians.pop(OURS, math.nan)
     times = [f"{ROSTER[name].label} {_digits(own / m)}" for name, m in medians.items() if m < own]
     if times:
-        yield f"- **Time**: these need less than bayesdamp, by these factors: {'; '.join(times)}."
+        yield f"- **Time**: these need less time than bayesdamp, by these factors: {'; '.join(times)}."
 
 
 def _where_refused(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
-    """A line for each group in which ours refused records: who answered these, and how near to the truth."""
+    """Yield a line for each group with records that bayesdamp refused: the peers that answered, and their errors."""
     for group in groups:
         part = where(rows, group=group)
-        asked = where(part, peer=OURS)
-        refused = set(asked["record"]) - set(where(asked, outcome=OK)["record"])
-        said = []
+        own = where(part, peer=OURS)
+        refused = set(own["record"]) - set(where(own, outcome=OK)["record"])
+        others = []
         for name in (n for n in peers_of(part) if n != OURS):
             answered = where(part, peer=name, outcome=OK)
-            there = answered.iloc[[i for i, r in enumerate(answered["record"]) if r in refused]]
-            if len(there):
-                error = quantile_of_errors(there, 0.5).value
-                said.append(f"{ROSTER[name].label} {len(there)} ({_digits(100 * error)} %)")
+            extra = answered.iloc[[i for i, r in enumerate(answered["record"]) if r in refused]]
+            if len(extra):
+                error = quantile_of_errors(extra, 0.5).value
+                others.append(f"{ROSTER[name].label} {len(extra)} ({_digits(100 * error)} %)")
         if refused:
-            head = f"- **{group}**: bayesdamp refused {len(refused)} of {len(asked)} records."
-            yield f"{head} Of these were answered, with this median error: {'; '.join(said)}."
+            head = f"- **{group}**: bayesdamp refused {len(refused)} of {len(own)} records."
+            yield f"{head} Peers that answered these, with the median error: {'; '.join(others) or 'none'}."
 
 
 def _refusals(rows: pd.DataFrame) -> Iterator[str]:
     for name in peers_of(rows):
-        said = Counter(_without_numbers(str(x)) for x in where(rows, peer=name)["outcome"] if x != OK)
-        if said:
-            yield f"- {ROSTER[name].label}: " + "; ".join(f"{n} × {text}" for text, n in said.most_common())
+        reasons = Counter(_without_numbers(str(x)) for x in where(rows, peer=name)["outcome"] if x != OK)
+        if reasons:
+            yield f"- {ROSTER[name].label}: " + "; ".join(
+                f"{n} × {text}" for text, n in reasons.most_common()
+            )
 
 
 def _without_numbers(text: str) -> str:
-    """The beginning of a refusal, with its numbers left out: the same for the same reason."""
+    """Return the beginning of a refusal without its numbers, so that equal reasons have equal text."""
     return re.sub(r"\d+(\.\d+)?(e-?\d+)?", "#", text)[:110]
 
 
-def _percent(found: Interval, ends: bool = True) -> str:
-    if math.isnan(found.value):
+def _percent(error: Interval, ends: bool = True) -> str:
+    if math.isnan(error.value):
         return "–"
-    said = ends and not math.isnan(found.low)
-    return f"{_digits(100 * found.value)} %" + (
-        f" ({_digits(100 * found.low)}–{_digits(100 * found.high)})" if said else ""
+    has_ends = ends and not math.isnan(error.low)
+    return f"{_digits(100 * error.value)} %" + (
+        f" ({_digits(100 * error.low)}–{_digits(100 * error.high)})" if has_ends else ""
     )
 
 
-def _share(found: Interval, ends: bool = True) -> str:
-    if math.isnan(found.value):
+def _share(share: Interval, ends: bool = True) -> str:
+    if math.isnan(share.value):
         return "–"
-    return with_interval(found.value, found.low, found.high) if ends else f"{found.value:.2f}"
+    return with_interval(share.value, share.low, share.high) if ends else f"{share.value:.2f}"
 
 
-def _factor(found: Interval, count: int) -> str:
+def _factor(factor: Interval, count: int) -> str:
     if not count:
         return "–"
-    ends = "" if math.isnan(found.low) else f" ({_digits(found.low)}–{_digits(found.high)})"
-    text = f"{_digits(found.value)}{ends}"
-    return f"**{text}**" if found.high < 1 else text
+    ends = "" if math.isnan(factor.low) else f" ({_digits(factor.low)}–{_digits(factor.high)})"
+    text = f"{_digits(factor.value)}{ends}"
+    return f"**{text}**" if factor.high < 1 else text
 
 
 def _digits(value: float) -> str:
-    """Two significant digits, none of them an exponent."""
+    """Format a number with two significant digits and without an exponent."""
     return f"{value:.0f}" if value >= 100 else f"{float(f'{value:.2g}'):g}"

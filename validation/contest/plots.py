@@ -1,4 +1,4 @@
-"""The contest's plots."""
+"""Draw the plots of the contest."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from validation.contest.scoring import coverage, groups_of, quantile_of_errors, 
 
 BLUE, GREY = "#1f5a93", "#8a8f98"
 LOWEST, HIGHEST = 1e-4, 30.0
-"""Range of errors that is drawn; those beyond stand at its ends."""
+"""Range of the plotted errors; errors outside are drawn at its ends."""
 
 
 def errors(rows: pd.DataFrame, path: Path) -> None:
-    """Median error of each peer with its interval, and up to where nine of ten are, a panel for each group."""
+    """Plot the median error of each peer with its interval, and the 90 % quantile; a panel for each group."""
     from matplotlib.figure import Figure
 
     groups = groups_of(rows)
@@ -32,11 +32,11 @@ def errors(rows: pd.DataFrame, path: Path) -> None:
                 continue
             middle, far = (quantile_of_errors(part, level) for level in (0.5, 0.9))
             colour = BLUE if name == OURS else GREY
-            seen = np.clip([middle.value, far.value, middle.low, middle.high], LOWEST, HIGHEST)
-            ax.plot(seen[:2], [i, i], color=colour, lw=1.2)
-            ax.plot(seen[2:], [i, i], color=colour, lw=5, alpha=0.35, solid_capstyle="butt")
-            ax.plot(seen[0], i, "o", color=colour, ms=5)
-            ax.plot(seen[1], i, "|", color=colour, ms=8)
+            ends = np.clip([middle.value, far.value, middle.low, middle.high], LOWEST, HIGHEST)
+            ax.plot(ends[:2], [i, i], color=colour, lw=1.2)
+            ax.plot(ends[2:], [i, i], color=colour, lw=5, alpha=0.35, solid_capstyle="butt")
+            ax.plot(ends[0], i, "o", color=colour, ms=5)
+            ax.plot(ends[1], i, "|", color=colour, ms=8)
         ax.set(xscale="log", title=group)
         ax.set_yticks(range(len(peers)), [ROSTER[n].label for n in reversed(peers)], fontsize=8)
         ax.grid(axis="x", color="#dddddd", lw=0.6)
@@ -44,14 +44,12 @@ def errors(rows: pd.DataFrame, path: Path) -> None:
         ax.tick_params(axis="x", labelbottom=True)
     for ax in axes[len(groups) :]:
         ax.set_visible(False)
-    figure.supxlabel(
-        "relative error of the damping ratio: median with its interval, and where nine of ten are below"
-    )
+    figure.supxlabel("relative error of the damping ratio: median with its interval, and 90 % quantile")
     _save(figure, path)
 
 
 def cost(rows: pd.DataFrame, path: Path) -> None:
-    """CPU time of each peer, and coverage of the intervals that are stated, of all simulated records."""
+    """Plot the CPU time of each peer and the coverage of its intervals, for all simulated records."""
     from matplotlib.figure import Figure
 
     rows = simulated(rows)
@@ -65,14 +63,16 @@ def cost(rows: pd.DataFrame, path: Path) -> None:
             low, middle, high = np.quantile(seconds, [0.1, 0.5, 0.9])
             left.plot([low, high], [i, i], color=colour, lw=5, alpha=0.35, solid_capstyle="butt")
             left.plot(middle, i, "o", color=colour)
-        held, count = coverage(where(part, outcome=OK))
+        covered, count = coverage(where(part, outcome=OK))
         if count:
-            right.plot([held.low, held.high], [i, i], color=colour, lw=5, alpha=0.35, solid_capstyle="butt")
-            right.plot(held.value, i, "o", color=colour)
+            right.plot(
+                [covered.low, covered.high], [i, i], color=colour, lw=5, alpha=0.35, solid_capstyle="butt"
+            )
+            right.plot(covered.value, i, "o", color=colour)
     right.axvline(0.95, color="black", lw=0.8, ls=":")
-    left.set(xscale="log", xlabel="CPU seconds a record: median, and eight of ten")
+    left.set(xscale="log", xlabel="CPU seconds for a record: median, and 10 to 90 % quantiles")
     left.set_yticks(range(len(peers)), [ROSTER[n].label for n in peers], fontsize=8)
-    right.set(xlabel="share of true ratios in stated 95 % intervals", xlim=(-0.03, 1.03))
+    right.set(xlabel="coverage of the stated 95 % intervals", xlim=(-0.03, 1.03))
     for ax in (left, right):
         ax.grid(axis="x", color="#dddddd", lw=0.6)
         ax.spines[["top", "right"]].set_visible(False)

@@ -1,4 +1,4 @@
-"""What a peer says of a record."""
+"""The reply of a peer for a record."""
 
 from __future__ import annotations
 
@@ -12,10 +12,16 @@ from bayesdamp.types import Refusal
 
 @dataclass(frozen=True)
 class Reply:
-    """Equivalent damping ratios at the amplitudes that were asked for, largest amplitude first.
+    """The equivalent damping ratios at the requested amplitudes.
 
-    low, high: ends of stated 95 % intervals, empty where none is stated. named: the damping sum, empty where none is
-    named without reservation.
+    Attributes
+    ----------
+    values : tuple of float
+        The ratios, largest amplitude first.
+    low, high : tuple of float
+        Ends of the 95 % intervals; empty without intervals.
+    named : str
+        The damping sum; empty if the peer does not name one outright.
     """
 
     values: tuple[float, ...]
@@ -25,11 +31,11 @@ class Reply:
 
 
 Peer = Callable[[np.ndarray, np.ndarray, tuple[float, ...]], Reply]
-"""From times (n,) in s, displacements (n,) in rad and amplitudes in rad. Raises Refusal where it has no answer."""
+"""A function of times (n,) in s, displacements (n,) in rad and amplitudes in rad. Raises Refusal without an answer."""
 
 
 def one_number(value: float, amplitudes: tuple[float, ...]) -> Reply:
-    """The same ratio at every amplitude. Raises Refusal where it is no damping."""
+    """Return the same ratio at every amplitude. Raises Refusal if it is not positive."""
     if not value > 0:
         raise Refusal("no damping is found")
     return Reply((value,) * len(amplitudes))

@@ -1,4 +1,4 @@
-"""Who takes part."""
+"""The peers that take part in the contest."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ PYEMA = Environment("pyema", ("sdypy-EMA==0.31.0",))
 NUMPYRO = Environment("numpyro", ("numpyro==0.22.0", "diffrax==0.7.2"))
 
 VISCOUS = (
-    "Its model is right where damping is viscous and the spring linear, and spends the data on nothing else."
+    "Its model is correct if the damping is viscous and the spring is linear, and it estimates nothing else."
 )
-FREE = "It keeps every damping with its uncertainty, and has no choice among them to get wrong."
-EXACT = "It assumes that a law holds exactly, and spends no data on deviations or on other forms of damping."
+FREE = "It estimates all damping terms with their uncertainty, so it cannot choose a wrong sum."
+EXACT = "It assumes that a law holds exactly, and does not estimate deviations or other forms of damping."
 
 
 @dataclass(frozen=True)
 class Entry:
-    """label: as the page says it. peer: what answers. better: why it is, where it is better than ours."""
+    """A peer: its label on the page, the function that answers, and the reason if it is better than bayesdamp."""
 
     label: str
     peer: Peer
@@ -40,7 +40,7 @@ class Entry:
 
     @property
     def environment(self) -> Environment | None:
-        """Of its own, where it has one."""
+        """The environment of a peer that has its own."""
         return self.peer.environment if isinstance(self.peer, Child) else None
 
 
@@ -58,9 +58,9 @@ ROSTER: dict[str, Entry] = {
     OURS: Entry("bayesdamp, compare without sampling", ours.answer, ""),
     "numpyro": Entry("NumPyro (NUTS) with diffrax", Child(NUMPYRO, "numpyro_diffrax.py"), FREE),
 }
-"""By the name that rows have; the dearest last."""
+"""The peers by their names in the rows, the slowest last."""
 
 
 def peers_of(rows: pd.DataFrame) -> list[str]:
-    """Return the peers among rows, in the roster's order."""
+    """Return the peers among rows, in the order of the roster."""
     return [name for name in ROSTER if name in set(rows["peer"])]

@@ -1,4 +1,4 @@
-"""Rows of the contest: one for each record and peer."""
+"""The rows of the contest, one for each record and peer."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ COLUMNS = (
 
 
 def row_of(record: Record, name: str, peer: Peer) -> dict[str, Any]:
-    """What a peer says of a record, beside the truth. seconds: CPU time. A refusal or a fault is the outcome."""
+    """Return the reply of a peer for a record, with the truth and the CPU seconds.
+
+    After a refusal or an exception, its text is the outcome.
+    """
     row: dict[str, Any] = {
         "record": record.name, "group": record.group, "kind": record.kind, "damping": record.damping,
         "restoring": record.restoring, "peer": name, "named": "", "relation": "",
@@ -35,10 +38,10 @@ def row_of(record: Record, name: str, peer: Peer) -> dict[str, Any]:
     began = time.process_time()
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a peer's habits are not ours to mend
+            warnings.simplefilter("ignore")  # warnings of other packages are not our concern
             reply = peer(record.t, record.y, record.amplitudes)
         if not all(map(math.isfinite, reply.values)):
-            raise Refusal("its ratio is no number")
+            raise Refusal("its ratio is not finite")
     except Refusal as refusal:
         row["outcome"] = str(refusal)
     except Exception as fault:
@@ -55,23 +58,22 @@ def row_of(record: Record, name: str, peer: Peer) -> dict[str, Any]:
 
 
 def read(table: Path) -> pd.DataFrame:
-    """Return the rows of a table; none if there is no file. Raises InputError if it has other columns."""
-    found = read_frame(table, COLUMNS)
-    return found.astype({"named": "string", "relation": "string"}).fillna({"named": "", "relation": ""})
+    """Return the rows of a table; an empty table if there is no file. Raises InputError if the columns differ."""
+    frame = read_frame(table, COLUMNS)
+    return frame.astype({"named": "string", "relation": "string"}).fillna({"named": "", "relation": ""})
 
 
-def of_others(found: pd.DataFrame, records: Iterable[Record], peers: Collection[str]) -> pd.DataFrame:
-    """Rows of records whose truth is still what it was, by anybody but these peers."""
+def of_others(rows: pd.DataFrame, records: Iterable[Record], peers: Collection[str]) -> pd.DataFrame:
+    """Return the rows of all other peers, for the records whose truth is unchanged."""
     truth = {r.name: [float(f"{x:.6g}") for x in (*r.amplitudes, *r.ratios)] for r in records}
     columns = [f"{what}_{i}" for what in ("amplitude", "ratio") for i in (1, 2, 3)]
-    same = [truth.get(n) == v for n, v in zip(found["record"], found[columns].values.tolist(), strict=True)]
-    kept = [i for i, peer in enumerate(found["peer"]) if same[i] and peer not in peers]
-    return found.iloc[kept]
+    same = [truth.get(n) == v for n, v in zip(rows["record"], rows[columns].values.tolist(), strict=True)]
+    return rows.iloc[[i for i, peer in enumerate(rows["peer"]) if same[i] and peer not in peers]]
 
 
-def together(one: pd.DataFrame, other: pd.DataFrame, peers: list[str]) -> pd.DataFrame:
-    """Rows of both, a record's by the order of its peers."""
-    both = pd.concat([one, other], ignore_index=True) if len(other) else one
+def together(rows: pd.DataFrame, other: pd.DataFrame, peers: list[str]) -> pd.DataFrame:
+    """Return the rows of both tables; the rows of each record are in the order of the peers."""
+    both = pd.concat([rows, other], ignore_index=True) if len(other) else rows
     place = {name: i for i, name in enumerate(dict.fromkeys(both["record"]))}
     keys = [(place[r], peers.index(p)) for r, p in zip(both["record"], both["peer"], strict=True)]
     return both.iloc[sorted(range(len(both)), key=keys.__getitem__)].reset_index(drop=True)

@@ -1,4 +1,4 @@
-"""Scores of the contest's rows: errors, coverage, names, time, and each peer beside ours on the same records."""
+"""Score the rows of the contest: errors, coverage, names, and each peer relative to bayesdamp on the same records."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import pandas as pd
 
 from bayesdamp.types import OK
 from validation.contest.records import GROUPS
-from validation.scoring import share_held, three, where, wilson
+from validation.scoring import share_covered, three, where, wilson
 
 MEASURED = "measured"
 TIMES = 2000
-"""Bootstrap samples."""
+"""Number of bootstrap samples."""
 LEAST = 5
-"""Fewer records than this have no interval."""
+"""Least number of records for an interval."""
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A number with its 95 % interval, NaN where there are too few records."""
+    """A number with its 95 % interval, which is NaN if there are too few records."""
 
     value: float
     low: float
@@ -29,36 +29,42 @@ class Interval:
 
 
 def simulated(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows of records that were not measured."""
+    """Return the rows of simulated records."""
     return rows.iloc[np.flatnonzero(rows["group"].to_numpy() != MEASURED)]
 
 
 def groups_of(rows: pd.DataFrame) -> list[str]:
-    """Groups among rows, in the contest's order."""
-    there = set(rows["group"])
-    return [g for g in (*GROUPS, MEASURED) if g in there]
+    """Return the groups among rows, in the order of the contest."""
+    present = set(rows["group"])
+    return [g for g in (*GROUPS, MEASURED) if g in present]
 
 
 def has(value: object) -> bool:
-    """Whether a cell has a text."""
+    """Return whether a cell has text."""
     return isinstance(value, str) and value != ""
 
 
 def errors(rows: pd.DataFrame) -> np.ndarray:
-    """|found/true − 1| of the ratio at three amplitudes, shape (n, 3); NaN in rows without an answer."""
-    found, true = three(rows, "value"), three(rows, "ratio")
-    return np.where((rows["outcome"] == OK).to_numpy()[:, None], np.abs(found / true - 1), np.nan)
+    """Return |estimate/truth − 1| of the ratio at three amplitudes, shape (n, 3); NaN in rows without an answer."""
+    value, true = three(rows, "value"), three(rows, "ratio")
+    return np.where((rows["outcome"] == OK).to_numpy()[:, None], np.abs(value / true - 1), np.nan)
 
 
 def quantile_of_errors(rows: pd.DataFrame, level: float) -> Interval:
-    """A quantile of all errors of the records that were answered; records are drawn again, with their three errors."""
+    """Return a quantile of all errors of the answered records.
+
+    Its interval is a bootstrap over records, each with its three errors.
+    """
     each = errors(where(rows, outcome=OK))
     return bootstrapped(each, lambda chosen: np.quantile(chosen, level, axis=-1))
 
 
 def coverage(rows: pd.DataFrame) -> tuple[Interval, int]:
-    """Mean share of the three true ratios within a stated interval, Wilson's by records, and how many state one."""
-    share = share_held(rows)
+    """Return the coverage of the stated intervals, and the number of records with intervals.
+
+    It is the mean share of the three true ratios inside their intervals, with Wilson's interval by records.
+    """
+    share = share_covered(rows)
     stated = share[np.isfinite(share)]
     if not stated.size:
         return Interval(np.nan, np.nan, np.nan), 0
@@ -67,7 +73,7 @@ def coverage(rows: pd.DataFrame) -> tuple[Interval, int]:
 
 
 def names(rows: pd.DataFrame) -> tuple[int, int, int]:
-    """Records of a known damping that were answered, of these those in which one was named, and of these the right."""
+    """Count the answered records of a known damping: all, those with a named damping, and those named correctly."""
     answered = where(rows, outcome=OK)
     known = [
         (n, r)
@@ -78,25 +84,37 @@ def names(rows: pd.DataFrame) -> tuple[int, int, int]:
 
 
 def paired(rows: pd.DataFrame, peer: str, ours: str) -> tuple[Interval, int]:
-    """Error of a peer over that of ours, in the same records: the geometric mean of ratios of mean errors, and records.
+    """Return the error of a peer over that of bayesdamp on the records that both answered, and their number.
 
-    Above 1 where ours is nearer to the truth. Records that either refused are left out.
+    It is the geometric mean of the ratios of the mean errors. Above 1, bayesdamp is nearer to the truth.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        The rows.
+    peer, ours : str
+        Names of the peer and of bayesdamp in the rows.
     """
     theirs, own = _of_both(rows, peer, ours, lambda part: np.mean(errors(part), axis=1))
-    found = bootstrapped(np.log(theirs / own)[:, None], lambda chosen: np.exp(np.mean(chosen, axis=-1)))
-    return found, theirs.size
+    factor = bootstrapped(np.log(theirs / own)[:, None], lambda chosen: np.exp(np.mean(chosen, axis=-1)))
+    return factor, theirs.size
 
 
 def holds_more(rows: pd.DataFrame, peer: str, ours: str) -> Interval:
-    """Return by how much larger a share of true ratios a peer's intervals hold than ours, in the same records."""
-    theirs, own = _of_both(rows, peer, ours, share_held)
+    """Return the coverage of a peer minus that of bayesdamp, on the records that both answered."""
+    theirs, own = _of_both(rows, peer, ours, share_covered)
     return bootstrapped((theirs - own)[:, None], lambda chosen: np.mean(chosen, axis=-1))
 
 
 def bootstrapped(values: np.ndarray, statistic: Callable[[np.ndarray], np.ndarray]) -> Interval:
-    """A statistic of values (records, m), and the 2.5 and 97.5 % of it over records drawn again with a fixed seed.
+    """Return a statistic with its 95 % bootstrap interval over records, with a fixed seed.
 
-    statistic: over the last axis.
+    Parameters
+    ----------
+    values : (records, m) array
+        The values of each record.
+    statistic : callable
+        The statistic over the last axis.
     """
     if not values.size:
         return Interval(np.nan, np.nan, np.nan)
@@ -111,7 +129,7 @@ def bootstrapped(values: np.ndarray, statistic: Callable[[np.ndarray], np.ndarra
 def _of_both(
     rows: pd.DataFrame, peer: str, ours: str, score: Callable[[pd.DataFrame], np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a score of a peer and of ours, each of shape (n,), on the records for which both have one."""
+    """Return the scores of a peer and of bayesdamp, each of shape (n,), on the records for which both have a score."""
     scores = []
     for name in (peer, ours):
         part = where(rows, peer=name, outcome=OK)

@@ -1,4 +1,4 @@
-"""The shipped reports: how each is made, by which code it was, and which of them are stale."""
+"""Make the shipped reports: how each is made, which code made it, and which reports are stale."""
 
 from validation.reports.recipes import RECIPES, Recipe
 from validation.reports.stamps import Stamp, digest, stale, stamps

@@ -22,56 +22,63 @@ STALE = 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command; exit status 0, 1 where a report is stale or could not be made, 2 on a wrong option or tree."""
+    """Run the command; return 0, or 1 if a report is stale or failed, or 2 after a wrong option or a changed tree."""
     parser = argparse.ArgumentParser(prog="python -m validation.reports", description=__doc__)
-    parser.add_argument("names", nargs="*", help="by default all that are stale, the cheap ones first")
-    parser.add_argument("--check", action="store_true", help="only say which are stale")
     parser.add_argument(
-        "--full", action="store_true", help="with the counts that decide small effects: a day"
+        "names", nargs="*", help="reports to make; by default all stale ones, the fastest first"
     )
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin none after so many")
-    asked = parser.parse_args(arguments)
-    unknown = sorted(set(asked.names) - {r.name for r in RECIPES})
+    parser.add_argument("--check", action="store_true", help="only list which reports are stale")
+    parser.add_argument(
+        "--full", action="store_true", help="use enough records to decide small effects; takes a day"
+    )
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="start no report after this time")
+    options = parser.parse_args(arguments)
+    unknown = sorted(set(options.names) - {r.name for r in RECIPES})
     if unknown:
-        print(f"{unknown[0]!r} is no report: there are {', '.join(r.name for r in RECIPES)}", file=sys.stderr)
-        return 2
-    if asked.check:
-        return _checked()
-    chosen = [r for r in RECIPES if r.name in asked.names] if asked.names else stale(ROOT)
-    if changed := _git("status", "--porcelain", "--", ".", ":!reports"):
         print(
-            f"the tree has changes that no commit holds ({changed.split()[1]}): commit them first",
+            f"{unknown[0]!r} is not a report; use one of {', '.join(r.name for r in RECIPES)}",
             file=sys.stderr,
         )
         return 2
-    until, status = time.monotonic() + 60 * asked.minutes, 0
+    if options.check:
+        return _check()
+    chosen = [r for r in RECIPES if r.name in options.names] if options.names else stale(ROOT)
+    if changed := _git("status", "--porcelain", "--", ".", ":!reports"):
+        print(
+            f"the working tree has uncommitted changes ({changed.split()[1]}); please commit them first",
+            file=sys.stderr,
+        )
+        return 2
+    until, status = time.monotonic() + 60 * options.minutes, 0
     for recipe in chosen:
         if time.monotonic() > until:
-            print(f"{recipe.name}: left for the next time")
-        elif not _made(recipe.whole if asked.full else recipe):
+            print(f"{recipe.name}: not started, because the time is over")
+        elif not _make(recipe.whole if options.full else recipe):
             status = STALE
     return status
 
 
-def _checked() -> int:
-    said, old = stamps(ROOT / "reports"), {r.name for r in stale(ROOT)}
+def _check() -> int:
+    stamp_of, old = stamps(ROOT / "reports"), {r.name for r in stale(ROOT)}
     lines = []
     for recipe in RECIPES:
-        stamp = said.get(recipe.name)
-        made = f"made {stamp.day} by {stamp.revision[:9]}" if stamp else "made by code that is not known"
+        stamp = stamp_of.get(recipe.name)
+        origin = f"made {stamp.day} by {stamp.revision[:9]}" if stamp else "made by unknown code"
         state = "stale" if recipe.name in old else "fresh"
-        lines.append(f"{recipe.name:<15} {state:<6} {made}, about {recipe.cost} min")
+        lines.append(f"{recipe.name:<15} {state:<6} {origin}, about {recipe.cost} min")
     left = sum(r.cost for r in RECIPES if r.name in old)
-    lines.append(f"{len(old)} of {len(RECIPES)} are stale: about {left} minutes of two cores")
+    lines.append(
+        f"{len(old)} of {len(RECIPES)} are stale; to make them takes about {left} minutes on two cores"
+    )
     try:
         print("\n".join(lines), flush=True)
-    except BrokenPipeError:  # whoever reads has read enough
+    except BrokenPipeError:  # the reader of a pipe, such as `head`, has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return STALE if old else 0
 
 
-def _made(recipe: Recipe) -> bool:
-    """Run a recipe's commands and stamp what they made."""
+def _make(recipe: Recipe) -> bool:
+    """Run the commands of a recipe, check the report and stamp it; return whether it succeeded."""
     now = digest(recipe, ROOT)
     work, out = ROOT / WORK / f"{recipe.name}-{now[:12]}", ROOT / "reports" / recipe.name
     work.mkdir(parents=True, exist_ok=True)
@@ -83,11 +90,11 @@ def _made(recipe: Recipe) -> bool:
         words = [word.format(**places) for word in shlex.split(command)]
         print(f"{recipe.name}: {' '.join(words)}", flush=True)
         if subprocess.run(words, cwd=ROOT, env=environment).returncode:
-            print(f"{recipe.name}: failed, and stays as it was said to be", file=sys.stderr)
+            print(f"{recipe.name}: failed; its old stamp is unchanged", file=sys.stderr)
             return False
     wrong = contradictions(out)
     if wrong:
-        head = f"{recipe.name}: contradicts the truth of its records, and is not marked as made"
+        head = f"{recipe.name}: contradicts the truth of its records, so it is not stamped as made"
         print("\n  ".join([head, *wrong]), file=sys.stderr)
         return False
     day = datetime.datetime.now(datetime.UTC).date().isoformat()

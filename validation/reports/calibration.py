@@ -1,6 +1,6 @@
-"""The pages of calibrations and model recoveries: `python -m validation.reports.calibration FOLDER`, where the run is.
+"""Write the page of a calibration or a model recovery: `python -m validation.reports.calibration FOLDER`.
 
-They say what so many records can decide: the size of an effect that a test would find.
+FOLDER has the run. The page states what this number of records can decide: the size of an effect that a test detects.
 """
 
 from __future__ import annotations
@@ -20,32 +20,32 @@ from validation.rows import read_rows
 
 LEVEL = 0.95
 POWER = 0.8
-"""The probability with which an effect is to be found (conventional)."""
+"""Probability of detecting an effect (conventional)."""
 
 
 @lru_cache
 def rejected(n: int, level: float, alarm: float) -> np.ndarray:
-    """Which counts (n + 1,) of n intervals that hold the truth a two-sided exact binomial test rejects."""
+    """Return which numbers of covering intervals, 0 to n, a two-sided exact binomial test rejects, shape (n + 1,)."""
     return np.array([binomtest(k, n, level).pvalue < alarm for k in range(n + 1)])
 
 
 def power(n: int, level: float, alarm: float, width: float) -> float:
-    """Probability that n normal intervals, `width` times as wide as they should be, are rejected at `alarm`."""
+    """Return the probability that a test at `alarm` rejects n normal intervals with `width` times the correct width."""
     inside = 2 * norm.cdf(width * norm.ppf(0.5 + 0.5 * level)) - 1
     return float(binom.pmf(np.arange(n + 1), n, inside)[rejected(n, level, alarm)].sum())
 
 
 def narrowest_passed(n: int, level: float, alarm: float) -> float:
-    """The largest relative width below 1 of intervals that would be found with probability `POWER`; 0 where none is."""
+    """Return the largest relative width below 1 that a test detects with probability `POWER`; 0 if there is none."""
     percents = (percent / 100 for percent in range(99, 0, -1))
     return next((width for width in percents if power(n, level, alarm, width) >= POWER), 0.0)
 
 
 def calibration(run: dict[str, Any], rows: list[dict[str, str]]) -> str:
-    """The page of a calibration, in Markdown, from run.json and the rows of calibration.csv."""
+    """Return the page of a calibration in Markdown, from run.json and the rows of calibration.csv."""
     result = run["result"]
     posterior, classical = (result["families"][name] for name in ("posterior", "classical"))
-    counts = {model: int(one["counted"]) for model, one in result["counts"].items()}
+    counts = {model: int(count["counted"]) for model, count in result["counts"].items()}
     fewest = min(counts.values())
     single = narrowest_passed(fewest, LEVEL, 0.05)
     whole = narrowest_passed(fewest, LEVEL, ALARM / max(posterior["tests"], 1))
@@ -57,64 +57,65 @@ def calibration(run: dict[str, Any], rows: list[dict[str, str]]) -> str:
         ]  # fmt: skip
         shares = f"{min(own):.3f} to {max(own):.3f}" if own else "–"
         lines.append([model, str(count), str(result["counts"][model]["tried"]), shares])
-    held = "share of NUTS's 95 % intervals that hold, least and largest over parameters"
+    coverage = "coverage of the 95 % intervals of NUTS, least to largest over parameters"
     return f"""# Are the intervals right?
 
-Of {posterior["tests"]} checks of posteriors on {sum(counts.values())} records {posterior["wrong"]} fail, of \
-{classical["tests"]} of refined estimates {classical["wrong"]}; a false alarm anywhere in either has a chance \
-of {ALARM:.0%}.
+On {sum(counts.values())} records, {posterior["wrong"]} of {posterior["tests"]} checks of posteriors fail, and \
+{classical["wrong"]} of {classical["tests"]} checks of refined estimates; the probability of any false alarm is \
+{ALARM:.0%} for each of the two.
 
-Each record has its parameters, noise included, drawn from the priors that it is then inferred with \
-({run["description"].rstrip(".")}); the ranks of the truth among the draws of NUTS and emcee are then uniform \
-(Talts et al. 2018), and so many intervals hold it as they say. By Holm over a table. With {fewest} records a \
-damping, 95 % intervals of one parameter that are {1 - single:.0%} too narrow in every record fail a check by \
-itself (5 %) with a probability of {POWER:g}, and the whole table where they are {1 - whole:.0%} too narrow.
+The parameters of each record, including its noise, are drawn from the priors of the inference \
+({run["description"].rstrip(".")}). If the inference is correct, the ranks of the truth among the draws of NUTS and \
+emcee are uniform (Talts et al. 2018), and intervals contain the truth at their stated rate. The Holm correction \
+covers all checks of a table. There are at least {fewest} records for each damping. With {fewest} records, a single \
+check (5 %) detects 95 % intervals of one parameter that are {1 - single:.0%} too narrow in every record with a \
+probability of {POWER:g}; with the correction for the whole table, they must be {1 - whole:.0%} too narrow.
 
-{table(["damping", "records", "tried", held], lines)}
+{table(["damping", "records", "attempted", coverage], lines)}
 
-A record that shows no oscillation is left out before anything is sampled, which a posterior, being conditional \
-on its record, does not mind; none is left out for what a sampler says. report.html has the histograms of the \
-ranks and the bands, calibration.csv every check, ranks.csv every rank. `make reports` makes it again, with \
-`ARGS=--full` from eight times as many records.
+A record without an oscillation is omitted before sampling. That does not bias the result, because a posterior is \
+conditional on its record. No record is omitted because of a result of a sampler. report.html has the histograms of \
+the ranks with their bands, calibration.csv every check, and ranks.csv every rank. `make reports` makes this report \
+again; `ARGS=--full` uses eight times as many records.
 """
 
 
 def recovery(run: dict[str, Any]) -> str:
-    """The page of a model recovery, in Markdown, from run.json."""
-    found = run["result"]["recovery"]
-    hits = found["hits"]
+    """Return the page of a model recovery in Markdown, from run.json."""
+    result = run["result"]["recovery"]
+    hits = result["hits"]
     n = hits["records"]
-    seen = (norm.ppf(POWER) + norm.ppf(0.975)) * hits["sd"] / n if n else np.nan
+    detectable = (norm.ppf(POWER) + norm.ppf(0.975)) * hits["sd"] / n if n else np.nan
     lines = [
         [
             f"{row['from']:g} to {row['to']:g}", str(row["records"]), f"{row['probability']:.2f}",
             f"{row['share']:.2f}", f"{row['low']:.2f} to {row['high']:.2f}",
         ]
-        for row in found["bins"]
+        for row in result["bins"]
     ]  # fmt: skip
-    heads = ["highest probability", "records", "its mean", "share true"]
-    refused = "; ".join(f"{count} × {why}" for why, count in found["refused"].items()) or "none"
+    heads = ["highest probability", "records", "mean probability", "share true"]
+    refused = "; ".join(f"{count} × {why}" for why, count in result["refused"].items()) or "none"
     return f"""# Are the probabilities right?
 
-Of {n} records the most probable damping is the true one in {hits["hits"]}; the probabilities promised \
+In {hits["hits"]} of {n} records the most probable damping is the true one; the stated probabilities predict \
 {hits["expected"]:.1f} ± {hits["sd"]:.1f}.
 
-Records of all seven sums in turn, their parameters drawn from the priors ({run["description"].rstrip(".")}), \
-weighed by importance sampling, the laws taken to hold exactly. Two-sided p value of the number: \
-{hits["p"]:.2g}. With so many records, probabilities of the first that are {100 * seen:.0f} percentage points \
-too high or too low on average are found (5 %) with a probability of {POWER:g}. Mean log probability of the \
-truth: {found["log_score"]:.3f}, promised {found["log_score_expected"]:.3f}, by chance \
-{found["log_score_ignorant"]:.3f}.
+The records have all seven sums in turn, with parameters drawn from the priors \
+({run["description"].rstrip(".")}). The evidence comes from importance sampling, and the laws are assumed to hold \
+exactly. The two-sided p value of this number is {hits["p"]:.2g}. A test (5 %) on these records detects \
+probabilities of the leading damping that are {100 * detectable:.0f} percentage points too high or too low on \
+average with a probability of {POWER:g}. The mean log probability of the truth is {result["log_score"]:.3f}; the \
+stated probabilities predict {result["log_score_expected"]:.3f}, and chance gives {result["log_score_ignorant"]:.3f}.
 
-{table([*heads, f"{1 - ALARM:.0%} band, all bins together"], lines)}
+{table([*heads, f"{1 - ALARM:.0%} band for all bins together"], lines)}
 
-{found["tried"]} were tried; refused: {refused}. recovery.csv has every record. `make reports` makes it again, \
-with `ARGS=--full` from ten times as many.
+{result["tried"]} records were attempted; refused: {refused}. recovery.csv has every record. `make reports` makes \
+this report again; `ARGS=--full` uses ten times as many records.
 """
 
 
 def main(folder: Path) -> None:
-    """Write README.md beside the tables of a run."""
+    """Write README.md into the folder of a run."""
     run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     is_recovery = run["kind"] == "model recovery"
     page = recovery(run) if is_recovery else calibration(run, read_rows(folder / "calibration.csv"))

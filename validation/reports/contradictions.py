@@ -1,6 +1,6 @@
-"""What shipped pages say of simulated records, compared with the truth that made these records.
+"""Compare the statements of shipped pages on simulated records with the truth of these records.
 
-Every function returns sentences, one for each contradiction, and an empty list where there is none.
+Every public comparison returns a list with a sentence for each contradiction.
 """
 
 from __future__ import annotations
@@ -27,16 +27,18 @@ from validation.rows import read_rows
 from validation.truth.oscillator import COEFFICIENTS, LAWS, Oscillator
 
 EXCLUDED = 0.05
-"""Probability of the true damping below which a record that is not decided excludes it."""
+"""A record that is not decided excludes the true damping if its probability is below this value."""
 MISSED = 0.05
-"""Share of the intervals of 95 % that may miss the truth."""
+"""Share of 95 % intervals that may miss the truth."""
 ALARM = 1e-3
-"""Probability of a false alarm of each test that counts over many records (conventional)."""
+"""False-alarm probability of each test on many records (conventional)."""
 FAR = 1.0
-"""Widths of an interval by which the truth may lie outside of it: seven standard deviations from its middle where the
-interval is a normal distribution's."""
+"""Largest distance of the truth from an interval, in widths of the interval.
+
+For a normal distribution the truth is then 5.9 standard deviations from the middle.
+"""
 TIE = math.log(1.25)
-"""Log odds within which two dampings lead together."""
+"""Log odds below which two dampings count as equally probable."""
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -52,7 +54,7 @@ class Simulated:
 
     @classmethod
     def of(cls, signal: Mapping[str, Any]) -> Simulated:
-        """Read a signal of a study as run.json has it."""
+        """Read a signal of a study from run.json."""
         source, restoring = signal["source"], signal["system"]["restoring"]
         truth = {name: value for name, value in source["truth"].items() if isinstance(value, int | float)}
         damping, oscillator = tuple(source["damping"]), None
@@ -78,14 +80,12 @@ class Quoted:
 
     @property
     def outside(self) -> float:
-        """By how many of its widths the interval misses the truth; 0 where it holds it."""
+        """The distance of the truth from the interval, in its widths; 0 inside."""
         off = max(self.low - self.truth, self.truth - self.high, 0.0)
         return off / max(self.high - self.low, 1e-300)
 
     def __str__(self) -> str:
-        return (
-            f"{self.record}: {self.what} {self.low:.4g} to {self.high:.4g}, and the truth is {self.truth:.4g}"
-        )
+        return f"{self.record}: {self.what} is {self.low:.4g} to {self.high:.4g}, but the truth is {self.truth:.4g}"
 
 
 def terms_of(damping: str) -> frozenset[str]:
@@ -94,7 +94,10 @@ def terms_of(damping: str) -> frozenset[str]:
 
 
 def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
-    """Return the equivalent damping ratio at an amplitude (rad): energy lost in a cycle over 4π times the energy."""
+    """Return the equivalent damping ratio at an amplitude (rad).
+
+    It is the energy lost in a cycle over 4π times the energy.
+    """
     potential = oscillator.potential()
 
     def uneven(middle: float) -> float:
@@ -116,10 +119,24 @@ def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
 def named_wrongly(
     record: str, truth: frozenset[str], decided: bool, damping: str, probabilities: Mapping[str, float]
 ) -> list[str]:
-    """Compare the damping that a page names with the true one; probabilities: by damping."""
+    """Compare the damping that a page names with the true one.
+
+    Parameters
+    ----------
+    record : str
+        Name of the record.
+    truth : frozenset of str
+        The true terms.
+    decided : bool
+        Whether the page names the damping outright.
+    damping : str
+        The first damping of the page.
+    probabilities : mapping
+        Probability of each damping on the page.
+    """
     if decided:
         right = terms_of(damping) == truth
-        return [] if right else [f"{record}: {damping} is named, and the truth is {'+'.join(sorted(truth))}"]
+        return [] if right else [f"{record}: {damping} is named, but the truth is {'+'.join(sorted(truth))}"]
     own = sum(p for name, p in probabilities.items() if terms_of(name) == truth)
     if own >= EXCLUDED:
         return []
@@ -127,19 +144,28 @@ def named_wrongly(
 
 
 def missed(intervals: Iterable[Quoted], rate: float = MISSED) -> list[str]:
-    """Compare 95 % intervals with the truth: none may miss it by far, and no more of them than so many by chance.
+    """Compare 95 % intervals with the truth: none may be far from it, and not more may miss it than by chance.
 
-    Of the intervals of one record the middle one counts, for they are not independent.
+    Of the intervals of a record only the middle one is counted, because they are not independent.
+
+    Parameters
+    ----------
+    intervals : iterable of Quoted
+        The intervals and their truths.
+    rate : float
+        Probability that an interval misses the truth.
     """
     by_record: dict[str, list[Quoted]] = defaultdict(list)
     for interval in intervals:
         by_record[interval.record].append(interval)
-    found = [f"{one}: by far" for each in by_record.values() for one in each if one.outside > FAR]
+    wrong = [
+        f"{quoted}: far outside" for each in by_record.values() for quoted in each if quoted.outside > FAR
+    ]
     middle = [each[len(each) // 2] for each in by_record.values()]
-    outside = [one for one in middle if one.outside > 0]
+    outside = [quoted for quoted in middle if quoted.outside > 0]
     if outside and binom.sf(len(outside) - 1, len(middle), rate) < 10 * ALARM:
-        found += [f"{one}; {len(outside)} of {len(middle)} records miss it" for one in outside]
-    return found
+        wrong += [f"{quoted}; {len(outside)} of {len(middle)} records miss the truth" for quoted in outside]
+    return wrong
 
 
 def of_study(folder: Path) -> list[str]:
@@ -150,7 +176,7 @@ def of_study(folder: Path) -> list[str]:
     file = folder / "verdict.json"
     verdicts = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else []
     known = [(v, truths[name]) for v in verdicts if (name := _signal(v["record"], truths)) is not None]
-    found = []
+    wrong = []
     for verdict, truth in known:
         damping = verdict["damping"]
         if not damping:
@@ -158,16 +184,16 @@ def of_study(folder: Path) -> list[str]:
         probabilities = {r["damping"]: r["probability"] for r in verdict["rivals"]} | {
             damping: verdict["probability"]
         }
-        found += named_wrongly(verdict["record"], truth.damping, verdict["decided"], damping, probabilities)
-    found += missed(quoted for verdict, truth in known for quoted in _ratios(verdict, truth))
-    found += missed(_posteriors(folder, truths))
-    found += _other_truths(folder, truths)
-    found += _other_leaders(folder, verdicts)
-    return found + _not_on_the_page(folder, verdicts)
+        wrong += named_wrongly(verdict["record"], truth.damping, verdict["decided"], damping, probabilities)
+    wrong += missed(quoted for verdict, truth in known for quoted in _ratios(verdict, truth))
+    wrong += missed(_posteriors(folder, truths))
+    wrong += _other_truths(folder, truths)
+    wrong += _other_leaders(folder, verdicts)
+    return wrong + _not_on_the_page(folder, verdicts)
 
 
 def _signal(record: str, truths: Mapping[str, Simulated]) -> str | None:
-    """Return the signal that a record belongs to; repeats have a number behind its name."""
+    """Return the signal of a record; repeats have a number after its name."""
     names = [n for n in truths if record == n or re.fullmatch(re.escape(n) + r"[^A-Za-z0-9].*", record)]
     return max(names, key=len, default=None)
 
@@ -188,7 +214,7 @@ def _ratios(verdict: Mapping[str, Any], truth: Simulated) -> list[Quoted]:
 
 def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> list[Quoted]:
     """Return the posterior intervals of damping coefficients under the true damping."""
-    found = []
+    intervals = []
     for row in read_rows(folder / "posteriors.csv"):
         truth = truths.get(row["signal"])
         if (
@@ -201,77 +227,86 @@ def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> list[Quoted]:
         if row["parameter"] in COEFFICIENTS.values() and row["parameter"] in truth.truth:
             name, value = f"{row['signal']}/{row['repeat']}", truth.truth[row["parameter"]]
             what = f"{row['parameter']} by {row['sampler']}"
-            found.append(Quoted(name, what, float(row["q2.5"]), float(row["q97.5"]), value))
-    return found
+            intervals.append(Quoted(name, what, float(row["q2.5"]), float(row["q97.5"]), value))
+    return intervals
 
 
 def _other_truths(folder: Path, truths: Mapping[str, Simulated]) -> list[str]:
-    """Compare the truth that the table of estimates states with that of the study."""
-    found = set()
+    """Compare the truth in the table of estimates with that of the study."""
+    wrong = set()
     for row in read_rows(folder / "estimates.csv"):
         truth = truths.get(row["signal"])
         if truth is None or not row["truth"] or row["parameter"] not in truth.truth:
             continue
         own = truth.truth[row["parameter"]]
         if not math.isclose(float(row["truth"]), own, rel_tol=1e-9, abs_tol=1e-15):
-            found.add(
-                f"{row['signal']}: estimates.csv states {row['parameter']} = {row['truth']}, and it is {own:g}"
+            wrong.add(
+                f"{row['signal']}: estimates.csv states {row['parameter']} = {row['truth']}, but it is {own:g}"
             )
-    return sorted(found)
+    return sorted(wrong)
 
 
 def _other_leaders(folder: Path, verdicts: Rows) -> list[str]:
-    """Compare the damping that a verdict puts first with the one that each table of evidence puts first."""
+    """Compare the leading damping of each verdict with that of each method in the table of evidence."""
     logs: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for row in read_rows(folder / "evidence.csv"):
         if row["outcome"] == OK and row["log_evidence"]:
             value = float(row["log_evidence"]) + math.log(odds(row["model"].split("+")))
             logs[row["signal"], row["method"]][row["model"]].append(value)
     first = {v["record"]: v["damping"] for v in verdicts if v["damping"]}
-    found = []
+    wrong = []
     for (record, method), by_damping in logs.items():
         weights = {name: float(np.logaddexp.reduce(each)) for name, each in by_damping.items()}
         leader, own = max(weights, key=lambda name: weights[name]), first.get(record)
         if own in weights and weights[own] < weights[leader] - TIE:
-            found.append(
-                f"{record}: the verdict puts {own} first, and the evidence by {method} puts {leader} first"
+            wrong.append(
+                f"{record}: the verdict puts {own} first, but the evidence by {method} puts {leader} first"
             )
-    return found
+    return wrong
 
 
 def _not_on_the_page(folder: Path, verdicts: Rows) -> list[str]:
-    """Look for each verdict's sentence on the page."""
+    """Return the records whose verdict is not quoted on the page."""
     page = folder / "report.html"
     if not verdicts or not page.is_file():
         return []
     plain = re.sub(r"<(script|style).*?</\1>", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     text = " ".join(html.unescape(re.sub(r"<[^>]+>", "", plain)).split())
     lost = [v["record"] for v in verdicts if v["sentence"] and " ".join(v["sentence"].split()) not in text]
-    return [f"{record}: the page does not have the sentence of its verdict" for record in lost]
+    return [f"{record}: the page does not contain the sentence of its verdict" for record in lost]
 
 
 def of_many(records: Iterable[tuple[frozenset[str], bool, str, float, float | None]], what: str) -> list[str]:
-    """Count wrong names among many records.
+    """Test the number of wrong names among many records.
 
-    records: of each the true damping, whether one is named outright, the first damping, its probability, and the
-    probability of the true one, None where the table does not have it. Wrong names are counted against the sum of
-    1 − probability, records that exclude the truth against one in twenty.
+    The number of wrong names is compared with the sum of 1 − probability, and the number of records that exclude the
+    truth with one in twenty.
+
+    Parameters
+    ----------
+    records : iterable of tuple
+        For each record: the true terms, whether the damping is named outright, the first damping, its probability, and
+        the probability of the true damping, or None if the table does not have it.
+    what : str
+        Name of the table, for the sentences.
     """
     every = list(records)
     decided = [(terms_of(first) == truth, p) for truth, sure, first, p, _ in every if sure]
     wrong, expected = sum(not right for right, _ in decided), sum(1 - p for _, p in decided)
-    found = []
+    sentences = []
     if wrong and poisson.sf(wrong - 1, expected) < ALARM:
-        found.append(f"{what}: {wrong} of {len(decided)} are named wrongly, and {expected:.2g} are expected")
+        sentences.append(
+            f"{what}: {wrong} of {len(decided)} are named wrongly, but {expected:.2g} are expected"
+        )
     own = [p for *_, p in every if p is not None]
     excluded = sum(p < EXCLUDED for p in own)
     if excluded and binom.sf(excluded - 1, len(own), EXCLUDED) < ALARM:
-        found.append(f"{what}: {excluded} of {len(own)} exclude the true damping")
-    return found
+        sentences.append(f"{what}: {excluded} of {len(own)} exclude the true damping")
+    return sentences
 
 
 def of_rows(table: Path, kind: str) -> list[str]:
-    """Compare rows as `validation.run` writes them, of records of a kind, with their truth."""
+    """Compare the rows of a kind that `validation.run` wrote with their truth."""
     rows = [r for r in read_rows(table) if r["kind"] == kind and r["outcome"] == OK]
     records = [
         (
@@ -297,23 +332,24 @@ def of_rows(table: Path, kind: str) -> list[str]:
 def of_laws(table: Path) -> list[str]:
     """Compare the rows of the page on further damping terms with their truth."""
     rows = read_rows(table)
-    told = [r for r in rows if r["first"]]
+    answered = [r for r in rows if r["first"]]
     records = [
-        (terms_of(r["truth"]), r["decided"] == "1", r["first"], float(r["probability"]), None) for r in told
+        (terms_of(r["truth"]), r["decided"] == "1", r["first"], float(r["probability"]), None)
+        for r in answered
     ]
-    held = [r for r in rows if r["term"] == "exponent" and r["exponent_low"]]
+    exponents = [r for r in rows if r["term"] == "exponent" and r["exponent_low"]]
     intervals = [
         Quoted(r["case"], "exponent", float(r["exponent_low"]), float(r["exponent_high"]), float(r["truth"]))
-        for r in held
+        for r in exponents
     ]
     return of_many(records, table.parent.name) + missed(intervals)
 
 
 def of_misfit(table: Path) -> list[str]:
-    """Compare the plain records among the misfits with their truth; `right` must be what the rows say."""
+    """Compare the rows of the misfits with their truth: those called right, and the records without a misfit."""
     rows = read_rows(table)
     wrong = [r for r in rows if r["outcome"] == "right" and terms_of(r["damping"]) != terms_of(r["truth"])]
-    found = [f"{r['case']}: said to be right, {r['damping']}, and the truth is {r['truth']}" for r in wrong]
+    sentences = [f"{r['case']}: {r['damping']} is called right, but the truth is {r['truth']}" for r in wrong]
     records = [
         (
             terms_of(r["truth"]),
@@ -325,11 +361,11 @@ def of_misfit(table: Path) -> list[str]:
         for r in rows
         if r["kind"] == "clean" and r["damping"]
     ]
-    return found + of_many(records, table.parent.name)
+    return sentences + of_many(records, table.parent.name)
 
 
 def of_recovery(table: Path) -> list[str]:
-    """Compare the probabilities of a model recovery with the dampings that records were made of."""
+    """Compare the probabilities of a model recovery with the true dampings of its records."""
     rows = [r for r in read_rows(table) if r["outcome"] == OK]
     sums = [n for n in (rows[0] if rows else {}) if terms_of(n) <= set(COEFFICIENTS)]
     records = []
@@ -365,15 +401,16 @@ NAMES = {"viscous": "viscous", "coulomb (dry friction)": "coulomb", "quadratic (
 
 
 def _values(pairs: str) -> dict[str, float]:
-    """Read name=value,name=value."""
+    """Parse name=value,name=value."""
     split = (pair.partition("=") for pair in pairs.split(",") if pair)
     return {name: float(value) for name, _, value in split}
 
 
 def of_document(page: Path) -> list[str]:
-    """Compare the verdicts that a page quotes with the record that it simulates by a command.
+    """Compare the verdicts that a page quotes with the record that its command simulates.
 
-    Pages with no such command, or more than one, are left out: which record a sentence is of cannot be seen.
+    A page without such a command is skipped. So is a page with several, because it is not clear which record a sentence
+    describes.
     """
     text = page.read_text(encoding="utf-8")
     commands = [c for c in COMMAND.findall(text) if "--damping" in c]
@@ -388,16 +425,16 @@ def of_document(page: Path) -> list[str]:
     parameters = {name: values.get(name, 0.0) for name in LAWS[restoring]}
     oscillator = Oscillator(restoring, parameters, damping, values.get("epsilon", 0.0))
     plain = " ".join(re.sub(r"^> ?", "", line) for line in text.splitlines())
-    found, intervals = [], []
-    for said in SENTENCE.finditer(plain):
-        terms = [NAMES.get(part.lower(), part) for part in said["damping"].split(" + ")]
-        found += named_wrongly(page.name, frozenset(damping), True, "+".join(terms), {})
-        for r in RATIO.finditer(said["ratios"]):
+    wrong, intervals = [], []
+    for verdict in SENTENCE.finditer(plain):
+        terms = [NAMES.get(part.lower(), part) for part in verdict["damping"].split(" + ")]
+        wrong += named_wrongly(page.name, frozenset(damping), True, "+".join(terms), {})
+        for r in RATIO.finditer(verdict["ratios"]):
             amplitude = float(r["amplitude"]) * (math.pi / 180 if r["unit"] == "deg" else 1.0)
             what = f"damping ratio at {r['amplitude']} {r['unit']} in %"
             low, high = float(r["low"]), float(r["high"])
             intervals.append(Quoted(page.name, what, low, high, 100 * true_ratio(oscillator, amplitude)))
-    return found + missed(intervals)
+    return wrong + missed(intervals)
 
 
 TABLES: Mapping[str, Callable[[Path], list[str]]] = {
@@ -407,19 +444,19 @@ TABLES: Mapping[str, Callable[[Path], list[str]]] = {
     "misfit/scored.csv": of_misfit,
     "model_recovery/recovery.csv": of_recovery,
 }
-"""Tables of pages that are made of many records, and what compares them."""
+"""Tables with many records, and the functions that compare them."""
 
 
 def contradictions(page: Path) -> list[str]:
-    """Compare a folder under reports/, or one page, with the truth of the records that it was made of."""
+    """Compare a folder under reports/, or a single page, with the truth of its records."""
     if not page.is_dir():
         return of_document(page) if page.suffix == ".md" else []
-    found = []
+    wrong = []
     for place, compare in TABLES.items():
         folder, table = place.split("/")
         if page.name == folder and (page / table).is_file():
-            found += compare(page / table)
+            wrong += compare(page / table)
     run = page / "run.json"
     if run.is_file() and "kind" not in json.loads(run.read_text(encoding="utf-8")):
-        found += of_study(page)
-    return found
+        wrong += of_study(page)
+    return wrong

@@ -1,4 +1,4 @@
-"""The page of what the answer is worth: `python -m validation.reports.deviation ROWS.csv FOLDER`."""
+"""Write the page on the accuracy of the answer: `python -m validation.reports.deviation ROWS.csv FOLDER`."""
 
 from __future__ import annotations
 
@@ -11,44 +11,45 @@ from validation.answers import COLUMNS
 from validation.rows import read_frame, write_frame
 from validation.scoring import SHARES, markdown, scores, where, with_interval
 
-TITLE = "# Laws that hold approximately: what the answer is worth"
-INTRODUCTION = """Simulated records with a truth from outside (`validation.truth.records`, SciPy's DOP853),
-answered under all dampings and restoring laws from linear models, before any sampling. No threshold and no prior was
-chosen on these seeds. Records of the family are drawn until the true sum is 12 nats or more ahead of every sum that
-lacks one of its terms: of any records, fewer could be named. *none* takes laws to hold exactly; *auto* weighs exact and
-approximate ones. In brackets: 95 % intervals of the shares, by the number of records. Widths are relative to those of
-exact laws on the same record.
+TITLE = "# Laws that hold approximately: how accurate is the answer?"
+INTRODUCTION = """The records are simulated, with a truth from an independent solver (`validation.truth.records`,
+SciPy's DOP853). They are answered under all dampings and restoring laws with linear models, without sampling. No
+threshold and no prior was chosen on these seeds. Records of the family are drawn until the true sum is 12 nats or more
+ahead of every sum that lacks one of its terms; among arbitrary records, fewer dampings could be named. *none* assumes
+that laws hold exactly; *auto* weighs exact and approximate laws. The brackets contain 95 % intervals of the shares for
+this number of records. Widths are relative to those of exact laws on the same record.
 """
-BARS = """What was aimed at. In the family, none: named at least 0.90, right 0.97, coverage 0.92 to 0.98; auto: 0.75,
-0.95, at least 0.95, at most twice as wide. Discrepant, auto: coverage at least 0.92 (0.90 at ten times the sampling
-rate), wrong outright and *deviates* each at most 0.05.
+BARS = """Targets. Family, *none*: named outright at least 0.90, right at least 0.97, coverage 0.92 to 0.98.
+Family, *auto*: named outright at least 0.75, right at least 0.95, coverage at least 0.95, intervals at most twice as
+wide. Discrepant records, *auto*: coverage at least 0.92 (0.90 at ten times the sampling rate); named wrongly and
+*deviates* at most 0.05 each.
 """
 
 
 def page(rows: pd.DataFrame) -> str:
-    """The page, in Markdown, from rows as `validation.run` writes them."""
+    """Return the page in Markdown, from rows that `validation.run` wrote."""
     table = scores(rows)
     seeds = ", ".join(sorted({str(case).split("-")[1] for case in rows["case"]}))
-    made = "`make reports` makes the table again, from a clean tree; `rows.csv` has every record."
+    origin = "`make reports` makes this table again, from a clean working tree; `rows.csv` has every record."
     head = [TITLE, "", answer(table), "", INTRODUCTION, BARS]
-    return "\n".join([*head, f"Seed {seeds}:", "", markdown(table), "", made, ""])
+    return "\n".join([*head, f"Seed {seeds}:", "", markdown(table), "", origin, ""])
 
 
 def answer(table: pd.DataFrame) -> str:
-    """What the scores say of both groups, in a sentence each."""
-    said = []
+    """Return a sentence on the scores of each of the two groups."""
+    sentences = []
     for group, condition in (
-        ("family/auto", "law holds"),
-        ("all discrepancies/auto", "law does not hold quite"),
+        ("family/auto", "a law holds exactly"),
+        ("all discrepancies/auto", "a law holds only approximately"),
     ):
         for line in where(table, group=group).to_dict("records"):
             share = {k: with_interval(line[k], line[f"{k}_low"], line[f"{k}_high"]) for k in SHARES}
-            said.append(
-                f"Where a {condition}, 95 % intervals of the damping ratio hold the truth in {share['coverage']} of "
-                f"{line['records']} records; the damping is named outright in {share['decided']}, rightly in "
+            sentences.append(
+                f"If {condition}, 95 % intervals of the damping ratio contain the truth in {share['coverage']} of "
+                f"{line['records']} records; the damping is named outright in {share['decided']}, correctly in "
                 f"{share['right']} of these."
             )
-    return " ".join(said) or "No record is of a group that is judged."
+    return " ".join(sentences) or "No record belongs to a judged group."
 
 
 def main(table: Path, folder: Path) -> None:

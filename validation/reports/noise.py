@@ -1,4 +1,4 @@
-"""The page of errors in noise: `python -m validation.reports.noise FOLDER`, where the run is."""
+"""Write the page on errors in noise: `python -m validation.reports.noise FOLDER`, the folder of the run."""
 
 from __future__ import annotations
 
@@ -16,55 +16,52 @@ INITIAL, REFINED = "initial", "refined"
 
 
 def page(run: RunFolder) -> str:
-    """The page, in Markdown, from a run's folder."""
-    found = series(run)
-    along = next(s for s in found if s.factor == "noise")
+    """Return the page in Markdown, from the folder of a run."""
+    every = series(run)
+    along = next(s for s in every if s.factor == "noise")
     repeats = max(tried for own in along.answers.values() for _, tried in own)
     at = along.values.index(1.0)
-    order = sorted(places(along, INITIAL, at).items(), key=lambda one: one[1])
+    order = sorted(places(along, INITIAL, at).items(), key=lambda item: item[1])
     first = [words.method(m) for m, (best, _) in order if best == 1]
     refined = [e[at] / along.bounds[at] for (_, s), e in along.errors.items() if s == REFINED]
     lines = [
         "# Errors of the eleven estimators in noise",
         "",
-        f"At 1 % of noise no method is ahead of {fmt.listing(first)} beyond luck; the refined "
-        "estimates of all methods "
-        f"have {min(refined):.2f} to {max(refined):.2f} of the Cramér–Rao bound.",
+        f"At 1 % of noise no method is better than {fmt.listing(first)} by more than chance; the errors of the "
+        f"refined estimates of all methods are {min(refined):.2f} to {max(refined):.2f} times the Cramér–Rao bound.",
         "",
-        f"Viscous damping, {repeats} repeats of each record for every method. Root mean square "
-        "error of ζ in per cent of "
-        "each method's own estimate, with its 95 % interval (jackknife); places as far as the "
-        "repeats tell methods apart: "
-        "each pair at 2.5 % to a side, on the same records. Errors that differ by a factor of "
-        f"{math.exp(2.8 / math.sqrt(2 * repeats) * math.sqrt(2)):.1f} are told apart with a probability of "
-        "about 0.8 "
-        "where the methods err independently, and smaller ones where they err together.",
+        f"The damping is viscous; every method estimates {repeats} repeats of each record. The tables give the root "
+        "mean square error of ζ in per cent for the initial estimate of each method, with its 95 % interval "
+        "(jackknife). A place is a range if the repeats do not distinguish methods; each pair is compared on the same "
+        "records, at 2.5 % on each side. Errors that differ by a factor of "
+        f"{math.exp(2.8 / math.sqrt(2 * repeats) * math.sqrt(2)):.1f} are distinguished with a probability of about "
+        "0.8 if the errors of the methods are independent, and smaller differences if they are correlated.",
     ]
-    for one in found:
-        lines += ["", f"## {FACTORS[one.factor].capitalize()}", "", _table(one)]
-    lines += ["", "estimates.csv has every estimate. `make reports` makes it again."]
+    for part in every:
+        lines += ["", f"## {FACTORS[part.factor].capitalize()}", "", _table(part)]
+    lines += ["", "estimates.csv has every estimate. `make reports` makes this report again."]
     return "\n".join(lines) + "\n"
 
 
-def _table(found: ErrorSeries) -> str:
-    order = [places(found, INITIAL, i) for i in range(len(found.values))]
+def _table(part: ErrorSeries) -> str:
+    order = [places(part, INITIAL, i) for i in range(len(part.values))]
     lines = []
-    for method in sorted({m for m, s in found.errors if s == INITIAL}):
+    for method in sorted({m for m, s in part.errors if s == INITIAL}):
         cells = []
-        for i in range(len(found.values)):
-            own = found.each[method, INITIAL][i]
+        for i in range(len(part.values)):
+            own = part.each[method, INITIAL][i]
             low, high = interval(own)
             place = order[i].get(method)
             span = f" ({low:.2g}–{high:.2g})" if math.isfinite(low) else ""
-            said = f"{found.errors[method, INITIAL][i]:.2g}{span}" if own else "no answer"
-            cells.append(said + (f", place {place[0]}–{place[1]}" if place else ""))
+            error = f"{part.errors[method, INITIAL][i]:.2g}{span}" if own else "no answer"
+            cells.append(error + (f", place {place[0]}–{place[1]}" if place else ""))
         lines.append([words.method(method), *cells])
-    bounds = [f"{b:.2g}" if math.isfinite(b) else "–" for b in found.bounds]
-    return table(["method", *(f"{v:g}" for v in found.values)], [*lines, ["*Cramér–Rao bound*", *bounds]])
+    bounds = [f"{b:.2g}" if math.isfinite(b) else "–" for b in part.bounds]
+    return table(["method", *(f"{v:g}" for v in part.values)], [*lines, ["*Cramér–Rao bound*", *bounds]])
 
 
 def main(folder: Path) -> None:
-    """Write README.md beside a study's tables."""
+    """Write README.md into the folder of a study."""
     (folder / "README.md").write_text(page(RunFolder(folder)), encoding="utf-8")
 
 

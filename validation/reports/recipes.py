@@ -1,4 +1,4 @@
-"""What makes each folder under reports/, and of which sources its numbers are made."""
+"""The commands that make each folder under reports/, and the sources that its numbers depend on."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 ENGINE = tuple(
     f"bayesdamp/{part}"
     for part in (
-        "inference", "interface/answer.py", "interface/envelopes.py", "interface/fitting", "interface/no_free_decay.py",
-        "numerics", "physics", "pipeline", "records", "verdict", "priors.py", "types.py", "units.py",
+        "inference", "interface/answer.py", "interface/case.py", "interface/envelopes.py",
+        "interface/no_free_decay.py", "interface/specification.py", "numerics", "physics", "pipeline", "records",
+        "verdict", "priors.py", "types.py", "units.py",
     )
 )  # fmt: skip
-"""What answers, posteriors and evidence are computed by."""
+"""The code that computes answers, posteriors and evidence."""
 ESTIMATORS = (*ENGINE, "bayesdamp/estimators")
 TRUTH = (
     *ENGINE,
@@ -27,12 +28,21 @@ PAGES = "validation.reports"
 
 @dataclass(frozen=True)
 class Recipe:
-    """One report.
+    """How to make a report.
 
-    name: its folder or page under reports/. cost: roughly, in minutes of two cores. commands: run in the project's
-    root one after the other, each resuming what an earlier run left; {python}, {work} (a folder that holds what is
-    not shipped, another for other sources) and {out} stand for themselves. sources: files and folders, relative to
-    the root, whose code the numbers depend on. full: in place of the commands where small effects are to be decided.
+    Attributes
+    ----------
+    name : str
+        Its folder or page under reports/.
+    cost : int
+        Approximate time in minutes on two cores.
+    commands : tuple of str
+        Commands that run in the project's root one after the other; each resumes an interrupted run. {python}, {out}
+        and {work} are replaced: {work} is a folder for intermediate files, a new one for changed sources.
+    sources : tuple of str
+        Files and folders, relative to the root, whose code the numbers depend on.
+    full : tuple of str
+        Commands with enough records to decide small effects.
     """
 
     name: str
@@ -43,24 +53,24 @@ class Recipe:
 
     @property
     def whole(self) -> Recipe:
-        """The same with its full commands, if it has any."""
+        """The recipe with its full commands, if it has any."""
         return replace(self, commands=self.full, full=()) if self.full else self
 
 
 def _study(name: str, cost: int, *after: str, sources: tuple[str, ...] = ()) -> Recipe:
-    made = f"{PYTHON} bayesdamp study studies/{name}.toml --out {{out}} --quiet"
-    return Recipe(name, cost, (made, *after), (*ESTIMATORS, f"studies/{name}.toml", *sources))
+    command = f"{PYTHON} bayesdamp study studies/{name}.toml --out {{out}} --quiet"
+    return Recipe(name, cost, (command, *after), (*ESTIMATORS, f"studies/{name}.toml", *sources))
 
 
 def _calibration(name: str, cost: int, full: str, options: str = "") -> Recipe:
-    made = f"{PYTHON} bayesdamp calibrate studies/{name}.toml --out {{out}}{options}"
-    written = f"{PYTHON} {PAGES}.calibration {{out}}"
+    command = f"{PYTHON} bayesdamp calibrate studies/{name}.toml --out {{out}}{options}"
+    page = f"{PYTHON} {PAGES}.calibration {{out}}"
     sources = *ENGINE, "bayesdamp/calibrate", f"studies/{name}.toml", "validation/reports/calibration.py"
-    return Recipe(name, cost, (made, written), sources, (f"{made} {full}", written))
+    return Recipe(name, cost, (command, page), sources, (f"{command} {full}", page))
 
 
 def _answers(family: int, discrepant: int, dense: int) -> tuple[str, ...]:
-    """Commands of the page of what the answer is worth, with so many records of each group."""
+    """Return the commands of the page on the accuracy of the answer, for a number of records of each group."""
     run = f"{PYTHON} validation.run --answer {QUICK} --seed 903 --out {{work}}/rows.csv"
     return (
         f"{run} --group family --count {family} --deviation none",
@@ -71,7 +81,7 @@ def _answers(family: int, discrepant: int, dense: int) -> tuple[str, ...]:
     )
 
 
-def _made(module: str, options: str) -> tuple[str, ...]:
+def _rows_and_page(module: str, options: str) -> tuple[str, ...]:
     return (f"{PYTHON} {module} {{work}}/rows.csv {{out}} {options}",)
 
 
@@ -83,17 +93,17 @@ RECIPES: tuple[Recipe, ...] = (
         _answers(200, 200, 30),
     ),
     Recipe(
-        "misfit", 2, _made("tests.misfit.run", "--seed 21 --count 6"), (*TRUTH, "tests/misfit"),
-        _made("tests.misfit.run", "--seed 21 --count 18"),
+        "misfit", 2, _rows_and_page("tests.misfit.run", "--seed 21 --count 6"), (*TRUTH, "tests/misfit"),
+        _rows_and_page("tests.misfit.run", "--seed 21 --count 18"),
     ),
     Recipe(
-        "laws", 6, _made("tests.validation.laws_report", "--exponents 50 --each 8"),
+        "laws", 6, _rows_and_page("tests.validation.laws_report", "--exponents 50 --each 8"),
         (*TRUTH, "tests/validation/laws.py", "tests/validation/laws_report.py"),
-        _made("tests.validation.laws_report", "--exponents 200 --each 15"),
+        _rows_and_page("tests.validation.laws_report", "--exponents 200 --each 15"),
     ),
     Recipe(
-        "evidence_audit", 2, _made("tests.inference.evidence.audit", "--count 12"),
-        (*ENGINE, "tests/inference/evidence/audit.py"), _made("tests.inference.evidence.audit", "--count 50"),
+        "evidence_audit", 2, _rows_and_page("tests.inference.evidence.audit", "--count 12"),
+        (*ENGINE, "tests/inference/evidence/audit.py"), _rows_and_page("tests.inference.evidence.audit", "--count 50"),
     ),
     _calibration("calibration", 7, "--records 500"),
     _calibration("model_recovery", 6, "--records 1000", " --models"),
@@ -112,12 +122,12 @@ RECIPES: tuple[Recipe, ...] = (
         ),
     ),
     Recipe(
-        "light", 14, _made(f"{PAGES}.light", "--few 20"),
+        "light", 14, _rows_and_page(f"{PAGES}.light", "--few 20"),
         (
             *ENGINE, "validation/truth", "validation/scoring.py",
             "validation/reports/light.py",
         ),
-        _made(f"{PAGES}.light", "--records 200 --few 100"),
+        _rows_and_page(f"{PAGES}.light", "--records 200 --few 100"),
     ),
     Recipe("measured", 6, (f"{PYTHON} tests.measured.run {{out}}",), (*ENGINE, "tests/measured")),
     _study("paper", 7),
@@ -131,4 +141,4 @@ RECIPES: tuple[Recipe, ...] = (
         (*ESTIMATORS, "bayesdamp/claims", "reports/paper/estimates.csv", "reports/noise/estimates.csv"),
     ),
 )  # fmt: skip
-"""The cheap ones first."""
+"""All reports, the fastest first."""

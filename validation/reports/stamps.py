@@ -1,4 +1,4 @@
-"""By which code each report was made: `reports/made.json`, and what has changed since."""
+"""Record which code made each report in `reports/made.json`, and find out which reports are stale."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BODIES = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 @dataclass(frozen=True)
 class Stamp:
-    """digest: of the sources that made a report; revision: the commit of the tree; day: when, ISO 8601."""
+    """The origin of a report: digest of its sources, commit of the tree (revision) and day (ISO 8601)."""
 
     digest: str
     revision: str
@@ -27,53 +27,62 @@ class Stamp:
 
 
 def digest(recipe: Recipe, root: Path) -> str:
-    """SHA-256 of what a report's numbers depend on under a tree: its commands, code without comments and docstrings,
-    and other files byte by byte."""
-    found = hashlib.sha256("\0".join(recipe.commands).encode())
+    """Return the SHA-256 digest of everything that the numbers of a report depend on.
+
+    That is its commands, its code without comments and docstrings, and its other files byte by byte.
+
+    Parameters
+    ----------
+    recipe : Recipe
+        The report.
+    root : Path
+        The project folder with the sources.
+    """
+    total = hashlib.sha256("\0".join(recipe.commands).encode())
     for path in sorted(_files(recipe, root)):
-        found.update(f"\0{path.relative_to(root).as_posix()}\0".encode())
+        total.update(f"\0{path.relative_to(root).as_posix()}\0".encode())
         is_code = path.suffix == ".py"
-        found.update(_without_words(path.read_text("utf-8")).encode() if is_code else path.read_bytes())
-    return found.hexdigest()
+        total.update(_without_words(path.read_text("utf-8")).encode() if is_code else path.read_bytes())
+    return total.hexdigest()
 
 
 def stamps(reports: Path) -> dict[str, Stamp]:
-    """What is said of the reports in a folder; nothing where there is no file."""
+    """Read the stamps of the reports in a folder; return none if there is no file."""
     file = reports / FILE
     if not file.is_file():
         return {}
-    said: Mapping[str, Mapping[str, str]] = json.loads(file.read_text(encoding="utf-8"))
-    return {name: Stamp(**about) for name, about in said.items()}
+    content: Mapping[str, Mapping[str, str]] = json.loads(file.read_text(encoding="utf-8"))
+    return {name: Stamp(**stamp) for name, stamp in content.items()}
 
 
 def stale(root: Path) -> list[Recipe]:
-    """Reports whose sources are not those that made them, or of which nothing is said."""
-    said = stamps(root / "reports")
-    return [r for r in RECIPES if r.name not in said or not is_fresh(r, said[r.name], root)]
+    """Return the reports without a stamp, and those whose sources have changed since."""
+    stamp_of = stamps(root / "reports")
+    return [r for r in RECIPES if r.name not in stamp_of or not is_fresh(r, stamp_of[r.name], root)]
 
 
 def is_fresh(recipe: Recipe, stamp: Stamp, root: Path) -> bool:
-    """Whether today's sources made a report, with its usual counts or its full ones."""
+    """Return whether the current sources made a report, with its usual or its full number of records."""
     return stamp.digest in (digest(recipe, root), digest(recipe.whole, root))
 
 
 def stamped(reports: Path, recipe: Recipe, stamp: Stamp) -> None:
-    """Write that a report was made."""
-    said = stamps(reports) | {recipe.name: stamp}
-    write_json(reports / FILE, {name: asdict(said[name]) for name in sorted(said)})
+    """Write the stamp of a report."""
+    stamp_of = stamps(reports) | {recipe.name: stamp}
+    write_json(reports / FILE, {name: asdict(stamp_of[name]) for name in sorted(stamp_of)})
 
 
 def _files(recipe: Recipe, root: Path) -> set[Path]:
-    found: set[Path] = set()
+    files: set[Path] = set()
     for source in recipe.sources:
         path = root / source
-        found |= set(path.rglob("*.py")) if path.is_dir() else {path} if path.is_file() else set()
-    return found
+        files |= set(path.rglob("*.py")) if path.is_dir() else {path} if path.is_file() else set()
+    return files
 
 
 @cache
 def _without_words(text: str) -> str:
-    """Code without comments and docstrings, by its digest: recipes share most of their files."""
+    """Return the digest of code without comments and docstrings. It is cached because recipes share most files."""
     tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, _BODIES):

@@ -1,4 +1,4 @@
-"""The verdicts that the pages judge: on simulated records, so that probabilities are not capped."""
+"""Compute the verdicts that the pages judge; records count as simulated, so that probabilities are not capped."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from bayesdamp.verdict.types import Verdict
 def sampled_verdict(
     signal: Signal, amplitudes: Sequence[float] | None = None, deviation: str = "auto"
 ) -> Verdict:
-    """Return the verdict with motions sampled."""
+    """Return the verdict, with MCMC sampling of the motions."""
     return answer(signal, amplitudes, deviation=deviation, measured=False).verdict
 
 
 def quick_verdict(
     signal: Signal, amplitudes: Sequence[float] | None = None, deviation: str = "auto"
 ) -> Verdict:
-    """Return the verdict of linear models alone."""
+    """Return the verdict of linear models, without sampling."""
     return answer(signal, amplitudes, deviation=deviation, measured=False, sample=False).verdict

@@ -1,1 +1,1 @@
-"""Simulated records with a known truth, solved without the code that is judged."""
+"""Simulate records with a known truth, without the code under test."""

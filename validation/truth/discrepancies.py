@@ -1,6 +1,6 @@
-"""Ten ways in which a record differs a little from what any candidate law says, and how large each is.
+"""Ten small discrepancies between a record and every candidate law, and the size of each.
 
-Below, A is the amplitude at the release, ω the frequency of small motions, V = ωA the peak velocity.
+Notation: A is the amplitude at the release, ω the frequency of small motions, V = ωA the peak velocity.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ CUBIC_SENSOR = 0.005
 DRIFT = 0.05
 POWER = 1.7
 SHARE = (0.15, 0.25)
-"""Share that |v|^1.7 or x²v has in the loss at three quarters of A."""
+"""Share of |v|^1.7 or x²v in the loss at three quarters of A."""
 STRIBECK_EXCESS, STRIBECK_SPEED = 0.5, 0.3
 FRICTION_BY_ANGLE = 0.1
 SECOND_MODE = 0.01
@@ -28,16 +28,16 @@ STIFFENING = 0.01
 LAG = 0.1
 JITTER, JITTER_CYCLES = 0.03, 2.0
 COULOMB = ("stribeck", "angle_friction")
-"""Kinds that need Coulomb friction in the sum."""
+"""Kinds that require Coulomb friction in the sum."""
 TAKING = ("power", "position_dependent")
-"""Kinds of which a further damping term takes a part of the energy."""
+"""Kinds with a further damping term, which dissipates part of the energy."""
 
 Observe = Callable[[Motion, np.ndarray], np.ndarray]
-"""From a motion and times (n,) in s since the release to what a sensor reads as displacements (n,), rad."""
+"""A function of a motion and times (n,) in s since the release; returns the sensor's displacements (n,) in rad."""
 
 
 def cubic_sensor(rng: np.random.Generator, draw: Draw) -> Observe:
-    """A sensor that reads x (1 ± 0.005 (x/A)²)."""
+    """Return a sensor that reads x (1 ± 0.005 (x/A)²)."""
     bend = CUBIC_SENSOR * rng.choice([-1.0, 1.0]) / draw.amplitude**2
 
     def observe(motion: Motion, times: np.ndarray) -> np.ndarray:
@@ -48,45 +48,47 @@ def cubic_sensor(rng: np.random.Generator, draw: Draw) -> Observe:
 
 
 def drift(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """All damping grows or falls by 5 % over the record, evenly in time, about its value in the middle."""
+    """Make all damping grow or fall by 5 % over the record, linearly in time about its value in the middle."""
     rate = DRIFT * float(rng.choice([-1.0, 1.0])) / draw.duration
     middle = draw.begin + 0.5 * draw.duration
     return Discrepancy(scale=lambda t: 1 + rate * (t - middle))
 
 
 def power(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """A further damping force c |v|^1.7 sign v with 15 to 25 % of the loss at 0.75 A."""
+    """Return a further damping force c |v|^1.7 sign v with 15 to 25 % of the loss at 0.75 A."""
     c = _extra(draw, draw.taken, lambda x, v: math.copysign(abs(v) ** POWER, v))
     return Discrepancy("power_1.7", lambda x, v, turn: c * math.copysign(abs(v) ** POWER, v))
 
 
 def stribeck(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Friction that rises toward rest: on top of Coulomb's μ, μ/2 · exp(−(v/v_s)²) with v_s = 0.3 V."""
+    """Add friction that rises toward rest to Coulomb's μ: μ/2 · exp(−(v/v_s)²) with v_s = 0.3 V."""
     more = STRIBECK_EXCESS * draw.oscillator.damping["coulomb"]
     speed = STRIBECK_SPEED * draw.amplitude * draw.frequency
     return Discrepancy(
-        "stribeck", lambda x, v, turn: more * turn * math.exp(-((v / speed) ** 2)), held=lambda x: more
+        "stribeck",
+        lambda x, v, turn: more * turn * math.exp(-((v / speed) ** 2)),
+        static_friction=lambda x: more,
     )
 
 
 def position_dependent(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """A further damping force c x² v with 15 to 25 % of the loss at 0.75 A."""
+    """Return a further damping force c x² v with 15 to 25 % of the loss at 0.75 A."""
     c = _extra(draw, draw.taken, lambda x, v: x * x * v)
     return Discrepancy("x²v", lambda x, v, turn: c * x * x * v)
 
 
 def angle_friction(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Coulomb's μ varies with the angle as an uneven bearing's: μ (1 + 0.1 sin(2πx/λ + φ)), λ from 0.7 to 3 A."""
+    """Vary Coulomb's μ with the angle, as in an uneven bearing: μ (1 + 0.1 sin(2πx/λ + φ)), λ from 0.7 to 3 A."""
     depth = FRICTION_BY_ANGLE * draw.oscillator.damping["coulomb"]
     turns, phase = 2 * np.pi / (log_uniform(rng, 0.7, 3.0) * draw.amplitude), float(rng.uniform(0, 2 * np.pi))
     return Discrepancy(
         "angle_friction", lambda x, v, turn: depth * turn * math.sin(turns * x + phase),
-        held=lambda x: depth * math.sin(turns * x + phase),
+        static_friction=lambda x: depth * math.sin(turns * x + phase),
     )  # fmt: skip
 
 
 def second_mode(rng: np.random.Generator, draw: Draw) -> Observe:
-    """A second decaying sinusoid in what is recorded: 1 % of A, 1.5 to 5 ω, its damping ratio that of the first."""
+    """Add a second decaying sinusoid to the reading: 1 % of A, 1.5 to 5 ω, the damping ratio of the first."""
     frequency, phase = float(rng.uniform(1.5, 5.0)) * draw.frequency, float(rng.uniform(0, 2 * np.pi))
     rate, size = middle_ratio(draw) * frequency, SECOND_MODE * draw.amplitude
 
@@ -98,16 +100,16 @@ def second_mode(rng: np.random.Generator, draw: Draw) -> Observe:
 
 
 def missing_spring(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """A spring that no candidate has: the law's, and ± 0.01 ω² x (x/A)⁴."""
+    """Add ± 0.01 ω² x (x/A)⁴ to the spring of the law, which no candidate has."""
     c = STIFFENING * float(rng.choice([-1.0, 1.0])) * draw.frequency**2 / draw.amplitude**4
     return Discrepancy(spring=lambda x: c * x**5, potential=lambda x: c * x**6 / 6)
 
 
 def sensor_lag(rng: np.random.Generator, draw: Draw) -> Observe:
-    """A sensor of first order whose time constant is 0.1/ω: it reads 0.5 % less, and later by that time.
+    """Return a first-order sensor with the time constant τ = 0.1/ω, which reads 0.5 % less and later by τ.
 
-    The integral over what the angle was, weighted by exp(−s/τ)/τ, is by Gauss-Laguerre quadrature, exact to 1e-9 for a
-    harmonic motion and its harmonics; before the release the angle was at rest.
+    The integral of the past angle, weighted by exp(−s/τ)/τ, is computed by Gauss-Laguerre quadrature, which is exact to
+    1e-9 for a harmonic motion and its harmonics. Before the release the angle is constant.
     """
     delay = LAG / draw.frequency
     nodes, weights = np.polynomial.laguerre.laggauss(12)
@@ -120,7 +122,7 @@ def sensor_lag(rng: np.random.Generator, draw: Draw) -> Observe:
 
 
 def jitter(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """All damping jitters by 3 % (sd): a smooth curve through independent normal values every two cycles."""
+    """Make all damping jitter by 3 % (sd): a smooth curve through independent normal values every two cycles."""
     gap = JITTER_CYCLES * 2 * np.pi / draw.frequency
     count = int((draw.begin + draw.duration) / gap) + 6
     curve = CubicSpline(gap * np.arange(count), 1 + JITTER * rng.standard_normal(count))
@@ -136,7 +138,7 @@ def jitter(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 
 def _extra(draw: Draw, share: float, unit: Callable[[float, float], float]) -> float:
-    """The coefficient with which a damping force of (x, v) has this share of the loss at MIDDLE."""
+    """Return the coefficient with which a damping force of (x, v) has this share of the loss at MIDDLE."""
     size, frequency = MIDDLE * draw.amplitude, draw.frequency
 
     def loss(phase: float) -> float:
@@ -154,4 +156,4 @@ KINDS: dict[str, Callable[[np.random.Generator, Draw], Discrepancy | Observe]] =
         sensor_lag, jitter,
     )
 }  # fmt: skip
-"""By name, from random numbers and a draw to what changes the motion, or to the sensor that records it."""
+"""By name: functions of a random generator and a draw that return a changed motion or a sensor."""

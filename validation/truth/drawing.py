@@ -1,4 +1,4 @@
-"""Oscillators and ways of recording them, drawn broadly from a generator of random numbers."""
+"""Draw oscillators and recording conditions at random, over broad ranges."""
 
 from __future__ import annotations
 
@@ -11,21 +11,37 @@ from validation.truth.oscillator import LAWS, Oscillator
 from validation.truth.rivals import loss_rate
 
 EPSILON = 0.02
-"""Velocity within which Coulomb friction turns over where it does, as a share of the peak velocity."""
+"""Width of the smoothed sign in Coulomb friction, if it is smoothed, as a share of the peak velocity."""
 MIDDLE = 0.75
-"""Share of the first amplitude at which shares of the energy are drawn: most energy is lost near the start."""
+"""Share of the first amplitude at which shares of the energy loss are drawn, because most energy is lost early."""
 FLOOR = 0.2
-"""Least share of a term there; over the record a share may be somewhat less."""
+"""Least share of a term at this amplitude; over the record a share may be somewhat less."""
 
 
 @dataclass(frozen=True)
 class Draw:
-    """What a record is to be.
+    """The oscillator and the recording conditions of a record.
 
-    displacement: at the release, from the equilibrium, rad, signed; frequency: of small motions, rad/s; cycles: length
-    of the record in periods of small motions; per_cycle: samples in such a period; begin: when the record begins, s
-    after the release; left: share of the amplitude meant to be left at the end; noise: its sd as a share of the
-    displacement; taken: share of the loss at MIDDLE that is left to a further term.
+    Attributes
+    ----------
+    oscillator : Oscillator
+        The law of motion.
+    displacement : float
+        Signed displacement from the equilibrium at the release, rad.
+    frequency : float
+        Frequency of small motions, rad/s.
+    cycles : float
+        Length of the record in periods of small motions.
+    per_cycle : float
+        Samples in such a period.
+    begin : float
+        Time from the release to the start of the record, s.
+    left : float
+        Intended ratio of the last amplitude to the first.
+    noise : float
+        Standard deviation of the noise as a share of the displacement.
+    taken : float
+        Share of the loss at MIDDLE that is reserved for a further term.
     """
 
     oscillator: Oscillator
@@ -45,21 +61,30 @@ class Draw:
 
     @property
     def duration(self) -> float:
-        """Of the record, s."""
+        """The length of the record, s."""
         return 2 * np.pi * self.cycles / self.frequency
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number whose logarithm is uniform between low and high."""
+    """Draw a number whose logarithm is uniform between those of low and high."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def drawn(rng: np.random.Generator, damping: str, restoring: str, taken: float = 0.0) -> Draw:
-    """An oscillator of this damping sum and restoring law, and how it is recorded.
+    """Draw an oscillator with this damping sum and restoring law, and its recording conditions.
 
-    taken: share of the loss at MIDDLE that is left for another term, which the caller adds.
-    Amplitudes are 0.05 to 1 rad (a pendulum's from 0.1 rad), frequencies 0.5 to 40 rad/s, rest angles within 1 rad;
-    a Duffing spring's cubic is −0.25 to 0.6 of its stiffness at the first amplitude, gravity 2 to 90 % of stiffness.
+    Amplitudes are 0.05 to 1 rad (from 0.1 rad for a pendulum), frequencies 0.5 to 40 rad/s, rest angles −1 to 1 rad.
+    The cubic term of a Duffing spring is −0.25 to 0.6 of its stiffness at the first amplitude; gravity is 2 to 90 % of
+    the stiffness.
+
+    Parameters
+    ----------
+    rng : Generator
+        Source of random numbers.
+    damping, restoring : str
+        The damping sum, such as "viscous+coulomb", and the restoring law, one of `LAWS`.
+    taken : float
+        Share of the loss at MIDDLE that is reserved for a further term, which the caller adds.
     """
     frequency = log_uniform(rng, 0.5, 40.0)
     amplitude = log_uniform(rng, 0.1 if restoring == "pendulum" else 0.05, 1.0)
@@ -101,7 +126,7 @@ def _spring(rng: np.random.Generator, law: str, frequency: float, amplitude: flo
 def _coefficients(
     shares: Mapping[str, float], taken: float, amplitude: float, frequency: float, cycles: float, left: float
 ) -> dict[str, float]:
-    """Coefficients with these shares in the loss at MIDDLE that leave this share of the amplitude."""
+    """Return coefficients with these shares of the loss at MIDDLE, so that the amplitude falls to `left`."""
     unit = {t: s / float(loss_rate(t, MIDDLE * amplitude, frequency)) for t, s in shares.items()}
     grid = np.geomspace(left, 1.0, 200) * amplitude
     ratio = taken + sum(np.asarray(c * loss_rate(t, grid, frequency)) for t, c in unit.items())
@@ -110,6 +135,6 @@ def _coefficients(
 
 
 def middle_ratio(draw: Draw) -> float:
-    """Equivalent damping ratio of the sum at MIDDLE of the first amplitude."""
+    """Return the equivalent damping ratio of the sum at MIDDLE of the first amplitude."""
     at = MIDDLE * draw.amplitude
     return float(sum(c * loss_rate(t, at, draw.frequency) for t, c in draw.oscillator.damping.items()))

@@ -1,4 +1,4 @@
-"""A free decay from a release at rest, solved by SciPy half a cycle at a time."""
+"""Solve a free decay after a release at rest, half a cycle at a time, with SciPy."""
 
 from __future__ import annotations
 
@@ -11,21 +11,30 @@ from scipy.integrate import solve_ivp
 from validation.truth.oscillator import Oscillator
 
 RTOL, ATOL = 1e-10, 1e-12
-"""Tolerances of the solver; the absolute one is in units of the first amplitude and the frequency."""
+"""Tolerances of the solver; the absolute tolerance is in units of the first amplitude and the frequency."""
 HOLDS = 1.05
-"""A motion is given up where a turning point is within this multiple of what dry friction can hold."""
+"""A motion is rejected if the force at a turning point is below this multiple of the static friction."""
 PERIODS = 3.0
-"""Half a cycle that takes longer than so many periods of small motions has escaped or creeps."""
+"""Longest half cycle in periods of small motions; after that the motion escapes or creeps."""
 
 
 class NoMotionError(Exception):
-    """The motion sticks, creeps or escapes before the record is over."""
+    """The motion sticks, creeps or escapes before the end of the record."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """turn_times, turns: times in s since the release and displacements in rad of the turning points, shape (m,), the
-    release first. equilibrium in rad. pieces: the solution between two turning points, in order."""
+    """A free decay.
+
+    Attributes
+    ----------
+    turn_times, turns : (m,) arrays
+        Times in s since the release, and displacements in rad, of the turning points. The release is the first.
+    equilibrium : float
+        The equilibrium angle in rad.
+    pieces : tuple of callable
+        The solution between each two successive turning points.
+    """
 
     turn_times: np.ndarray
     turns: np.ndarray
@@ -33,8 +42,10 @@ class Motion:
     pieces: tuple[Callable[[np.ndarray], np.ndarray], ...]
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Angles (rad) and velocities (rad/s) at increasing times (n,) since the release, up to the last turning
-        point."""
+        """Return angles (rad) and velocities (rad/s) at increasing times (n,) in s since the release.
+
+        Raises ValueError for times after the last turning point.
+        """
         state = np.empty((2, times.size))
         cuts = np.searchsorted(times, self.turn_times[1:], side="right")
         first = 0
@@ -43,18 +54,32 @@ class Motion:
                 state[:, first:last] = piece(times[first:last])
             first = last
         if first < times.size:
-            raise ValueError("times beyond the last turning point of the motion")
+            raise ValueError("times after the last turning point of the motion")
         return state[0], state[1]
 
     def displacements(self, times: np.ndarray) -> np.ndarray:
-        """Displacements from the equilibrium (rad) at increasing times (n,) since the release."""
+        """Return displacements from the equilibrium (rad) at increasing times (n,) in s since the release."""
         return self.at(times)[0] - self.equilibrium
 
 
 def solved(oscillator: Oscillator, displacement: float, frequency: float, duration: float) -> Motion:
-    """The motion that starts at rest at a displacement (rad) until the first turning point after duration (s).
+    """Solve the motion from a release at rest to the first turning point after the duration.
 
-    frequency: of small motions, rad/s. Raises NoMotionError where it sticks, creeps or escapes before.
+    Parameters
+    ----------
+    oscillator : Oscillator
+        The law of motion.
+    displacement : float
+        Displacement from the equilibrium at the release, rad.
+    frequency : float
+        Frequency of small motions, rad/s.
+    duration : float
+        In s.
+
+    Raises
+    ------
+    NoMotionError
+        The motion sticks, creeps or escapes earlier.
     """
     zero, acceleration = oscillator.equilibrium(), oscillator.acceleration()
     atol = ATOL * abs(displacement) * np.array([1.0, frequency])
@@ -63,7 +88,7 @@ def solved(oscillator: Oscillator, displacement: float, frequency: float, durati
     times, turns, pieces = [t], [displacement], []
     while t <= duration:
         pull = acceleration(t, theta, 0.0, 0.0)
-        if abs(pull) <= HOLDS * oscillator.held(theta - zero):
+        if abs(pull) <= HOLDS * oscillator.static_friction(theta - zero):
             raise NoMotionError("it sticks")
         sign = float(np.sign(pull))
 

@@ -1,4 +1,4 @@
-"""The oscillator that a simulated record truly comes from, in plain Python for SciPy's solver."""
+"""The true oscillator of a simulated record, in plain Python for SciPy's solver."""
 
 from __future__ import annotations
 
@@ -20,24 +20,32 @@ LAWS = {
     "pendulum": ("stiffness", "rest_angle"),
     "duffing": ("stiffness", "rest_angle", "cubic"),
 }
-"""Restoring laws and their parameters, in the order that the rivals' fits take."""
+"""Restoring laws and their parameters, in the order that `trajectory` expects."""
 
 Function = Callable[[float], float]
 
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """What a record has that no candidate law has; each part is None where it has none.
+    """The parts of a motion that no candidate law has; absent parts are None.
 
-    damping: (displacement x from the equilibrium in rad, velocity v in rad/s, sign of the velocity) to an extra
-    damping force, rad/s², and term, the name of its share. held: x to what it adds to the friction that holds at rest.
-    scale: time in s since the release to a factor on all damping.
-    spring, potential: x to an extra restoring force, rad/s², and its potential, rad²/s².
+    Attributes
+    ----------
+    term : str
+        Name of the extra damping force.
+    damping : callable, optional
+        Extra damping force (rad/s²) of displacement x from the equilibrium (rad), velocity (rad/s) and its sign.
+    static_friction : callable, optional
+        What the extra force adds to the static friction at x, rad/s².
+    scale : callable, optional
+        Factor on all damping at a time in s since the release.
+    spring, potential : callable, optional
+        Extra restoring force at x, rad/s², and its potential, rad²/s².
     """
 
     term: str = ""
     damping: Callable[[float, float, float], float] | None = None
-    held: Function | None = None
+    static_friction: Function | None = None
     scale: Function | None = None
     spring: Function | None = None
     potential: Function | None = None
@@ -45,10 +53,20 @@ class Discrepancy:
 
 @dataclass(frozen=True)
 class Oscillator:
-    """θ̈ + F_damp + F_rest = 0.
+    """The oscillator θ̈ + F_damp + F_rest = 0.
 
-    restoring: one of LAWS. parameters: its parameters, SI units. damping: term to its coefficient, only terms of the
-    sum. epsilon: velocity within which Coulomb friction turns over, rad/s; 0 for an exact sign.
+    Attributes
+    ----------
+    restoring : str
+        The restoring law, one of `LAWS`.
+    parameters : mapping
+        The parameters of the restoring law, SI units.
+    damping : mapping
+        The coefficient of each term of the sum, SI units.
+    epsilon : float
+        Width of the smoothed sign in Coulomb friction, rad/s; 0 for an exact sign.
+    discrepancy : Discrepancy
+        The parts that no candidate law has.
     """
 
     restoring: str
@@ -58,7 +76,7 @@ class Oscillator:
     discrepancy: Discrepancy = field(default_factory=Discrepancy)
 
     def force(self) -> Function:
-        """F_rest(θ) of the law alone, rad/s²."""
+        """Return F_rest(θ) of the law without the discrepancy, rad/s²."""
         k, rest, other = self._numbers()
         forces: dict[str, Function] = {
             "horizontal_pendulum": lambda theta: k * (theta - rest) - other * math.cos(theta),
@@ -69,7 +87,7 @@ class Oscillator:
         return forces[self.restoring]
 
     def equilibrium(self) -> float:
-        """The angle at which the law has no force, rad. An extra spring has none there either."""
+        """Return the angle (rad) at which the force is zero; an extra spring has no force there either."""
         k, rest, other = self._numbers()
         if self.restoring != "horizontal_pendulum":
             return rest
@@ -77,9 +95,10 @@ class Oscillator:
         return float(brentq(self.force(), rest - reach, rest + reach, xtol=1e-14, rtol=1e-14))  # pyright: ignore[reportArgumentType]
 
     def potential(self) -> Function:
-        """Potential energy per inertia of a displacement from the equilibrium, rad²/s², all springs together.
+        """Return the potential energy of all springs as a function of the displacement from the equilibrium.
 
-        In forms without a difference of large numbers, so that small amplitudes keep their digits.
+        It is per unit of inertia, rad²/s². The expressions avoid differences of large numbers, so that they are
+        accurate at small amplitudes.
         """
         k, _, other = self._numbers()
         zero, extra = self.equilibrium(), self.discrepancy.potential
@@ -102,7 +121,7 @@ class Oscillator:
         return law if extra is None else lambda x: law(x) + extra(x)
 
     def acceleration(self) -> Callable[[float, float, float, float], float]:
-        """θ̈ in rad/s² of (time in s since the release, angle in rad, velocity in rad/s, sign of the velocity)."""
+        """Return θ̈ (rad/s²) as a function of time (s since the release), angle (rad), velocity (rad/s) and its sign."""
         zeta, friction, drag = (self.damping.get(term, 0.0) for term in TERMS)
         force, zero, eps, odd = self.force(), self.equilibrium(), self.epsilon, self.discrepancy
         more, scale, spring = odd.damping, odd.scale, odd.spring
@@ -124,9 +143,9 @@ class Oscillator:
 
         return plain if more is None and scale is None and spring is None else general
 
-    def held(self, x: float) -> float:
-        """Force that dry friction can hold at a displacement, rad/s²."""
-        more = self.discrepancy.held
+    def static_friction(self, x: float) -> float:
+        """Return the largest force that dry friction can balance at a displacement, rad/s²."""
+        more = self.discrepancy.static_friction
         return self.damping.get("coulomb", 0.0) + (more(x) if more is not None else 0.0)
 
     def _numbers(self) -> tuple[float, float, float]:
@@ -135,7 +154,7 @@ class Oscillator:
 
 
 def _x_minus_sine(x: float) -> float:
-    """x − sin x, with all digits at small x."""
+    """Return x − sin x, accurate also at small x."""
     if abs(x) > 0.3:
         return x - math.sin(x)
     square = x * x

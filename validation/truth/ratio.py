@@ -1,4 +1,4 @@
-"""The equivalent damping ratio of a motion, from the energy at its turning points."""
+"""Compute the equivalent damping ratio of a motion from the energy at its turning points."""
 
 from __future__ import annotations
 
@@ -11,14 +11,21 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from validation.truth.motion import Motion
 
 PER_CYCLE = 24
-"""Points of the curve that is kept; cubic interpolation between them adds less than 1e-6."""
+"""Points of the stored curve in a cycle; cubic interpolation between them adds an error of less than 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)
 class RatioCurve:
-    """Equivalent damping ratio by amplitude.
+    """The equivalent damping ratio as a function of the amplitude.
 
-    cycles: cycles since the release, shape (n,), increasing; amplitude: in rad, decreasing; ratio: dimensionless.
+    Attributes
+    ----------
+    cycles : (n,) array
+        Cycles since the release, increasing.
+    amplitude : (n,) array
+        Amplitudes in rad, decreasing.
+    ratio : (n,) array
+        Equivalent damping ratios.
     """
 
     cycles: np.ndarray
@@ -26,28 +33,40 @@ class RatioCurve:
     ratio: np.ndarray
 
     def __call__(self, amplitude: float) -> float:
-        """The ratio when the motion has this amplitude (rad). Raises ValueError outside of the motion's."""
+        """Return the ratio at an amplitude (rad). Raises ValueError outside the range of the motion."""
         low, high = float(self.amplitude[-1]), float(self.amplitude[0])
         if not low * (1 - 1e-12) <= amplitude <= high * (1 + 1e-12):
             raise ValueError(
-                f"amplitude {amplitude:g} rad is outside of the motion's {low:g} to {high:g} rad"
+                f"amplitude {amplitude:g} rad is outside the range of the motion, {low:g} to {high:g} rad"
             )
         curve = CubicSpline(np.log(self.amplitude[::-1]), np.log(self.ratio[::-1]))
         return float(np.exp(curve(np.log(amplitude))))
 
     def amplitude_at(self, cycles: float) -> float:
-        """Amplitude in rad, so many cycles after the release."""
+        """Return the amplitude in rad a number of cycles after the release."""
         return float(np.exp(CubicSpline(self.cycles, np.log(self.amplitude))(cycles)))
 
 
 def ratio_curve(motion: Motion, potential: Callable[[float], float]) -> RatioCurve:
-    """Energy lost in a cycle over 4π times the potential energy of the amplitude, along a motion.
+    """Return the energy lost in a cycle over 4π times the potential energy at the amplitude, along a motion.
 
-    potential: of a displacement from the equilibrium, rad²/s². The count n of cycles is interpolated over the logarithm
-    u of the square root of the energy at turning points, on either side for itself, by quintic splines; the loss in a
-    cycle is −dS²/dn, so the ratio is −1/(2π n′(u)), averaged over both sides. The amplitude is half the distance
-    between the two displacements of that energy. For a linear spring and viscous damping this is ζ/√(ω² − ζ²), for
-    Coulomb friction 2μ/(πω²A).
+    S is the square root of the energy at a turning point, and u = ln S. Quintic splines interpolate the number n of
+    cycles as a function of u, separately for the turning points on each side. The loss in a cycle is −dS²/dn, so the
+    ratio is −1/(2π n′(u)), averaged over both sides. The amplitude is half the distance between the two displacements
+    with this energy. For a linear spring the ratio is ζ/√(ω² − ζ²) with viscous damping, and 2μ/(πω²A) with Coulomb
+    friction.
+
+    Parameters
+    ----------
+    motion : Motion
+        The free decay.
+    potential : callable
+        Potential energy (rad²/s²) at a displacement from the equilibrium (rad).
+
+    Raises
+    ------
+    ValueError
+        The motion has fewer than four cycles.
     """
     size = np.log(np.sqrt([potential(x) for x in motion.turns]))
     count = 0.5 * np.arange(size.size)
@@ -65,10 +84,10 @@ def _spline(fallen: np.ndarray, count: np.ndarray):
 
 
 def _half_range(potential: Callable[[float], float], reach: float) -> Callable[[np.ndarray], np.ndarray]:
-    """From the square root of the energy (rad/s) to half the distance between the motion's two ends (rad)."""
+    """Return half the distance between the two turning points (rad) as a function of the root of the energy (rad/s)."""
     grid = 1.5 * reach * np.sin(0.5 * np.pi * np.linspace(-1.0, 1.0, 401))
     size = np.sign(grid) * np.sqrt([potential(x) for x in grid])
-    rising = np.flatnonzero(np.diff(size) <= 0)  # beyond a barrier of a softening spring
+    rising = np.flatnonzero(np.diff(size) <= 0)  # beyond the energy barrier of a softening spring
     low = int(rising[rising < 200].max(initial=-1)) + 1
     high = int(rising[rising >= 200].min(initial=400)) + 1
     end = CubicSpline(size[low:high], grid[low:high])

@@ -1,4 +1,4 @@
-"""Simulated records with a known truth: of the family of damping sums, and with a discrepancy from every candidate."""
+"""Simulate records with a known truth: of the family of damping sums, or with a discrepancy from every candidate."""
 
 from __future__ import annotations
 
@@ -20,28 +20,53 @@ from validation.truth.rivals import nats_ahead
 FAMILY = "family"
 KINDS = (FAMILY, *discrepancies.KINDS)
 NATS = 12.0
-"""The least by which a family record is ahead of the best sum that lacks one of its terms."""
+"""Least difference in log likelihood between the truth of a family record and the best sum without one of its terms."""
 LEAST_SHARE, CYCLES, LEFT = 0.15, (8.0, 60.0), (0.1, 0.7)
-"""What a record must have: the least share of a term, the range of its cycles, and of the amplitude left at its end."""
+"""Required of a record: least share of a term, range of cycles, and range of the last amplitude over the first."""
 FROM_END = 0.75
-"""The first and last judged amplitudes are so many cycles within the record."""
+"""Cycles from either end of the record to the first and the last amplitude at which answers are judged."""
 PER_CYCLE = 64
-"""Samples a cycle over which the energy's shares are summed."""
+"""Samples in a cycle for the shares of the energy loss."""
 ATTEMPTS = 400
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A record and what is true of it.
+    """A record and its truth.
 
-    kind: "family" or one of ten discrepancies. signal: in rad, without the truth. damping: the true sum; of a record
-    with a further damping term, its part in the family. restoring: the true law. parameters: coefficients (zeta, mu_c,
-    mu_q), the law's, epsilon, and the state at the record's start (theta0, omega0), SI units. noise_sd: rad.
-    ratio: from an amplitude (rad) of the motion to its equivalent damping ratio. amplitudes: three at which an answer
-    is judged, 0.75 cycles within the record's ends and their geometric mean, largest first. shares: of the lost energy,
-    by term. nats: half the least sum of squares of the best sum that lacks a term, over the noise's variance; for the
-    motion without its discrepancy and at a single sampling rate. cycles: of the record. rejected: how many draws before
-    this one broke a rule, by rule.
+    Attributes
+    ----------
+    name : str
+        Name of the record.
+    kind : str
+        "family" or one of the ten discrepancies.
+    signal : Signal
+        The record in rad, without the truth.
+    damping : str
+        The true sum. If the record has a further damping term, the part that is in the family.
+    restoring : str
+        The true restoring law.
+    parameters : mapping
+        The damping coefficients (zeta, mu_c, mu_q), the parameters of the law, epsilon, and the state at the start of
+        the record (theta0, omega0), SI units.
+    noise_sd : float
+        Standard deviation of the noise, rad.
+    ratio : RatioCurve
+        The equivalent damping ratio as a function of the amplitude (rad).
+    amplitudes : tuple of float
+        The three amplitudes (rad) at which an answer is judged, largest first: 0.75 cycles from either end of the
+        record, and their geometric mean.
+    shares : mapping
+        Share of each term in the lost energy.
+    nats : float
+        Half the least sum of squares of the best sum that lacks a term, over the variance of the noise; for the motion
+        without its discrepancy and without oversampling.
+    cycles : float
+        Cycles in the record.
+    oversample : int
+        Factor on the sampling rate.
+    rejected : mapping
+        How many earlier draws broke each rule.
     """
 
     name: str
@@ -61,23 +86,29 @@ class Case:
 
 
 def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
-    """Return record `number` of a kind under a seed; the seven damping sums and four restoring laws take turns.
+    """Return record `number` of a kind under a seed; the seven damping sums and four restoring laws alternate.
 
-    Each term has 15 % or more of the lost energy; the amplitude falls to 10 to 70 %; white noise of 0.3 to 3 % of the
-    first amplitude; 8 to 60 cycles with 16 to 200 samples each; the truth is 12 nats or more ahead of every sum that
-    lacks one of its terms. Draws that break a rule are drawn again.
+    Each term has 15 % or more of the lost energy. The amplitude falls to 10 to 70 %. White noise has 0.3 to 3 % of the
+    first amplitude. The record has 8 to 60 cycles with 16 to 200 samples each. The truth is 12 nats or more ahead of
+    every sum that lacks one of its terms. A draw that breaks a rule is repeated.
 
     Parameters
     ----------
     kind : str
-        FAMILY, or a discrepancy of `discrepancies.KINDS`, whose docstrings say how large each is.
+        FAMILY, or a discrepancy of `discrepancies.KINDS`, whose docstrings give its size.
+    seed : int
+        Seed of the random numbers.
+    number : int
+        Number of the record under this seed.
     oversample : int
-        So many times the sampling rate of the same motion, with the same noise in each sample.
+        Factor on the sampling rate of the same motion; each sample has the same noise level.
 
     Raises
     ------
     InputError
         The kind is unknown.
+    RuntimeError
+        None of `ATTEMPTS` draws obeys all rules.
     """
     if kind not in KINDS:
         raise InputError(f"kind {kind!r} is unknown: it must be one of {', '.join(KINDS)}")
@@ -88,20 +119,25 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
         draw = drawn(rng, damping, restoring, float(rng.uniform(*SHARE)) if kind in TAKING else 0.0)
         own = np.random.default_rng(rng.integers(2**63))
         try:
-            made = _made(kind, draw, own, oversample)
+            record = _simulate(kind, draw, own, oversample)
         except _Rejected as rule:
             rejected[str(rule)] += 1
             continue
         name = f"{kind}-{seed}-{number}" + (f"-x{oversample}" if oversample > 1 else "")
-        return replace(made, name=name, rejected=dict(rejected))
-    raise RuntimeError(f"no record of {damping} on {restoring} as {kind} in {ATTEMPTS} draws")
+        return replace(record, name=name, rejected=dict(rejected))
+    raise RuntimeError(
+        f"none of {ATTEMPTS} draws gives a record of kind {kind} with {damping} damping on {restoring}"
+    )
 
 
 def in_turn(kind: str, number: int) -> tuple[str, str]:
-    """Damping sum and restoring law whose turn it is; each kind begins elsewhere, and meets all pairs."""
+    """Return the damping sum and restoring law of a record.
+
+    Each kind begins with another pair, and goes through all pairs.
+    """
     sums = [name for name in SUMS if kind not in COULOMB or "coulomb" in name.split("+")]
     begin = KINDS.index(kind)
-    again = number // len(sums) if len(sums) == len(LAWS) else 0  # else seven and four have no common factor
+    again = number // len(sums) if len(sums) == len(LAWS) else 0  # seven and four have no common factor
     return sums[(number + 3 * begin) % len(sums)], list(LAWS)[(number + again + begin) % len(LAWS)]
 
 
@@ -109,8 +145,8 @@ class _Rejected(Exception):  # noqa: N818 - a rule's name, not an error
     pass
 
 
-def _made(kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case:
-    """The record of a draw. Raises _Rejected with the name of the rule that it breaks."""
+def _simulate(kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case:
+    """Simulate the record of a draw. Raises _Rejected with the name of the rule that it breaks."""
     ahead = nats_ahead(
         draw.oscillator, draw.oscillator.equilibrium() + draw.displacement, 0.0, draw.amplitude, draw.left,
         draw.frequency, draw.duration, int(draw.cycles * draw.per_cycle), draw.noise * draw.amplitude,
@@ -157,7 +193,7 @@ def _made(kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> C
 
 
 def _shares(draw: Draw, motion: Motion, end: float) -> dict[str, float]:
-    """Shares of the energy that the terms take over the record."""
+    """Return the share of each term in the energy lost over the record."""
     o, odd = draw.oscillator, draw.oscillator.discrepancy
     times = np.linspace(draw.begin, end, round(PER_CYCLE * draw.cycles))
     theta, v = motion.at(times)

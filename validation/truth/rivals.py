@@ -1,4 +1,4 @@
-"""How many nats a record of a damping sum is ahead of the best sum that lacks one of its terms."""
+"""Compute by how many nats the true damping sum is ahead of the best sum that lacks one of its terms."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from validation.truth.oscillator import LAWS, TERMS, Oscillator
 from validation.truth.trajectory import trajectory
 
 PER_CYCLE, STEPS = 24, 3
-"""Samples a cycle that are compared, and steps between two of them."""
+"""Compared samples in a cycle, and steps between two of them."""
 
 
 def loss_rate(term: str, amplitude: float | np.ndarray, frequency: float) -> float | np.ndarray:
-    """Equivalent damping ratio per unit of a term's coefficient for a harmonic motion (rad, rad/s)."""
+    """Return the equivalent damping ratio per unit of the coefficient of a term, for a harmonic motion (rad, rad/s)."""
     if term == "viscous":
         return 1 / frequency + 0 * amplitude
     if term == "coulomb":
@@ -25,15 +25,30 @@ def nats_ahead(
     truth: Oscillator, theta0: float, omega0: float, amplitude: float, left: float, frequency: float, duration: float,
     samples: int, noise_sd: float,
 ) -> dict[str, float]:  # fmt: skip
-    """By the term that a rival lacks, how many nats the truth is ahead of it.
+    """Return by how many nats the truth is ahead of the best rival without each of its terms.
 
-    By least squares of the rivals' trajectories to the true one, without discrepancy and with an exact sign.
+    The trajectories of the rivals are fitted to the true trajectory by least squares, without discrepancy and with an
+    exact sign. Nats are half the least sum of squares over the variance of the noise. A sum with all true terms is not
+    a rival: it fits equally well, and only its number of parameters counts against it. All sums without a term are
+    special cases of the sum with all other terms, so that sum has the least residual.
 
-    theta0, omega0: state at the start (rad, rad/s). amplitude (rad), frequency (rad/s): of the motion. left: share of
-    the amplitude at the end. duration: s. samples, noise_sd: the record's number of samples and the noise of each, rad.
-    Nats are half the least sum of squares over the noise's variance. Sums that hold all true terms are no rivals here:
-    they fit as well, and only their number of parameters counts against them. Those that lack a term are all within
-    the one that has all others, whose residual is the least.
+    Parameters
+    ----------
+    truth : Oscillator
+        The true oscillator.
+    theta0, omega0 : float
+        State at the start, rad and rad/s.
+    amplitude, left, frequency : float
+        First amplitude (rad), ratio of the last amplitude to it, and frequency (rad/s) of the motion.
+    duration : float
+        Length of the record, s.
+    samples, noise_sd : int, float
+        Number of samples of the record, and the noise of each, rad.
+
+    Returns
+    -------
+    dict
+        Nats by the term that the rival lacks.
     """
     law = list(LAWS).index(truth.restoring)
     names = LAWS[truth.restoring]
@@ -63,16 +78,16 @@ def nats_ahead(
     origin = np.concatenate([law_true, start])
     nats = {}
     for term in truth.damping:
-        kept = [i for i, other in enumerate(TERMS) if other != term]
-        guess = nnls(rates[:, kept] * unit[kept] / total[:, None], np.ones(grid.size))[0]
+        others = [i for i, other in enumerate(TERMS) if other != term]
+        guess = nnls(rates[:, others] * unit[others] / total[:, None], np.ones(grid.size))[0]
         guess = np.maximum(guess, 1e-3 * total.mean())
 
-        def residual(x: np.ndarray, kept: list[int] = kept) -> np.ndarray:
+        def residual(x: np.ndarray, others: list[int] = others) -> np.ndarray:
             moved = origin + shift * x[:-2]
             damping = np.zeros(3)
-            damping[kept] = x[-2:] * unit[kept]
-            found = motion(moved[: law_true.size], damping, moved[law_true.size :])
-            return (found[:, 0] - path[:, 0]) / noise_sd
+            damping[others] = x[-2:] * unit[others]
+            rival = motion(moved[: law_true.size], damping, moved[law_true.size :])
+            return (rival[:, 0] - path[:, 0]) / noise_sd
 
         low = np.concatenate([np.full(shift.size, -np.inf), np.zeros(2)])
         scale = np.concatenate([np.full(shift.size, 1e-2), np.full(2, total.mean())])

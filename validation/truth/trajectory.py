@@ -1,7 +1,7 @@
-"""Trajectories of the candidate laws, fast: Runge-Kutta of fourth order with fixed steps, compiled.
+"""Compute trajectories of the candidate laws fast, by compiled fourth-order Runge-Kutta with fixed steps.
 
-For least squares over rivals only; the truth of a record comes from `motion`. The sign of the velocity is constant
-within a step: a step in which it turns is cut there (a secant search), so friction of an exact sign keeps the order.
+Only the fits of the rivals use them; the truth of a record comes from `motion`. A step in which the velocity changes
+sign is divided at that point, found by a secant search. So the order is four also for friction with an exact sign.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ def _step(
 def _advance(
     law: int, theta: float, v: float, sign: float, law_values: np.ndarray, damping: np.ndarray, h: float
 ):
-    """One step of size h from a state whose velocity has this sign; returns angle, velocity and sign, 0 at a stop."""
+    """Make one step of size h from a velocity of this sign; return angle, velocity and its sign, 0 after a stop."""
     left = h
-    for _ in range(4):  # turning points in one step: one, unless it is about to stop
+    for _ in range(4):  # one turning point in a step, or more just before the motion stops
         new_theta, new_v = _step(law, theta, v, sign, law_values, damping, left)
         if sign * new_v >= 0:
             return new_theta, new_v, sign
@@ -89,10 +89,24 @@ def trajectory(
     within: int,
     out: np.ndarray,
 ) -> None:
-    """Fill out, shape (n, 2), with angle (rad) and velocity (rad/s) every `within` steps of h (s), the start first.
+    """Fill an array with the angle (rad) and velocity (rad/s) every `within` steps.
 
-    law: number of the law in LAWS; law_values: its parameters, shape (3,), padded with zeros; damping: coefficients of
-    viscous, Coulomb and quadratic damping, shape (3,).
+    Parameters
+    ----------
+    law : int
+        Number of the law in `LAWS`.
+    law_values : (3,) array
+        Parameters of the law, padded with zeros.
+    damping : (3,) array
+        Coefficients of viscous, Coulomb and quadratic damping.
+    theta, v : float
+        State at the start, rad and rad/s.
+    h : float
+        Step, s.
+    within : int
+        Number of steps between two rows.
+    out : (n, 2) array
+        Filled with angles and velocities; the first row is the start.
     """
     heading = v if v != 0 else -_force(law, theta, law_values)
     sign = 1.0 if heading > 0 else -1.0

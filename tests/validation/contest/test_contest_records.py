@@ -42,7 +42,7 @@ def test_half_cycles_of_a_closed_form():
 
 
 def test_measured_records_that_are_not_there(tmp_path: Path):
-    with pytest.raises(Refusal, match="is not there"):
+    with pytest.raises(Refusal, match="is missing"):
         measured(tmp_path)
 
 

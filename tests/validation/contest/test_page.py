@@ -70,12 +70,12 @@ def compared(theirs: tuple[float, float], own: tuple[float, float]) -> str:
 def test_the_script_is_compared_by_its_numbers():
     said = compared((0.01, 0.005), (0.02, 0.1))
     assert "| answered | 20 of 20 / 19 of 20 | 20 of 20 / 19 of 20 |" in said
-    assert "| intervals hold the truth | 0.00 / 1.00 | 0.00 / 1.00 |" in said
-    assert "| named, of these rightly | 20, 20 / 19, 19 |" in said
+    assert "| coverage of the intervals | 0.00 / 1.00 | 0.00 / 1.00 |" in said
+    assert "| named outright, of these correctly | 20, 20 / 19, 19 |" in said
     assert "| the script's error over bayesdamp's | **0.5 (0.5–0.5)** |" in said
     assert "script is nearer to the truth in all simulated, family, bayesdamp in no group" in said
     assert (
-        "script's intervals hold the truth more often in no group, bayesdamp's in all simulated, family"
+        "script's intervals contain the truth more often in no group, bayesdamp's in all simulated, family"
         in said
     )
 
@@ -84,7 +84,7 @@ def test_the_other_way_round_the_sentences_turn():
     said = compared((0.02, 0.1), (0.01, 0.005))
     assert "script is nearer to the truth in no group, bayesdamp in all simulated, family" in said
     assert (
-        "script's intervals hold the truth more often in all simulated, family, bayesdamp's in no group"
+        "script's intervals contain the truth more often in all simulated, family, bayesdamp's in no group"
         in said
     )
     assert "an engineer" not in page(stored(), {})  # without its rows nothing is said of it
@@ -98,9 +98,9 @@ def test_who_gives_one_number_and_who_was_given_fewer_records_is_said():
         if x["peer"] != "decrement":
             x["value_2"] *= 1.1
     said = page(table(*made[:-1]), {})
-    assert "One number for all amplitudes is what these give: logarithmic decrement. They" in said
-    assert "Given fewer records than others, of 6: half-power bandwidth (5)." in said
-    assert "Given fewer" not in page(table(*made), {})
+    assert "These give one number for all amplitudes: logarithmic decrement. This" in said
+    assert "These got fewer than all 6 records: half-power bandwidth (5)." in said
+    assert "These got fewer" not in page(table(*made), {})
 
 
 def test_what_ours_refuses_and_others_answer_is_said():
@@ -143,7 +143,7 @@ def test_the_row_of_an_answer_a_refusal_and_a_fault(tmp_path: Path):
     assert [r["outcome"] for r in made] == [
         "too short",
         "ZeroDivisionError: by nothing",
-        "its ratio is no number",
+        "its ratio is not finite",
     ]
     assert (good["outcome"], good["relation"], good["value_2"]) == ("ok", "right", 0.02)
     for one in (*made, good, good | {"peer": "e", "seconds": float("nan")}):
@@ -162,7 +162,7 @@ def test_it_goes_on_where_it_was_cut_off(tmp_path: Path, capsys: pytest.CaptureF
     again = (tmp_path / "rows.csv").read_text()
     assert again.startswith(first)
     assert len(again.splitlines()) == 3
-    assert "measured records are left out: Run_1-10_no_magnet.csv is not there" in capsys.readouterr().err
+    assert "measured records are omitted: Run_1-10_no_magnet.csv is missing" in capsys.readouterr().err
 
 
 def test_rows_of_others_are_taken_over_where_the_truth_is_the_same(tmp_path: Path):
@@ -194,7 +194,7 @@ def test_a_wrong_option_is_one_line(wrong: list[str], capsys: pytest.CaptureFixt
 
 def test_another_table_is_not_touched(tmp_path: Path):
     (tmp_path / "rows.csv").write_text("x,y\n1,2\n")
-    with pytest.raises(InputError, match="its columns are not those"):
+    with pytest.raises(InputError, match="the columns differ from those"):
         rows.read(tmp_path / "rows.csv")
 
 

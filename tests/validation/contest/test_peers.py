@@ -186,7 +186,7 @@ def test_the_script_takes_a_pendulum_of_large_amplitude():
         (lambda t: np.full(t.size, 0.3), "the record is constant"),
         (lambda t: np.cos(t)[:10], "too few samples"),
         (lambda t: np.cos(0.3 * t), "less than two cycles"),
-        (lambda t: np.random.default_rng(2).standard_normal(t.size), "no sum follows the record"),
+        (lambda t: np.random.default_rng(2).standard_normal(t.size), "no sum fits the record"),
         (lambda t: np.cos(6 * t), "no damping is found"),
     ],
 )

@@ -151,13 +151,13 @@ def test_an_undecided_page_that_holds_the_truth_possible_passes(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        ({"verdict": {"damping": "quadratic"}}, "quadratic is named, and the truth is coulomb"),
+        ({"verdict": {"damping": "quadratic"}}, "quadratic is named, but the truth is coulomb"),
         ({"verdict": EXCLUDING}, "the true damping, coulomb, has a probability of 0.001"),
-        ({"verdict": OUTSIDE}, "by far"),
+        ({"verdict": OUTSIDE}, "far outside"),
         ({"evidence": [{**EVIDENCE[0], "log_evidence": "1.0"}, EVIDENCE[1]]}, "puts quadratic first"),
         ({"posterior": {"q2.5": "0.0303", "q97.5": "0.0305"}}, "mu_c by nuts"),
         ({"estimate": {"truth": "0.05"}}, "estimates.csv states mu_c = 0.05"),
-        ({"sentence": "Another sentence."}, "does not have the sentence"),
+        ({"sentence": "Another sentence."}, "does not contain the sentence"),
     ],
 )  # fmt: skip
 def test_a_wrong_page_is_found(tmp_path: Path, fault: dict[str, Any], words: str) -> None:
@@ -169,7 +169,7 @@ def test_a_wrong_example_is_found(tmp_path: Path) -> None:
     text = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
     for old, new, words in (
         ("--damping viscous=0.05,coulomb=0.03", "--damping viscous=0.05,quadratic=0.03", "is named"),
-        ("coulomb=0.03", "coulomb=0.04", "by far"),
+        ("coulomb=0.03", "coulomb=0.04", "far outside"),
     ):
         wrong = tmp_path / "tutorial.md"
         assert old in text
@@ -198,7 +198,7 @@ def test_wrong_tables_are_found(tmp_path: Path) -> None:
         return row if i % 10 else {**row, "named": "viscous+coulomb+quadratic", "true_probability": "0.01"}
 
     assert written(lambda _, row: row) == []
-    assert any("misses it" in one or "miss it" in one for one in written(moved))
+    assert any("miss the truth" in sentence for sentence in written(moved))
     assert any("named wrongly" in one for one in written(renamed))
 
 
@@ -231,9 +231,9 @@ def test_a_page_that_contradicts_its_truth_is_not_marked_as_made(
     monkeypatch.setattr(making, "_git", lambda *_: "")
     for name, done in (("right", True), ("wrong", False)):
         recipe = Recipe(name, 1, (f"copy {tmp_path / name} {{out}}",), ())
-        assert making._made(recipe) is done
+        assert making._make(recipe) is done
         assert (name in making.stamps(tmp_path / "reports")) is done
-    assert "quadratic is named, and the truth is coulomb" in capsys.readouterr().err
+    assert "quadratic is named, but the truth is coulomb" in capsys.readouterr().err
 
 
 def _copied(words: list[str], **_: object) -> subprocess.CompletedProcess[str]:

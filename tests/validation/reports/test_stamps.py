@@ -108,7 +108,7 @@ def test_a_reader_who_has_read_enough_is_no_fault():
 def test_an_unknown_report_is_one_line(capsys: pytest.CaptureFixture[str]):
     assert main(["papers"]) == 2
     said = capsys.readouterr().err
-    assert "'papers' is no report" in said
+    assert "'papers' is not a report" in said
     assert said.count("\n") == 1
 
 

@@ -1,1 +1,1 @@
-"""Peers that need packages of their own: programs run in an environment of their own, without this one."""
+"""Peers that need other packages: programs that run in their own environments, without bayesdamp."""

@@ -1,9 +1,10 @@
-"""NumPyro's NUTS on a likelihood that diffrax solves, as somebody would write it who knows the three dampings.
+"""NumPyro's NUTS with a likelihood that diffrax solves, as an expert on the three dampings would write it.
 
-A spring with a cubic term, viscous, Coulomb (tanh) and quadratic damping together, white noise; time in units of the
-spectrum's peak and displacement in units of the largest one. NUTS with its defaults on these parameters as they are
-does not end: their sds are a thousand times smaller than their priors'. So it begins at the least-squares solution, in
-units of its covariance. 250 warm-up steps and 250 draws of one chain; the interval is of 2.5 to 97.5 % of the draws.
+The model has a spring with a cubic term, viscous, Coulomb (tanh) and quadratic damping together, and white noise. The
+spectral peak sets the unit of time, and the largest displacement is the unit of displacement. With these parameters
+NUTS does not finish with its defaults, because their standard deviations are a thousand times smaller than those of
+the priors. So it starts at the least-squares solution and samples in units of its covariance. There are 250 warm-up
+steps and 250 draws of one chain; the interval is 2.5 to 97.5 % of the draws.
 """
 
 import diffrax  # pyright: ignore[reportMissingImports]
@@ -20,15 +21,15 @@ from serve import serve
 
 jax.config.update("jax_enable_x64", True)
 WIDTH = 0.02
-"""Of friction's turning over, of the peak velocity."""
+"""Width of the smoothed sign in Coulomb friction, as a share of the peak velocity."""
 STEPS = 250
 WIDE = 10.0
-"""The priors' sd, in sds of the least-squares solution: wide enough to leave the likelihood alone."""
+"""Standard deviation of the priors, in those of the least-squares solution; wide enough to be uninformative."""
 LIMIT = 180.0
 
 
 def field(_, state, p):
-    """Slope of displacement and velocity."""
+    """Return the time derivatives of displacement and velocity."""
     x, v = state
     spring = p["stiffness"] * x + p["cubic"] * x**3
     loss = 2 * p["viscous"] * v + p["coulomb"] * jnp.tanh(v / WIDTH) + p["quadratic"] * v * jnp.abs(v)
@@ -36,14 +37,14 @@ def field(_, state, p):
 
 
 def motion(p, times):
-    """Displacements at times from 0 on."""
-    found = diffrax.diffeqsolve(
+    """Return the displacements at times; the first time is 0."""
+    solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field), diffrax.Tsit5(), t0=0.0, t1=times[-1], dt0=0.05, y0=(p["x0"], p["v0"]), args=p,
         saveat=diffrax.SaveAt(ts=times), stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6),
         adjoint=diffrax.ForwardMode(), max_steps=10_000, throw=False,
     )  # fmt: skip
-    assert found.ys is not None  # what SaveAt(ts=...) asks for
-    return found.ys[0]
+    assert solution.ys is not None  # because of SaveAt(ts=...)
+    return solution.ys[0]
 
 
 NAMES = ("viscous", "coulomb", "quadratic", "stiffness", "cubic", "x0", "v0", "rest")
@@ -51,13 +52,13 @@ GUESS = (0.02, 0.0, 0.0, 1.0, 0.0)
 
 
 def curve(x, times):
-    """Displacements of parameters in the order of NAMES."""
+    """Return the displacements for parameters in the order of NAMES."""
     p = dict(zip(NAMES, x, strict=True))
     return motion(p, times) + p["rest"]
 
 
 def model(times, values, middle, scale, left):
-    """Parameters in units of the least-squares solution's covariance, wide normal priors; the likelihood."""
+    """Define wide normal priors in units of the least-squares covariance, and the likelihood."""
     z = numpyro.sample("z", dist.Normal(0.0, WIDE).expand([len(NAMES)]))
     noise = left * jnp.exp(numpyro.sample("log_noise", dist.Normal(0.0, WIDE)) / jnp.sqrt(2.0 * values.size))
     x = numpyro.deterministic("x", middle + scale @ z)
@@ -65,7 +66,7 @@ def model(times, values, middle, scale, left):
 
 
 def fitted(times, values):
-    """The least-squares solution, the square root of its covariance, and the sd of what is left."""
+    """Return the least-squares solution, the square root of its covariance, and the sd of the residuals."""
     solve = jax.jit(lambda x: curve(x, times))
     slope = jax.jit(jax.jacfwd(lambda x: curve(x, times)))
     x_scale = np.array([0.01, 0.01, 0.01, 0.01, 0.1, 1.0, 1.0, 1.0])
@@ -81,7 +82,7 @@ def fitted(times, values):
 
 
 def start(times, values):
-    """Displacement and velocity at the first sample, by least squares on the first cycle."""
+    """Estimate displacement and velocity at the first sample by least squares on the first cycle."""
     inside = times <= 2 * np.pi
     tau = times[inside]
     columns = np.stack([np.cos(tau), np.sin(tau), np.ones_like(tau)], 1)
@@ -89,7 +90,7 @@ def start(times, values):
 
 
 def answer(t, y, amplitudes):
-    """Ratios with the draws' intervals."""
+    """Return the ratios with the intervals of the draws."""
     omega = 2 * np.pi * spectral_peak(*even(t, y))
     rest = float(np.mean(y))
     size = float(np.max(np.abs(y - rest)))
@@ -100,14 +101,14 @@ def answer(t, y, amplitudes):
     mcmc = MCMC(kernel, num_warmup=STEPS, num_samples=STEPS, progress_bar=False)
     mcmc.run(jax.random.PRNGKey(0), times, values, jnp.asarray(middle), jnp.asarray(scale), left)
     draws = dict(zip(NAMES, np.asarray(mcmc.get_samples()["x"]).T, strict=True))
-    said = {"values": [], "low": [], "high": []}
+    reply = {"values": [], "low": [], "high": []}
     for amplitude in np.asarray(amplitudes) / size:
         frequency = np.sqrt(draws["stiffness"] + 0.75 * draws["cubic"] * amplitude**2)
         terms = {name: draws[name] for name in ("viscous", "coulomb", "quadratic")}
         at = ratio(amplitude, frequency, **terms)
         for name, part in (("low", 2.5), ("values", 50), ("high", 97.5)):
-            said[name].append(float(np.percentile(at, part)))
-    return said
+            reply[name].append(float(np.percentile(at, part)))
+    return reply
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""pyOMA2, stochastic subspace identification (SSI) or enhanced frequency domain decomposition (EFDD), by its defaults.
+"""pyOMA2 with its defaults: stochastic subspace identification (SSI) or enhanced frequency domain decomposition (EFDD).
 
-A decay's correlation is a decay of the same ratio. Widths in Hz are those of buildings, so time is scaled to an
-oscillation at 2 Hz, which changes no ratio; the record is decimated to ten samples a cycle or more. Of one channel the
-checks of mode shapes are not defined, so SSI goes without them, and EFDD, which takes no single channel, has the
-velocity as its second.
+The correlation of a decay is a decay with the same ratio. Its widths in Hz are meant for buildings, so time is scaled
+to an oscillation at 2 Hz, which does not change the ratio. The record is decimated to ten or more samples in a cycle.
+The checks of mode shapes are not defined for one channel, so SSI runs without them. EFDD does not accept a single
+channel; the velocity is its second channel.
 """
 
 import sys
@@ -17,14 +17,14 @@ from serve import serve
 FREQUENCY = 2.0
 PER_CYCLE = 10
 ORDER = 10
-"""Highest model order; it has no default."""
+"""Highest model order; pyOMA2 has no default."""
 NO_SHAPES = {"xi_max": 0.2, "mpc_lim": None, "mpd_lim": None, "CoV_max": None}
 SEGMENT = 1024
-"""Its default; a record that is shorter is one segment."""
+"""The default length; a shorter record is a single segment."""
 
 
 def answer(method, t, y, amplitudes):
-    """One ratio for every amplitude."""
+    """Return the same ratio for every amplitude."""
     grid, values = even(t, y)
     frequency = spectral_peak(grid, values)
     rate = FREQUENCY / (frequency * (grid[1] - grid[0]))
@@ -35,16 +35,16 @@ def answer(method, t, y, amplitudes):
     if factor > 1:
         setup.decimate_data(q=factor)
     if method == "ssi":
-        made = SSI(name="it", ordmax=ORDER, hc=NO_SHAPES)
+        algorithm = SSI(name="it", ordmax=ORDER, hc=NO_SHAPES)
     else:
-        made = EFDD(name="it", nxseg=min(SEGMENT, len(setup.data)))
-    setup.add_algorithms(made)
+        algorithm = EFDD(name="it", nxseg=min(SEGMENT, len(setup.data)))
+    setup.add_algorithms(algorithm)
     setup.run_by_name("it")
     setup.mpe("it", sel_freq=[FREQUENCY])
-    found = np.ravel(made.result.Xi)
-    if not (found.size and found[0] > 0):
-        raise ValueError("no stable mode near the spectrum's peak")
-    return {"values": [float(found[0])] * len(amplitudes)}
+    ratios = np.ravel(algorithm.result.Xi)
+    if not (ratios.size and ratios[0] > 0):
+        raise ValueError("no stable mode near the spectral peak")
+    return {"values": [float(ratios[0])] * len(amplitudes)}
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The logarithmic decrement: a straight line through the logarithms of the peaks against their numbers."""
+"""Logarithmic decrement: a straight line through the logarithms of the peaks as a function of their numbers."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from validation.contest.peers.shared import about_rest, even, frequency, recorde
 from validation.contest.reply import Reply, one_number
 
 APART = 0.7
-"""Periods by which peaks are apart, so that noise makes none."""
+"""Least distance between peaks in periods, so that noise adds no peaks."""
 LEAST = 3
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """δ/√(4π² + δ²). Raises Refusal on fewer than three peaks."""
+    """Return δ/√(4π² + δ²). Raises Refusal if there are fewer than three peaks."""
     grid, values = even(t, y)
     f = frequency(grid, values)
     x = about_rest(grid, values, f)

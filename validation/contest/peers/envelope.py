@@ -1,6 +1,6 @@
-"""The Hilbert envelope: a straight line through its logarithm, of the whole record or about each amplitude.
+"""Hilbert envelope: a straight line through its logarithm, for the whole record or near each amplitude.
 
-The second is Feldman's way to damping that depends on the amplitude (FREEVIB, Mech. Syst. Signal Process. 8, 1994).
+The second is Feldman's method for damping that depends on the amplitude (FREEVIB, Mech. Syst. Signal Process. 8, 1994).
 """
 
 from __future__ import annotations
@@ -13,38 +13,38 @@ from validation.contest.peers.shared import about_rest, even, frequency
 from validation.contest.reply import Reply, one_number
 
 NEAR = 0.25
-"""Share of the range of ln(envelope) on either side of an amplitude that its line is of."""
+"""Half width of the line at an amplitude, as a share of the range of ln(envelope)."""
 LEAST = 8
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """One line for the whole record."""
+    """Fit one line to the whole record."""
     times, size, omega = _envelope(t, y)
     return one_number(_ratio(times, size, omega), amplitudes)
 
 
 def local(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """A line for each amplitude. Raises Refusal where the envelope has too few samples about one."""
+    """Fit a line near each amplitude. Raises Refusal if the envelope has too few samples near an amplitude."""
     times, size, omega = _envelope(t, y)
-    found = []
+    ratios = []
     for amplitude in amplitudes:
         near = np.abs(size - np.log(amplitude)) <= NEAR * np.ptp(size)
         if near.sum() < LEAST:
-            raise Refusal("the envelope does not pass an amplitude")
-        found.append(_ratio(times[near], size[near], omega))
-    if min(found) <= 0:
+            raise Refusal("the envelope has too few samples near an amplitude")
+        ratios.append(_ratio(times[near], size[near], omega))
+    if min(ratios) <= 0:
         raise Refusal("no damping is found")
-    return Reply(tuple(found))
+    return Reply(tuple(ratios))
 
 
 def _envelope(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Times, logarithm of the envelope, and mean frequency in rad/s, without the first and the last cycle."""
+    """Return times, log envelope and mean frequency (rad/s), without the first and the last cycle."""
     grid, values = even(t, y)
     f = frequency(grid, values)
     analytic = np.asarray(hilbert(about_rest(grid, values, f)))
     inside = (grid >= grid[0] + 1 / f) & (grid <= grid[-1] - 1 / f)
     if inside.sum() < LEAST:
-        raise Refusal("nothing is left between the ends of the envelope")
+        raise Refusal("the record is too short for an envelope without its first and last cycle")
     phase = np.unwrap(np.angle(analytic))[inside]
     return grid[inside], np.log(np.abs(analytic[inside])), float(np.polyfit(grid[inside], phase, 1)[0])
 

@@ -1,4 +1,4 @@
-"""The half-power bandwidth of the record's spectrum, over twice its frequency."""
+"""Half-power bandwidth of the spectrum of the record, over twice its frequency."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from validation.contest.peers.shared import about_rest, even, frequency
 from validation.contest.reply import Reply, one_number
 
 PADDING = 16
-"""Times by which the record is lengthened with zeros, so that the peak has points on it."""
+"""Factor by which zeros lengthen the record, so that the peak has several points."""
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """No window but the record's own. Raises Refusal where the peak does not fall to its half on both sides."""
+    """Measure the bandwidth without a window. Raises Refusal if the peak does not fall to half power on both sides."""
     grid, values = even(t, y)
     x = about_rest(grid, values, frequency(grid, values))
     size = np.abs(np.fft.rfft(x, PADDING * x.size))

@@ -1,4 +1,4 @@
-"""SciPy's `curve_fit` of an exponentially decaying cosine, with the interval of its covariance."""
+"""SciPy's `curve_fit` of an exponentially decaying cosine, with the interval from its covariance."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ GUESS = 0.02
 
 
 def decay(t: np.ndarray, size: float, ratio: float, omega: float, phase: float, rest: float) -> np.ndarray:
-    """Of a linear oscillator with viscous damping, as in a textbook."""
+    """Return the textbook decay of a linear oscillator with viscous damping."""
     ratio = float(np.clip(ratio, -1.0, 1.0))
     return size * np.exp(-ratio * omega * t) * np.cos(omega * np.sqrt(1 - ratio**2) * t + phase) + rest
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """From the spectrum's frequency and the first cycle's phase. Raises Refusal where it does not converge."""
+    """Start at the spectral frequency and the phase of the first cycle. Raises Refusal if the fit does not converge."""
     omega = 2 * np.pi * frequency(*even(t, y))
     first = omega * (t - t[0]) <= 2 * np.pi
     phase = omega * (t[first] - t[0])
@@ -32,10 +32,10 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
     with warnings.catch_warnings():
         warnings.simplefilter("error", OptimizeWarning)
         try:
-            found, covariance = curve_fit(decay, t - t[0], y, guess)
+            best, covariance = curve_fit(decay, t - t[0], y, guess)
         except (RuntimeError, OptimizeWarning) as fault:
             raise Refusal(" ".join(str(fault).split())) from None
-    value, half = float(found[1]), float(norm.ppf(0.975) * np.sqrt(covariance[1, 1]))
+    value, half = float(best[1]), float(norm.ppf(0.975) * np.sqrt(covariance[1, 1]))
     if not value > 0:
         raise Refusal("no damping is found")
     n = len(amplitudes)

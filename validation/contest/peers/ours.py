@@ -1,4 +1,4 @@
-"""bayesdamp: `compare` without sampling, as it comes."""
+"""bayesdamp: `compare` without sampling, with its default options."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from validation.contest.reply import Reply
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Raises Refusal with the sentence of an answer that has no ratios."""
+    """Answer with the verdict. Raises Refusal with its sentence if it has no ratios."""
     import bayesdamp as bd
 
-    said = bd.compare(Signal(t - t[0], y, name="record"), amplitudes=amplitudes, sample=False).verdict
-    if not said.damping_ratio:
-        raise Refusal(said.sentence)
-    value, low, high = zip(*[(r.value, r.low, r.high) for r in said.damping_ratio], strict=True)
-    return Reply(value, low, high, said.damping if said.decided else "")
+    verdict = bd.compare(Signal(t - t[0], y, name="record"), amplitudes=amplitudes, sample=False).verdict
+    if not verdict.damping_ratio:
+        raise Refusal(verdict.sentence)
+    value, low, high = zip(*[(r.value, r.low, r.high) for r in verdict.damping_ratio], strict=True)
+    return Reply(value, low, high, verdict.damping if verdict.decided else "")

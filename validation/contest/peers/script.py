@@ -1,7 +1,7 @@
-"""The script that an engineer writes in an afternoon: solve the motion, fit the seven sums, weigh them by BIC.
+"""A script that an engineer could write in an afternoon: solve the motion, fit the seven sums, weigh them by BIC.
 
-The motion is x″ + 2z x′ + c sign(x′) + q x′|x′| + k x + b x³ = 0, or with k sin(x) for a pendulum. Here its time is in
-periods of the spectrum's peak over 2π and its displacement in units of the record's largest.
+The motion is x″ + 2z x′ + c sign(x′) + q x′|x′| + k x + b x³ = 0, or with k sin(x) for a pendulum. The unit of time
+is the period of the spectral peak over 2π, and the unit of displacement is the largest displacement of the record.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from validation.contest.reply import Reply
 TERMS = ("viscous", "coulomb", "quadratic")
 SUMS = ((0,), (1,), (2,), (0, 1), (0, 2), (1, 2), (0, 1, 2))
 K, B, REST, X0, V0 = range(3, 8)
-"""Places in the vector of parameters, after z, c and q."""
+"""Positions in the vector of parameters, after z, c and q."""
 SCALE = np.array([0.01, 0.01, 0.01, 0.01, 0.1, 0.1, 1.0, 1.0])
 STEP = 2 * math.pi / 40
 FIRST_CYCLES, GROWTH = 3, 2
@@ -30,12 +30,12 @@ NAMED = 0.95
 EXPLAINED = 0.5
 """Least share of the record's variance that the best fit must explain."""
 FAR = 10.0
-"""Residuals are cut here, so that a motion that escapes has finite ones."""
+"""Largest residual, so that a motion that escapes has finite residuals."""
 LEAST_RATIO = 1e-6
 TINY = 1e-200
-"""Squares are at least this, where a record has no noise at all."""
+"""Least sum of squares, for a record without noise."""
 POINTS = 24
-"""Of a quarter cycle, for the energy that is lost."""
+"""Points in a quarter cycle for the energy loss."""
 
 
 @njit(cache=True)
@@ -65,7 +65,14 @@ def _step(x: float, v: float, sign: float, h: float, p: np.ndarray, radians: flo
 def solve(times: np.ndarray, p: np.ndarray, radians: float) -> np.ndarray:
     """Return the displacements at times; steps end at turning points, where friction may stop the motion.
 
-    radians: a pendulum's unit of displacement in rad; 0 for the cubic spring.
+    Parameters
+    ----------
+    times : (n,) array
+        Increasing times.
+    p : (8,) array
+        z, c, q, k, b, rest, and displacement and velocity at the first time.
+    radians : float
+        Unit of displacement of a pendulum in rad; 0 for the cubic spring.
     """
     out = np.empty(times.size)
     x, v = p[6], p[7]
@@ -95,7 +102,10 @@ def solve(times: np.ndarray, p: np.ndarray, radians: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Fit:
-    """A sum (places in TERMS) on a spring (radians as in `solve`): parameters, and covariance of the free ones."""
+    """The fit of a sum (positions in TERMS) on a spring (radians as in `solve`).
+
+    The covariance is that of the free parameters.
+    """
 
     terms: tuple[int, ...]
     radians: float
@@ -114,7 +124,7 @@ class Fit:
 
 
 def fit(times: np.ndarray, x: np.ndarray, guess: np.ndarray, terms: tuple[int, ...], radians: float) -> Fit:
-    """Fit by least squares over windows that grow, so that the phase is kept."""
+    """Fit by least squares over growing windows, so that the phase stays within a cycle."""
     free = [*terms, K, *([] if radians else [B]), REST, X0, V0]
     p = np.where(np.isin(np.arange(guess.size), free), guess, 0.0)
     p[:K] /= len(terms)
@@ -160,7 +170,7 @@ def _quantile(level: float, means: np.ndarray, sds: np.ndarray, weights: np.ndar
 
 
 def start(times: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return first parameters: from a sine through the first cycle and the fall to the last one."""
+    """Return first parameters, from a sine through the first cycle and the ratio of the last amplitude to the first."""
     first = times <= 2 * np.pi
     columns = np.column_stack([np.cos(times), np.sin(times), np.ones_like(times)])[first]
     cosine, sine, rest = np.linalg.lstsq(columns, x[first], rcond=None)[0]
@@ -170,7 +180,7 @@ def start(times: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Average over seven sums on two springs. Raises Refusal where no sum follows the record."""
+    """Average over seven sums on two springs. Raises Refusal if no sum fits the record."""
     if t.size <= 2 * SCALE.size:
         raise Refusal("too few samples")
     if np.ptp(y) == 0:
@@ -183,7 +193,7 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
     x = (y - middle) / size
     fits = [fit(times, x, start(times, x), terms, radians) for radians in (0.0, size) for terms in SUMS]
     if min(f.squares for f in fits) > (1 - EXPLAINED) * x.size * np.var(x):
-        raise Refusal("no sum follows the record")
+        raise Refusal("no sum fits the record")
     bic = np.array([f.bic for f in fits])
     weights = np.exp(0.5 * (bic.min() - bic))
     weights /= weights.sum()

@@ -1,4 +1,4 @@
-"""What a user does by eye or by habit before any of the methods: rest, frequency, an even clock."""
+"""Preparation that the methods share: rest position, frequency, even sampling."""
 
 from __future__ import annotations
 
@@ -11,11 +11,21 @@ from validation.contest.apart.even import spectral_peak as frequency
 __all__ = ["about_rest", "even", "frequency", "recorded", "segments"]
 
 GAP = 1.5
-"""Samples further apart than so many steps have a gap between them."""
+"""Steps between two samples from which they have a gap between them."""
 
 
 def about_rest(t: np.ndarray, y: np.ndarray, f: float) -> np.ndarray:
-    """The displacement from rest, which is the mean of the last whole cycles, at most five; t even, f in Hz."""
+    """Return the displacement from rest, the mean of the last whole cycles, at most five.
+
+    Raises Refusal if the record is shorter than a cycle.
+
+    Parameters
+    ----------
+    t, y : (n,) arrays
+        Evenly sampled times in s, and displacements in rad.
+    f : float
+        Frequency in Hz.
+    """
     cycles = min(int((t[-1] - t[0]) * f), 5)
     if cycles < 1:
         raise Refusal("less than one cycle")
@@ -23,13 +33,13 @@ def about_rest(t: np.ndarray, y: np.ndarray, f: float) -> np.ndarray:
 
 
 def segments(t: np.ndarray, y: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The record cut at its gaps."""
+    """Return the pieces of a record between its gaps."""
     cuts = np.flatnonzero(np.diff(t) > GAP * np.median(np.diff(t))) + 1
     return list(zip(np.split(t, cuts), np.split(y, cuts), strict=True))
 
 
 def recorded(grid: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Which times of an even clock are within a step of a sample, booleans of grid's shape."""
+    """Return which times of an even grid are within a step of a sample, booleans of the shape of the grid."""
     after = np.clip(np.searchsorted(t, grid), 1, t.size - 1)
     nearest = np.minimum(np.abs(grid - t[after - 1]), np.abs(grid - t[after]))
     return nearest <= np.median(np.diff(t))

@@ -1,6 +1,7 @@
-"""PySINDy by its defaults (thresholded least squares, 0.1 in SI units) on a library of spring and damping terms.
+"""PySINDy with its defaults (thresholded least squares, 0.1 in SI units) on a library of spring and damping terms.
 
-States are displacement and velocity, which its own smoothed differences give; the damping is named by its terms.
+The states are the displacement and the velocity from its own smoothed differences. The remaining terms name the
+damping.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ from validation.contest.peers.shared import about_rest, even, frequency, segment
 from validation.contest.reply import Reply
 
 LEAST = 15
-"""Samples of a piece between gaps; its filter takes eleven."""
+"""Least number of samples in a piece between gaps; the filter of PySINDy needs eleven."""
 TERMS = ("viscous", "coulomb", "quadratic")
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Raises Refusal where it finds no spring or no damping."""
+    """Fit the equation of motion. Raises Refusal if it has no spring or no damping."""
     import pysindy as ps
 
     grid, values = even(t, y)
@@ -42,7 +43,7 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
     if stiffness <= 0:
         raise Refusal("no spring is found")
     terms = dict(zip(TERMS, (0.5 * losses[0], losses[1], losses[2]), strict=True))
-    found = tuple(float(ratio(a, np.sqrt(stiffness), **terms)) for a in amplitudes)
-    if min(found) <= 0:
-        raise Refusal("no damping is left above its threshold")
-    return Reply(found, named="+".join(name for name in TERMS if terms[name] > 0))
+    ratios = tuple(float(ratio(a, np.sqrt(stiffness), **terms)) for a in amplitudes)
+    if min(ratios) <= 0:
+        raise Refusal("no damping term is above its threshold")
+    return Reply(ratios, named="+".join(name for name in TERMS if terms[name] > 0))
