@@ -115,8 +115,10 @@ def test_a_noise_of_ones_own(tmp_path):
 
 
 def test_each_example_is_a_plug_in(tmp_path):
-    """Of a kind that its base class tells, whether that is defined in a module of the package or in its `__init__`."""
-    for i, block in enumerate(re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)):
+    """The base class determines the kind, also where it is defined in the `__init__` of its package."""
+    for i, block in enumerate(
+        re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    ):
         (tmp_path / f"own{i}.py").write_text(block, encoding="utf-8")
         use(read_modules([tmp_path / f"own{i}.py"]))
     assert "remark" in SECTIONS.added()
