@@ -215,7 +215,7 @@ def _load_plugins(module: PluginModule) -> list[tuple[Registry[Any], str, Any]]:
     for plugin in plugins:
         if isinstance(plugin, type):
             raise InputError(f"{where}: {plugin.__name__} is a class; give an instance, {plugin.__name__}()")
-        homes = [cls.__module__ for cls in type(plugin).__mro__]
+        homes = [f"{cls.__module__}." for cls in type(plugin).__mro__]
         registries = sorted(_REGISTRIES.values(), key=lambda r: -len(r.home))
         registry = next(
             (r for r in registries if any(h.startswith((f"{r.home}.", f"{r.package}.")) for h in homes)), None

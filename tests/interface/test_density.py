@@ -140,6 +140,13 @@ def test_gradient() -> None:
         assert density.gradient(x) * sds == pytest.approx(differences(x) * sds, abs=1e-4)
 
 
+@pytest.mark.parametrize("noise_sd", [1e-120, 1e110, 1e200])
+def test_gradient_far_out(noise_sd: float) -> None:
+    """A sampler's step that diverges may come there: powers of the noise's scale overflow."""
+    density = fit().density
+    assert not np.isnan(density.gradient(density.vector({"noise_sd": noise_sd}))).any()
+
+
 def test_the_gradient_elsewhere_is_another() -> None:
     """The negative control: a tenth of an sd away."""
     density = fit().density

@@ -15,6 +15,7 @@ from bayesdamp.config import load_study
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.pipeline import run_study
 from bayesdamp.plugins import read_modules, use
+from bayesdamp.report.sections import SECTIONS
 from bayesdamp.store import read_table
 
 PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
@@ -111,6 +112,19 @@ def test_a_noise_of_ones_own(tmp_path):
     scale = law.kwds["scale"]
     np.testing.assert_allclose(noise.slope(r, gaps, p), -np.tanh(r / scale / 2) / scale, rtol=1e-6, atol=1e-6)
     assert noise.start(r, gaps)["noise_sd"] == pytest.approx(0.02, rel=0.06)  # five of its standard errors
+
+
+def test_each_example_is_a_plug_in(tmp_path):
+    """The base class determines the kind, also where it is defined in the `__init__` of its package."""
+    for i, block in enumerate(
+        re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    ):
+        (tmp_path / f"own{i}.py").write_text(block, encoding="utf-8")
+        use(read_modules([tmp_path / f"own{i}.py"]))
+    assert "remark" in SECTIONS.added()
+    (tmp_path / "none.py").write_text("class Other: name = 'other'\nPLUGIN = Other()\n", encoding="utf-8")
+    with pytest.raises(bd.InputError, match="which is not a plug-in"):
+        use(read_modules([tmp_path / "none.py"]))
 
 
 @pytest.mark.slow

@@ -29,12 +29,13 @@ class Gaussian(IndependentNoise):
 
     def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
         """Return Σ r²/σ³ − n/σ."""
-        sd = p["noise_sd"]
-        return {"noise_sd": float(r @ r) / sd**3 - r.size / sd}
+        sd = p["noise_sd"]  # its powers overflow far out, where samplers may come
+        return {"noise_sd": float(r @ r) / sd / sd / sd - r.size / sd}
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return −r/σ²."""
-        return -r / by_sample(p)["noise_sd"] ** 2
+        sd = by_sample(p)["noise_sd"]
+        return -r / sd / sd
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
         """Draw white noise with standard deviation σ."""
