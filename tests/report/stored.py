@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from bayesdamp.report import words
@@ -40,9 +41,8 @@ class Folder:
         self.verdicts = {v["record"]: v for v in json.loads((folder / "verdict.json").read_text())}
 
     def rows(self, table: str, **wanted: object) -> pd.DataFrame:
-        rows = self.tables[table]
-        for column, value in wanted.items():
-            rows = rows[rows[column] == value]
+        columns = (self.tables[table][column].to_numpy(object) == value for column, value in wanted.items())
+        rows = self.tables[table][np.logical_and.reduce(list(columns))]
         self.looked_up[table] |= set(rows.index)
         return rows
 
@@ -115,7 +115,10 @@ def of_answer_table(f: Folder, signal: str, i: int, cells: dict[str, str]) -> di
         return of_ratio(v["damping_ratio"][i], UNIT[signal])
     if "restoring law" in cells:
         log, exact, rms = CANDIDATES[MODEL[cells["damping"].lower()]]
-        shown = {"log Bayes factor": {"": log}, "log Bayes factor under exact laws": {"": exact}}
+        best, best_exact = (max(each) for each in list(zip(*CANDIDATES.values()))[:2])
+        shown = {
+            "log Bayes factor": {"": log - best}, "log Bayes factor under exact laws": {"": exact - best_exact},
+        }  # fmt: skip
         return {**shown, f"rms residual, {'deg' if signal == 'bench' else 'rad'}": {"": rms * UNIT[signal]}}
     name = PARAMETER[cells.get("parameter") or cells["coefficient"]]
     own = next((a for a in v["coefficients"] if a["name"] == name), None)
