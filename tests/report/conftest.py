@@ -4,14 +4,27 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bayesdamp.store import TABLES, CellResult, Store, write_json, write_table
-from bayesdamp.store.contents import FeaturesSeen
+from bayesdamp.store.contents import FeaturesSeen, WeighedCandidate
+from bayesdamp.verdict import files
+from bayesdamp.verdict.parts import (
+    Bound,
+    Coefficient,
+    DampingRatio,
+    FrequencyAt,
+    Grade,
+    Interval,
+    Rival,
+    Share,
+)
+from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.words import sentence
 
 MODELS = ("viscous", "coulomb", "quadratic", "viscous+coulomb")
 OWN = {"viscous": ("zeta", "1/s"), "coulomb": ("mu_c", "rad/s²"), "quadratic": ("mu_q", "1/rad")}
@@ -51,6 +64,36 @@ DETAILS = {
     "neural_ode": {"velocity": [-1.0, 0.0, 1.0], "force": [-0.11, 0.0, 0.1], "law": [-0.1, 0.0, 0.1]},
 }
 """What some methods say besides their estimates."""
+
+RATIOS = (
+    DampingRatio(0.51, "rad", 0.006512, 2.1e-5, 4.7e-5, 0.006411, 0.006618),
+    DampingRatio(0.22, "rad", 0.007324, 2.6e-5, 5.9e-5, 0.007203, 0.007456),
+    DampingRatio(0.073, "rad", 0.011283, 7.3e-5, 1.7e-4, 0.010922, 0.011651),
+)
+VERDICTS = (
+    Verdict(
+        "bench", Grade.EXACT, True, "viscous+coulomb", 0.9783, (Rival("viscous", 0.0217),), "horizontal_pendulum",
+        damping_ratio=RATIOS, frequency=Interval(3.9903, 3.9889, 3.9917, "Hz"), unexplained_pct=0.83,
+        deviation=Interval(0.0112, 0.0031, 0.0264),
+        energy=(Share("viscous", 0.612, 0.583, 0.644, 1.0), Share("coulomb", 0.388, 0.356, 0.417, 0.98)),
+        other_forms=(Bound("quadratic", 0.0087),),
+        coefficients=(Coefficient("zeta", 0.12932, 2.7e-4, 6.1e-4, 0.12801, 0.13064, "1/s"),
+                      Coefficient("mu_c", 0.13417, 1.3e-3, 2.9e-3, 0.12791, 0.14038, "rad/s²")),
+    ),
+    Verdict(
+        "sim", Grade.APPROXIMATE, False, "viscous", 0.8134, (Rival("viscous+coulomb", 0.1523),), "horizontal_pendulum",
+        damping_ratio=RATIOS[1:], frequency=Interval(0.71265, 0.70912, 0.71618, "Hz"), unexplained_pct=1.27,
+        frequency_at=FrequencyAt(0.073, "rad", 0.70116, 0.70093, 0.70139), deviation=Interval(0.0423, 0.0112, 0.0861),
+        energy=(Share("viscous", 0.887, 0.711, 0.973, 0.99), Share("coulomb", 0.113, 0.027, 0.289, 0.18)),
+        coefficients=(Coefficient("zeta", 0.05017, 1.2e-4, 3.1e-4, 0.04951, 0.05082, "1/s"),),
+    ),
+    Verdict(
+        "sim-2", Grade.EXACT, True, "viscous", 0.9871, (Rival("viscous+coulomb", 0.0129),), "horizontal_pendulum",
+        damping_ratio=RATIOS[:1], frequency=Interval(0.71265, 0.71193, 0.71618, "Hz"), unexplained_pct=0.41,
+    ),
+)  # fmt: skip
+CANDIDATES = {"viscous": (-812.34, -1204.6, 0.03127), "viscous+coulomb": (321.7, 298.2, 0.00213)}
+"""Log evidence, log evidence under exact laws and rms residual in rad."""
 
 
 def stages(method: str) -> list[dict]:
@@ -206,8 +249,8 @@ class RunMaker:
                             "stderr": sd if stage == "refined" else math.nan,
                             "truth": true,
                             "error_pct": 100 * (value / true - 1) if true else math.nan,
-                            "evaluations": 300 * (i + 1),
-                            "seconds": 0.3 * (i + 1),
+                            "evaluations": 300 * (i + 1) * (repeat + 1),
+                            "seconds": 0.3 * (i + 1) * (repeat + 1),
                             "outcome": "ok",
                         }
                     )
@@ -360,6 +403,20 @@ class RunMaker:
                 for name in self.signals
             },
         }
+
+
+def write_answers(folder: Path) -> None:
+    """Give the records of VERDICTS their answers, with sentences as they are written now."""
+    store = Store(folder)
+    verdicts = [replace(v, sentence=sentence(v)) for v in VERDICTS]
+    for v in verdicts:
+        candidates = [
+            asdict(WeighedCandidate(name, v.restoring, log, exact, rms))
+            for name, (log, exact, rms) in CANDIDATES.items()
+        ]
+        meta = {"verdict": v.to_dict(), "candidates": candidates}
+        store.write(CellResult(f"answer/{v.record}/0", "key", meta, {}))
+    files.write(folder, verdicts)
 
 
 @pytest.fixture(scope="session")

@@ -111,9 +111,9 @@ class RunFolder:
         return str(self.about(signal).get("quantity") or "angle")
 
     def rms(self, row: Row) -> str:
-        """Return the residual of a row of fits.csv in the unit of the record."""
-        unit = self.unit(row["signal"])
-        return f"{number(row['rms'] * unit.scale, 3)} {unit.of(self.quantity(row['signal']))}"
+        """Return the residual of a row of fits.csv, which is in the unit of the record."""
+        unit = self.unit(row["signal"]).of(self.quantity(row["signal"]))
+        return f"{number(row['rms'], 3)} {unit}"
 
     def provenance(self, signal: str) -> Provenance:
         """Return how a signal's record was read."""

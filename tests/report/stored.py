@@ -1,0 +1,210 @@
+"""The numbers in a run's files, in the cells and sentences where the page and the terminal show them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from bayesdamp.report import words
+from tests.report.conftest import CANDIDATES, METHODS, OWN, SHARED
+from tests.report.pages import Stored
+
+UNIT = {"bench": 180 / math.pi, "sim": 1.0, "sim-2": 1.0}
+COUNTS = {"bench": 1, "sim": 1, "sim-2": 2}
+BOTH = "viscous+coulomb"
+
+
+def inverse(function: Callable[[str], str], names: Any) -> dict[str, str]:
+    return {function(name): name for name in names}
+
+
+MODEL = inverse(lambda m: words.model(m).lower(), ("viscous", BOTH))
+METHOD = inverse(words.method, (*METHODS, "nuts", "emcee", "importance", "bridge"))
+STAGE = inverse(words.stage, ("initial", "refined"))
+PARAMETER = inverse(lambda n: words.symbol(n).text, ("zeta", "mu_c", *SHARED["bench"], "natural_frequency"))
+
+
+class Folder:
+    """The tables and verdicts of a run's folder, read without the program, and the rows that were looked up."""
+
+    def __init__(self, folder: Path) -> None:
+        self.tables = {
+            n: pd.read_csv(folder / f"{n}.csv") for n in ("estimates", "posteriors", "evidence", "fits")
+        }
+        self.looked_up: dict[str, set[int]] = {name: set() for name in self.tables}
+        self.verdicts = {v["record"]: v for v in json.loads((folder / "verdict.json").read_text())}
+
+    def rows(self, table: str, **wanted: object) -> pd.DataFrame:
+        columns = (self.tables[table][column].to_numpy(object) == value for column, value in wanted.items())
+        rows = self.tables[table][np.logical_and.reduce(list(columns))]
+        self.looked_up[table] |= set(rows.index)
+        return rows
+
+    def row(self, table: str, **wanted: object) -> Any:
+        (row,) = self.rows(table, **wanted).to_dict("records")
+        return row
+
+    def truth(self, signal: str, parameter: str) -> float:
+        rows = self.tables["estimates"]
+        return rows[(rows.signal == signal) & (rows.parameter == parameter)].truth.max()
+
+
+def sized(v: Any, scale: float = 1.0) -> dict[str, float]:
+    return {part: scale * v[part] for part in ("value", "low", "high")}
+
+
+def quality(r: Any) -> dict[str, float]:
+    return {"value": 0.5 / r["value"], "low": 0.5 / r["high"], "high": 0.5 / r["low"]}
+
+
+def named(prefix: str, numbers: dict[str, float]) -> dict[str, float]:
+    return {f"{prefix} {part}": value for part, value in numbers.items()}
+
+
+def of_sentence(v: Any, unit: float) -> dict[str, float]:
+    """Return the numbers of an answer's sentence in the order in which they are read."""
+
+    def with_width(i: Any) -> dict[str, float]:
+        uneven = (i["high"] - i["value"]) > 1.25 * (i["value"] - i["low"])
+        return sized(i) if uneven else {"value": i["value"], "half": 0.5 * (i["high"] - i["low"])}
+
+    size: dict[str, float] = {}
+    for i, r in enumerate(v["damping_ratio"]):
+        if i in (0, len(v["damping_ratio"]) - 1):
+            size |= named(f"ratio {i and 'last'}", sized(r, 100) | {"amplitude": unit * r["amplitude"]})
+    if at := v["frequency_at"]:
+        size |= named("frequency at", with_width(at) | {"amplitude": unit * at["amplitude"]})
+    size |= named("frequency", with_width(v["frequency"]))
+    within = 100 * v["deviation"]["high"] if v["deviation"] else math.nan
+    if v["decided"]:
+        shares = of_energy(v) if "+" in v["damping"] else {}
+        return {"probability": v["probability"], **size, **shares, "law": within}
+    rivals = {f"probability of {r['damping']}": r["probability"] for r in v["rivals"]}
+    law = {"law": 100 * v["deviation"]["value"], "95": 95.0, "law below": within}
+    return {**size, "probability": v["probability"], **rivals, **law}
+
+
+def of_energy(v: Any) -> dict[str, float]:
+    return {f"{s['term']} {p}": 100 * s[p] for s in v["energy"] for p in ("share", "low", "high")}
+
+
+def of_ratio(r: Any, unit: float) -> dict[str, Stored]:
+    return {
+        "amplitude": {"": unit * r["amplitude"]}, "equivalent damping ratio (95 %)": sized(r, 100), "Q": quality(r),
+        "sd from noise": {"": 100 * r["sd_noise"]}, "sd from the law": {"": 100 * r["sd_law"]},
+    }  # fmt: skip
+
+
+def of_large_type(v: Any, unit: float) -> dict[str, float]:
+    r, at = v["damping_ratio"][len(v["damping_ratio"]) // 2], v["frequency_at"]
+    place = {"amplitude": unit * r["amplitude"]}
+    first = named("frequency at", {"amplitude": unit * at["amplitude"]} | sized(at)) if at else {}
+    first |= named("frequency", sized(v["frequency"]))
+    return first | named("ratio", place | sized(r, 100)) | named("Q", place | quality(r))
+
+
+def of_answer_table(f: Folder, signal: str, i: int, cells: dict[str, str]) -> dict[str, Stored]:
+    v = f.verdicts[signal]
+    if "amplitude" in cells:
+        return of_ratio(v["damping_ratio"][i], UNIT[signal])
+    if "restoring law" in cells:
+        log, exact, rms = CANDIDATES[MODEL[cells["damping"].lower()]]
+        best, best_exact = (max(each) for each in list(zip(*CANDIDATES.values()))[:2])
+        shown = {
+            "log Bayes factor": {"": log - best}, "log Bayes factor under exact laws": {"": exact - best_exact},
+        }  # fmt: skip
+        return {**shown, f"rms residual, {'deg' if signal == 'bench' else 'rad'}": {"": rms * UNIT[signal]}}
+    name = PARAMETER[cells.get("parameter") or cells["coefficient"]]
+    own = next((a for a in v["coefficients"] if a["name"] == name), None)
+    if "parameter" in cells:
+        assert own is not None
+        sds = {f"sd from {a}": {"": own[b]} for a, b in (("noise", "sd_noise"), ("the law", "sd_law"))}
+        return {"value (95 %)": sized(own), **sds, "unit": own["unit"]}
+    at = {"signal": signal, "repeat": 0, "model": v["damping"], "parameter": name}
+    fits = f.rows("estimates", **at, stage="refined", outcome="ok").value
+    stored: dict[str, Stored] = {
+        "answer (95 %)": sized(own) if own else {},
+        "truth": {"": f.truth(signal, name)},
+    }
+    for sampler in ("nuts", "emcee"):
+        r = f.row("posteriors", **at, sampler=sampler)
+        size = {"value": r["median"], "low": r["q2.5"], "high": r["q97.5"]}
+        stored |= {f"{words.method(sampler)} (95 %)": size, "unit": r["unit"]}
+    return {**stored, "trajectory fits": {"least": fits.min(), "largest": fits.max(), "count": len(fits)}}
+
+
+def of_posterior(f: Folder, at: dict[str, Any], cells: dict[str, str]) -> dict[str, Stored]:
+    name = PARAMETER[cells["parameter"]]
+    true = f.truth(at["signal"], name)
+    r = f.row("posteriors", **at, parameter=name, sampler=METHOD[cells["sampler"]])
+    within = "inside" if r["q2.5"] <= true <= r["q97.5"] else "outside"
+    each = {"R̂": "rhat", "ESS bulk": "ess_bulk", "ESS tail": "ess_tail", "divergences": "divergences"}
+    return {
+        "mean ± sd": {"mean": r["mean"], "sd": r["sd"]}, "95 % interval": {"low": r["q2.5"], "high": r["q97.5"]},
+        "truth": within if "repeat" in cells else {"": true}, "unit": r["unit"], "outcome": r["outcome"],
+        **{header: {"": r[column]} for header, column in each.items()},
+    }  # fmt: skip
+
+
+def of_estimate(f: Folder, at: dict[str, Any], cells: dict[str, str]) -> dict[str, Stored]:
+    count, at = COUNTS[at["signal"]], {"signal": at["signal"], "model": at["model"]}
+    rows = f.rows("estimates", **at, estimator=METHOD[cells["estimator"]], stage=STAGE[cells["stage"]])
+    bad = rows.outcome[rows.outcome != "ok"].to_list()
+    stored: dict[str, Stored] = {
+        "evaluations": {"": rows.evaluations.max()}, "time": {"": rows.seconds.max()},
+        "outcome": " × ".join([str(len(bad))] * (count > 1) + bad[:1]) if bad else "ok",
+    }  # fmt: skip
+    for term in at["model"].split("+"):
+        name, unit = OWN[term]
+        symbol, own = words.symbol(name).text, rows[rows.parameter == name]
+        value = {"value": own.value.max(), "sd": own.stderr.max()}
+        errors, extent = own.error_pct.abs(), {"least": own.value.min(), "largest": own.value.max()}
+        error = {"least": errors.min(), "largest": errors.max()} if count > 1 else {"": errors.max()}
+        stored[f"{symbol} / ({unit})"] = value if count == 1 else extent
+        stored[f"error of {symbol} / %" if at["model"] == BOTH else "error / %"] = error
+    return stored
+
+
+def of_evidence(f: Folder, at: dict[str, Any], cells: dict[str, str]) -> dict[str, Stored]:
+    r = f.row("evidence", **at, method=METHOD[cells["method"]])
+    return {
+        "log evidence / nats": {"value": r["log_evidence"], "sd": r["stderr"]},
+        "log Bayes factor": {"": r["log_bayes_factor"]}, "probability": {"": r["probability"]},
+        "diagnostic": "–" if pd.isna(r["diagnostic"]) else r["diagnostic"],
+    }  # fmt: skip
+
+
+def of_fit(f: Folder, at: dict[str, Any], cells: dict[str, str]) -> dict[str, Stored]:
+    r = f.row("fits", **at)
+    assert cells["rms residual"].endswith(f" {r['rms_unit']}")
+    each = {
+        "rms residual": "rms", "autocorrelation": "residual_autocorrelation", "predictive p": "predictive_p",
+        "stability over sub-records": "window_spread",
+    }  # fmt: skip
+    return {**{header: {"": r[column]} for header, column in each.items()}, "verdict": r["verdict"]}
+
+
+def of_overview(v: Any, unit: float) -> dict[str, Stored]:
+    r, deviation = v["damping_ratio"][len(v["damping_ratio"]) // 2], v["deviation"] or {"value": math.nan}
+    return {
+        "probability": {"": v["probability"]},
+        "frequency / Hz": {"": v["frequency"]["value"]},
+        "damping ratio (95 %), amplitude": sized(r, 100) | {"amplitude": unit * r["amplitude"]},
+        "law holds within / %": {"": 100 * deviation["value"]},
+        "unexplained / %": {"": v["unexplained_pct"]},
+    }
+
+
+OF_SECTION = {
+    "posteriors": ("sampler", of_posterior), "estimates": ("evaluations", of_estimate),
+    "evidence": ("method", of_evidence), "fit_quality": ("rms residual", of_fit),
+}  # fmt: skip
+"""A header of each section's table of a CSV file, and the stored numbers of its rows."""
+KIND = {"amplitude": "ratio", "parameter": "coefficient", "coefficient": "summary", "damping": "candidate"}
+"""What an answer's table has in its rows, by its first header."""

@@ -1,0 +1,230 @@
+"""Every number that the page and the terminal show is the stored one, to half a unit of its last digit."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from pkgutil import resolve_name
+from shutil import copytree
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+import bayesdamp.formatting as fmt
+from bayesdamp.report import render
+from bayesdamp.report.terminal import Told
+from bayesdamp.verdict import files
+from tests.report import stored as expected
+from tests.report.conftest import RunMaker, write_answers
+from tests.report.pages import Comparison, Tables, numbers
+from tests.report.stored import MODEL, UNIT
+
+
+def compare_answer(c: Comparison, where: str, v: Any, unit: float, texts: list[str]) -> None:
+    """Compare an answer's sentences: the first one, the energy lost, and the limits of other terms."""
+    limits = {f["form"]: 100 * f["share_below"] for f in v["other_forms"]}
+    c.check(f"{where} answer", texts[0], expected.of_sentence(v, unit))
+    limits = limits and {"95": 95.0, **limits}
+    for start, stored in (("Energy lost", expected.of_energy(v)), ("Other damping", limits)):
+        c.check(f"{where} {start}", next((t for t in texts if t.startswith(start)), ""), stored)
+
+
+def compare_page(c: Comparison, folder: Path) -> None:
+    """Compare the tables and the answers of the page with the files, and count the rows that it leaves out."""
+    page = Tables(render(folder).read_text(encoding="utf-8"))
+    f, of_answers, counts = expected.Folder(folder), expected.Folder(folder), Counter[tuple[str, str]]()
+    for table in page.tables:
+        (section, signal), headers = table.path[:2], table.headers
+        names = [re.sub(r"^under | \(repeat.*", "", name.lower()) for name in table.path[2:]]
+        model = next((MODEL[name] for name in reversed(names) if name in MODEL), None)
+        for i, line in enumerate(table.rows):
+            cells = dict(zip(headers, line, strict=True))
+            at = {"signal": signal, "repeat": int(cells.get("repeat", 1)) - 1}
+            at["model"] = model or MODEL.get(cells.get("model", "").lower())
+            if section == "answer":
+                stored = expected.of_answer_table(of_answers, signal, i, cells)
+            elif section == "overview":
+                stored = expected.of_overview(f.verdicts[cells["record"]], UNIT[cells["record"]])
+            elif section in expected.OF_SECTION and expected.OF_SECTION[section][0] in headers:
+                stored = expected.OF_SECTION[section][1](f, at, cells)
+            else:
+                continue
+            kind = expected.KIND[headers[0]] if section == "answer" else section
+            c.row(kind, cells, stored)
+            counts[signal, kind] += 1
+    for signal, v in f.verdicts.items():
+        own = [(tag, text) for path, tag, text in page.texts if path[:2] == ["answer", signal]]
+        compare_answer(c, "page", v, UNIT[signal], [text for tag, text in own if tag in ("claim", "p")])
+        large = " ".join(text for tag, text in own if tag in ("dt", "dd"))
+        c.check("large type", large, expected.of_large_type(v, UNIT[signal]))
+        at = {"signal": signal, "repeat": 0, "model": v["damping"]}
+        by = {m: of_answers.row("evidence", **at, method=m)["probability"] for m in ("bridge", "importance")}
+        by["answer"] = v["probability"] / (v["probability"] + v["rivals"][0]["probability"])
+        c.check("check of the probability", next(t for _, t in own if t.startswith("Probability of")), by)
+        rows = {"ratio": len(v["damping_ratio"]), "coefficient": len(v["coefficients"]), "candidate": 2}
+        for kind, count in {**rows, "summary": v["damping"].count("+") + 1}.items():
+            c.mark(f"{kind}: rows", counts[signal, kind] == count, f"{counts[signal, kind]} of {signal}")
+    c.mark("overview: rows", counts["", "overview"] == len(f.verdicts), str(counts))
+    for name, rows in f.tables.items():
+        first = set(rows.index[rows.repeat == 0])
+        c.mark(f"{name}: rows", first <= f.looked_up[name], f"not shown: {first - f.looked_up[name]}")
+
+
+def compare_terminal(c: Comparison, folder: Path) -> None:
+    out, f = io.StringIO(), expected.Folder(folder)
+    told = Told(Console(file=out, width=200), {"bench": "deg"})
+    for verdict in files.read(folder / "verdict.json"):
+        told(verdict)
+    parts = re.split(rf"^({'|'.join(f.verdicts)}): ", out.getvalue(), flags=re.MULTILINE)
+    for signal, text in zip(parts[1::2], parts[2::2], strict=True):
+        v, lines = f.verdicts[signal], text.splitlines()
+        compare_answer(c, "terminal", v, UNIT[signal], lines)
+        grid = [[cell.strip() for cell in line.split("│")[1:-1]] for line in lines if line.startswith("│")]
+        c.mark("terminal ratio: rows", len(grid) == len(v["damping_ratio"]), text)
+        for row, r in zip(grid, v["damping_ratio"]):
+            stored = expected.of_ratio(r, UNIT[signal])
+            c.row("terminal ratio", dict(zip(stored, row)), stored)
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    counts, models = {"sim": 1, "sim-2": 2}, ("viscous", "viscous+coulomb")
+    return RunMaker(tmp_path_factory.mktemp("numbers") / "run", ("bench", *counts), counts, models).make()
+
+
+@pytest.fixture
+def compared(run_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], Comparison]:
+    """Compare a copy of the run, whose sentences are written when this is called. No figure is drawn."""
+    monkeypatch.setattr("bayesdamp.report.drawing.Drawings.add", lambda *_, **__: "")
+
+    def compare() -> Comparison:
+        folder, c = copytree(run_folder, tmp_path / "run"), Comparison()
+        write_answers(folder)
+        compare_page(c, folder)
+        compare_terminal(c, folder)
+        return c
+
+    return compare
+
+
+def test_every_number_that_is_shown_is_the_stored_one(compared: Callable[[], Comparison]) -> None:
+    c = compared()
+    assert c.wrong == {}
+    assert len(c.compared) > 200
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "half"),
+    [("−0.0120", -0.012, 5e-5), ("5\u202f000", 5000, 0.5), ("2.0 × 10⁻⁸", 2e-8, 5e-10), ("1e-05 %", 1e-5, 5e-6),
+     ("(1.20 ± 0.30) × 10⁷", 1.2e7, 5e4), ("85 ms", 0.085, 5e-4), ("0", 0, 0)],
+)  # fmt: skip
+def test_a_shown_number_is_right_to_half_a_unit_of_its_last_digit(
+    text: str, value: float, half: float
+) -> None:
+    number = numbers(text)[0]
+    assert number.is_right(value)
+    assert number.is_right(value + half)
+    assert not number.is_right(value + 1.01 * half + 1e-12)
+    assert not numbers("> 0.999")[0].is_right(0.9985)
+
+
+Change = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+
+def swapped(answer: Any) -> Any:
+    def swap(parts: Any) -> Any:
+        return tuple(replace(p, sd_noise=p.sd_law, sd_law=p.sd_noise) for p in parts)
+
+    v = answer.verdict
+    changed = replace(v, damping_ratio=swap(v.damping_ratio), coefficients=swap(v.coefficients))
+    return replace(answer, verdict=changed)
+
+
+def exchanged(v: Any) -> Any:
+    """Return a verdict whose terms have each other's shares."""
+    pairs = zip(v.energy, reversed(v.energy))
+    return replace(v, energy=tuple(replace(other, term=own.term) for own, other in pairs))
+
+
+def larger(i: Any) -> Any:
+    return replace(i, value=1.01 * i.value, low=1.01 * i.low, high=1.01 * i.high)
+
+
+FMT, WORDS, REPORT = "bayesdamp.formatting", "bayesdamp.verdict.words", "bayesdamp.report"
+TABLES, SECTIONS, ANSWER = "bayesdamp.verdict.tables", f"{REPORT}.sections", f"{REPORT}.sections.answer"
+SIZES = (f"{FMT}.with_interval", f"{WORDS}.with_interval")
+CONTROLS: dict[str, tuple[tuple[str, ...], Change, str]] = {
+    "interval starts at its value": (
+        SIZES, lambda f: lambda value, low, high, *more: f(value, value, high, *more),
+        r"(?!posteriors|.*(coulomb|viscous) ).* low"),
+    "value scaled": (
+        SIZES, lambda f: lambda value, *more: f(1.01 * value, *more),
+        r"(?!estimates|evidence|.*answer: frequency at).* value"),
+    "interval half as wide": (
+        SIZES, lambda f: lambda v, low, high, *more: f(v, (v + low) / 2, (v + high) / 2, *more),
+        r"(?!posteriors|.*(coulomb|viscous) ).* (low|high)"),
+    "mean scaled": (
+        (f"{FMT}.with_error",), lambda f: lambda value, sd: f(1.01 * value, sd),
+        r"posteriors, mean ± sd: mean|estimates, coefficient .*: value"),
+    "frequency scaled": (
+        (f"{WORDS}.plus_minus",), lambda f: lambda i: f(larger(i)),
+        r".* answer: frequency (at value|value|half|low|high)"),
+    "error halved": (
+        (f"{SECTIONS}.estimates._table",),
+        lambda f: lambda *of: f(*of[:3], [{**r, "error_pct": r["error_pct"] / 2} for r in of[3]], of[4]),
+        r"estimates, error.*: (least|largest|)"),
+    "quartiles": (
+        (f"{SECTIONS}.posteriors.COLUMNS",),
+        lambda own: {**own, "95 % interval": lambda r: fmt.interval(r["q25"], r["q75"])},
+        r"posteriors, 95 % interval: (low|high)"),
+    "noise and law swapped": (
+        (f"{ANSWER}.answer_of",), lambda f: lambda *place: swapped(f(*place)),
+        r"(ratio|coefficient), sd from (noise|the law): "),
+    "probability of the rival": (
+        (f"{WORDS}._answer",), lambda f: lambda v: f(replace(v, probability=v.rivals[0].probability)),
+        r".* answer: probability"),
+    "probability of the rest": (
+        (f"{FMT}.probability", f"{WORDS}.probability"), lambda f: lambda p: f(1 - p), r"(?!.*count).*probability.*"),
+    "shares of each other": (
+        (f"{WORDS}._answer",), lambda f: lambda v: f(exchanged(v)), r".* answer: (viscous|coulomb) .*"),
+    "nats scaled": (
+        (f"{FMT}.nats",), lambda f: lambda value, *more: f(1.01 * value, *more),
+        r"evidence, log (evidence / nats: value|Bayes factor: )"),
+    "fixed places scaled": (
+        (f"{FMT}.fixed",), lambda f: lambda value, places: f(1.1 * value, places),
+        r"posteriors, (R̂|ESS .*): |fit_quality, autocorrelation: |candidate, log .*: "),
+    "residual converted twice": (
+        (f"{REPORT}.results.run.Run.rms",),
+        lambda f: lambda run, r: f(run, {**r, "rms": r["rms"] * run.unit(r["signal"]).scale}),
+        r"fit_quality, rms residual: "),
+    "time doubled": ((f"{FMT}.duration",), lambda f: lambda seconds: f(2 * seconds), r"estimates, time: "),
+    "amplitudes in rad": (
+        (f"{REPORT}.results.answers.in_unit", f"{REPORT}.terminal.in_unit"), lambda _: lambda verdict, unit: verdict,
+        r"(?!.*frequency at).*amplitude(: )?"),
+    "ends of Q exchanged": (
+        (f"{TABLES}.quality_of", f"{ANSWER}.quality_of"),
+        lambda _: lambda r: fmt.with_interval(0.5 / r.value, 0.5 / r.low, 0.5 / r.high), r".*Q:? (low|high)"),
+    "rows reversed on the terminal": (
+        (f"{REPORT}.terminal.ratios_table",), lambda f: lambda ratios: f(ratios[::-1]),
+        r"terminal ratio, (?!.*count).*"),
+    "ratios left out": ((f"{ANSWER}.ratios_table",), lambda _: lambda *_, **__: "", r"ratio: rows"),
+    "posteriors left out": ((f"{SECTIONS}.posteriors._tables",), lambda _: lambda *_: [], r"posteriors: rows"),
+}  # fmt: skip
+"""What is patched, with what, and the pattern of the names of all numbers that are wrong then."""
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_a_wrong_number_is_found(
+    control: str, compared: Callable[[], Comparison], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Control: the numbers that the change makes wrong are found, and no others."""
+    names, change, wrong = CONTROLS[control]
+    for name in names:
+        monkeypatch.setattr(name, change(resolve_name(name)))
+    c = compared()
+    assert set(c.wrong) == {name for name in c.compared if re.fullmatch(wrong, name)} != set()
