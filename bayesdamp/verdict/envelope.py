@@ -164,9 +164,7 @@ def _window(decay: Decay) -> UsedWindow:
     record, window, first = decay.record, decay.window, decay.first
     why = list(window.why)
     if first > window.start:
-        why[0] = (
-            f"starts at {record.t[first]:.4g} s, where the reading before it does not continue the decay"
-        )
+        why[0] = f"starts at {record.t[first]:.4g} s, where the reading before it does not continue the decay"
     floor = 10.0 * np.log10(window.floor.power) if window.floor is not None else float("nan")
     start, stop = float(record.t[first]), float(record.t[window.stop - 1])
     cycles = (record.frequency or float("nan")) * (stop - start)
