@@ -17,7 +17,7 @@ from rich.console import Console
 
 import bayesdamp.formatting as fmt
 from bayesdamp.report import render
-from bayesdamp.report.terminal import Told
+from bayesdamp.report.terminal import VerdictPrinter
 from bayesdamp.verdict import files
 from tests.report import stored as expected
 from tests.report.conftest import RunMaker, write_answers
@@ -77,7 +77,7 @@ def compare_page(c: Comparison, folder: Path) -> None:
 
 def compare_terminal(c: Comparison, folder: Path) -> None:
     out, f = io.StringIO(), expected.Folder(folder)
-    told = Told(Console(file=out, width=200), {"bench": "deg"})
+    told = VerdictPrinter(Console(file=out, width=200), {"bench": "deg"})
     for verdict in files.read(folder / "verdict.json"):
         told(verdict)
     parts = re.split(rf"^({'|'.join(f.verdicts)}): ", out.getvalue(), flags=re.MULTILINE)
