@@ -199,7 +199,7 @@ CONTROLS: dict[str, tuple[tuple[str, ...], Change, str]] = {
         (f"{FMT}.fixed",), lambda f: lambda value, places: f(1.1 * value, places),
         r"posteriors, (R̂|ESS .*): |fit_quality, autocorrelation: |candidate, log .*: "),
     "residual converted twice": (
-        (f"{REPORT}.results.run.Run.rms",),
+        (f"{REPORT}.results.run.RunFolder.rms",),
         lambda f: lambda run, r: f(run, {**r, "rms": r["rms"] * run.unit(r["signal"]).scale}),
         r"fit_quality, rms residual: "),
     "time doubled": ((f"{FMT}.duration",), lambda f: lambda seconds: f(2 * seconds), r"estimates, time: "),
