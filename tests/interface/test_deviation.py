@@ -297,7 +297,7 @@ def test_what_has_no_meaning_is_refused(given: dict, said: str) -> None:
 
 
 def test_what_exact_laws_alone_have_is_refused() -> None:
-    with pytest.raises(bd.InputError, match="start is of no use"):
+    with pytest.raises(bd.InputError, match="start has no effect"):
         bd.fit(record(), MODEL, start={"zeta": 0.05})
     assert "kalman assumes that laws hold exactly" in bd.sample(fit(), "kalman").outcome
     with pytest.raises(bd.InputError, match="unknown evidence method"):
