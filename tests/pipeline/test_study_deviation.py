@@ -147,5 +147,5 @@ def test_what_takes_laws_to_hold_exactly_says_so(tmp_path: Path) -> None:
     rows = read_table(ran("law", '["kalman", "emcee"]') / "posteriors.csv")
     refused = [r["outcome"] for r in rows if r["sampler"] == "kalman"]
     assert len(refused) == 1
-    assert "takes laws to hold exactly" in refused[0]
+    assert "assumes that laws hold exactly" in refused[0]
     assert zeta(ran("law", '["kalman", "emcee"]'), "emcee")["sd"] == pytest.approx(by_sum()[1], rel=0.15)
