@@ -357,7 +357,7 @@ def _noise_remark(noise: SampleNoise) -> str:
     match noise.name:
         case "student_t":
             freedom = f"{noise.fitted.values['noise_dof']:.2g} degrees of freedom"
-            return f"The record has outliers with little weight: Student's t noise (student_t, {freedom}) {ahead}."
+            return f"Outliers are given little weight: Student's t noise (student_t, {freedom}) {ahead}."
         case "quantised":
             return (
                 f"The record is rounded to coarse steps, which the noise model includes: quantised {ahead}."

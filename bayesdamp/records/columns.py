@@ -454,9 +454,12 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
             moving = [c for c in moving if not swings[id(c)].grows_again] or moving
     if len(moving) > 1:
         out = ", ".join([quote_name(content.columns, c) for c in values if c not in moving][:LEFT_OUT])
-        return moving, f"Columns that do not swing and die down are left out: {out}." if out else ""
-    taken = f"Column {quote_name(content.columns, moving[0])} is taken"
-    return moving, f"{taken}: of {len(values)} that change, it is the one that swings and dies down."
+        return moving, f"Columns that do not oscillate and decay are left out: {out}." if out else ""
+    used = f"Using column {quote_name(content.columns, moving[0])}"
+    return (
+        moving,
+        f"{used}: of the {len(values)} columns that change, it is the one that oscillates and decays.",
+    )
 
 
 def _contains_gravity(column: Column) -> bool:

@@ -167,8 +167,8 @@ def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str, swing: Swing) -> Find
     if speed <= limit or better is None:
         return None
     sentence = (
-        f"with the times of its header it swings at {1 / period:.4g} Hz and moves at {speed:.2g} {base}/s, which "
-        f"hardly anything does; are its times in {better}?"
+        f"the time unit of its header gives an oscillation at {1 / period:.4g} Hz with {speed:.2g} {base}/s, which is "
+        f"implausible; are its times in {better}?"
     )
     known = next((u for u in ("s", "ms", "us", "ns", "ps") if SECONDS[u] == own), "as the header says")
     option = f"--time-unit {better}, or {known} if they are"

@@ -80,7 +80,9 @@ def test_look_says_once_which_columns_are_read(tmp_path, capsys) -> None:
     rows = [f"{t:.3f},{y:.5f},{t * t:.5f}" for t, y in zip(T, Y, strict=True)]
     (tmp_path / "a.csv").write_text("\n".join(["t,angle (rad),drift", *rows]), encoding="utf-8")
     assert main(["look", str(tmp_path / "a.csv")]) == 0
-    assert "Column 'angle (rad)' is taken: of 2 that change" in " ".join(capsys.readouterr().out.split())
+    assert "Using column 'angle (rad)': of the 2 columns that change" in " ".join(
+        capsys.readouterr().out.split()
+    )
 
 
 def test_look_says_where_there_are_no_samples(tmp_path, capsys) -> None:

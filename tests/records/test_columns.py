@@ -69,7 +69,7 @@ def test_a_plain_choice_is_made_and_said(tmp_path: Path, what: str) -> None:
     np.testing.assert_allclose(record.t, T, atol=1e-12)
     notes = " ".join(map(str, record.provenance.notes))  # type: ignore[call-overload]
     assert record.choice in notes
-    assert (f"Column {value!r} is taken" in record.choice) == (what not in ALONE)
+    assert (f"Using column {value!r}" in record.choice) == (what not in ALONE)
 
 
 def test_where_a_run_has_one_column_there_is_no_choice(tmp_path: Path) -> None:
@@ -108,7 +108,7 @@ def test_without_names_a_column_is_told_by_its_number(tmp_path: Path) -> None:
     path = write(tmp_path / "a.csv", {"t": T, "x": Y, "r": BEATING}, named=False)
     record = read_record(path)
     assert record.columns == (1, 2)
-    assert any("Column 2 is taken" in str(note) for note in record.provenance.notes)  # type: ignore[attr-defined]
+    assert any("Using column 2" in str(note) for note in record.provenance.notes)  # type: ignore[attr-defined]
 
 
 def test_sensors_of_one_unit_are_a_record_each(tmp_path: Path) -> None:
