@@ -80,7 +80,7 @@ def compilation_notice() -> str:
     """Return a notice where a first run has nothing compiled yet and takes longer; empty later."""
     if any((cache_folder() / "kernels").glob("*")):
         return ""
-    return "compiling the equations of motion for this machine; this first run takes about a minute longer"
+    return "compiling the equations of motion for this machine; this first run takes about 20 s longer"
 
 
 def run_and_print(

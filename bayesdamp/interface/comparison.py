@@ -225,7 +225,7 @@ def compare(
 ) -> Comparison:
     """Find which damping a record has, how large it is, and how well the law holds.
 
-    It takes 5 to 10 s, with more cycles up to half a minute, and about a minute longer where nothing is compiled yet.
+    It takes 5 to 10 s, with more cycles up to half a minute, and about 20 s longer where nothing is compiled yet.
     Envelopes, which `read_envelope` reads, are compared by their damping alone: only `repeats`, `name`, `damping` and
     `seed` apply to them.
 

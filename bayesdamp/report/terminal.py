@@ -51,7 +51,7 @@ class VerdictPrinter:
         self.first: dict[str, Verdict] = {}
 
     def __call__(self, verdict: Verdict) -> None:
-        """Print a record's first verdict in full, and of a later one whether it confirms the first."""
+        """Print a record's first verdict in full; of a later one whether it confirms the first, and its sentence."""
         unit = self._units.get(verdict.record)
         converted = in_unit(verdict, unit_named(unit)) if unit else verdict
         before = self.first.get(verdict.record)
@@ -66,14 +66,16 @@ class VerdictPrinter:
             return
         comparison = agreement(before, verdict)
         self.console.print(Text(sampled_words(comparison)), soft_wrap=True)
-        if not comparison.confirms:
+        if comparison.confirms:
+            _print_sentence(converted, self.console)
+        else:
             self.console.print()
             print_verdict(converted, self.console)
 
 
 def print_verdict(verdict: Verdict, console: Console) -> None:
     """Print a verdict: its sentence, the damping ratio against amplitude, the remarks."""
-    console.print(Text.assemble((f"{verdict.record}: ", "bold"), verdict.sentence), soft_wrap=True)
+    _print_sentence(verdict, console)
     if verdict.decay_rate:
         console.print(decay_table(verdict.decay_rate, verdict.quality_factor_at).rich())
     elif verdict.damping_ratio:
@@ -84,6 +86,10 @@ def print_verdict(verdict: Verdict, console: Console) -> None:
         console.print(modes_table(verdict.modes, verdict.motion).rich())
     for remark in verdict.remarks:
         console.print(Text(f"- {remark}"), soft_wrap=True)
+
+
+def _print_sentence(verdict: Verdict, console: Console) -> None:
+    console.print(Text.assemble((f"{verdict.record}: ", "bold"), verdict.sentence), soft_wrap=True)
 
 
 def conclude(folder: Path, console: Console) -> None:

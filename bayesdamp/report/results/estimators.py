@@ -88,13 +88,8 @@ def sort_by_category(methods: Iterable[str]) -> list[str]:
 
 def true_models(run: RunFolder) -> dict[str, str]:
     """Return the simulated signals, each with the damping that it was simulated with."""
-    models = {}
-    for signal in run.study.get("signals") or []:
-        source = signal.get("source") if isinstance(signal, dict) else None
-        damping = (source or {}).get("damping")
-        if damping:
-            models[signal["name"]] = "+".join(damping)
-    return models
+    simulations = {signal: run.simulation(signal) for signal in run.signals}
+    return {signal: "+".join(source["damping"]) for signal, source in simulations.items() if source}
 
 
 def compare_estimators(run: RunFolder) -> EstimatorComparison:

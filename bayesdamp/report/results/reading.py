@@ -159,11 +159,13 @@ def summary_rows(run: RunFolder, signal: str, repeat: int, model: str) -> list[R
 
 def truth(run: RunFolder, signal: str, parameter: str) -> float:
     """Return the true value of a simulated signal's parameter, nan if it is not known."""
-    if run.simulated(signal):
-        for row in run.estimates:
-            if row["signal"] == signal and row["parameter"] == parameter and math.isfinite(row["truth"]):
-                return row["truth"]
-    return math.nan
+    if not run.simulated(signal):
+        return math.nan
+    for row in run.estimates:
+        if row["signal"] == signal and row["parameter"] == parameter and math.isfinite(row["truth"]):
+            return row["truth"]
+    simulated = run.simulation(signal).get("truth") or {}
+    return float(simulated.get(parameter, math.nan))
 
 
 def damping_parameters(run: RunFolder) -> dict[str, str]:

@@ -123,6 +123,12 @@ class RunFolder:
         """Return whether the program simulated the signal, so that the truth is known."""
         return bool(self.about(signal).get("simulated"))
 
+    def simulation(self, signal: str) -> Row:
+        """Return how the program simulated the signal, as in the study: damping, true values, duration and so on."""
+        studied = (s for s in self.study.get("signals") or [] if isinstance(s, dict) and s["name"] == signal)
+        source = next(studied, {}).get("source") or {}
+        return source if "damping" in source else {}
+
     def repeats(self, signal: str) -> list[int]:
         """Return the numbers of a signal's repeats, at least one."""
         tables = {row["repeat"] for row in self._rows if row["signal"] == signal}

@@ -10,7 +10,6 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -83,9 +82,7 @@ def series(run: RunFolder) -> list[ErrorSeries]:
 
 def _design(run: RunFolder, signal: str) -> tuple[float, float, float] | None:
     """Return noise in per cent of the first amplitude, samples per period and periods, rounded to two digits."""
-    source: dict[str, Any] = next(
-        (s.get("source") or {} for s in run.study.get("signals") or [] if s["name"] == signal), {}
-    )
+    source = run.simulation(signal)
     rate = ((run.info.get("equilibrium") or {}).get(signal) or {}).get("natural_frequency")
     amplitude = (run.about(signal).get("reference") or {}).get("amplitude")
     if not rate or not amplitude or not source.get("duration"):

@@ -24,6 +24,11 @@ ADOPTED = (
     "are unreliable or differ by more than three standard errors."
 )
 
+ANSWER = (
+    "Sequential Monte Carlo gives the answer its evidence. Where there are many samples it averages them in short "
+    "blocks, which gives its log evidence another level; the log Bayes factors can be compared."
+)
+
 
 class EvidenceSection(SignalSection):
     """A table with the numbers of every method."""
@@ -84,8 +89,9 @@ def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
         "diagnostic": diagnostic,
     }
     left = [i for i, header in enumerate(columns) if header in ("model", "method", "diagnostic")]
-    caption = ADOPTED if any(r["method"] == "combined" for r in run.evidence) else ""
-    return Table.of(lines, columns, left, caption, kind)
+    methods = {r["method"] for r in lines}
+    captions = [text for method, text in (("combined", ADOPTED), ("smc", ANSWER)) if method in methods]
+    return Table.of(lines, columns, left, " ".join(captions), kind)
 
 
 def _pruned(run: RunFolder, signal: str, repeat: int) -> Table:
