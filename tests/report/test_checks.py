@@ -61,7 +61,7 @@ def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **
     """As much of a run as checks read."""
     cells = {kind: cell(kind, v) for kind, v in given.pop("cells", {}).items()}
     cells |= {"answer": cell("answer", answer)} if answer else {}
-    source = {"source": {"damping": truth.split("+")}} if truth else {}
+    simulation = {"damping": truth.split("+")} if truth else {}
     result = {
         "signals": ["a"],
         "models": [],
@@ -71,12 +71,12 @@ def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **
         "fits": [],
         "info": {},
         "under_law": False,
-        "study": {"signals": [{"name": "a", **source}]},
         "repeats": lambda _: [0],
         "cell": lambda kind, *_: cells.get(kind),
         "cells": lambda *_: [],
         "unit": lambda _: UNITS[unit],
         "simulated": lambda _: bool(truth),
+        "simulation": lambda _: simulation,
         "provenance": lambda _: SimpleNamespace(warnings=()),
     }
     return cast(RunFolder, SimpleNamespace(**{**result, **given}))
