@@ -17,7 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, QUANTITIES, Motion, Solver
+from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, Motion, Solver
 
 TURNS, REAL_TURNS = 2, 4
 """Cycles that are read for an amplitude and a phase: of the oscillation that is solved, a whole number of which goes
@@ -126,17 +126,6 @@ class AveragedSolver(Solver):
             slopes = self._turned(z, *_projected(slopes, order, self.track.phases))[:stop]
             slopes[:, : len(self.terms)] *= self.slowness
         return Motion(y, slopes, motion.times, motion.states)
-
-    def read_slopes(self, times: np.ndarray, states: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-        """As `Solver.read_slopes`."""
-        from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
-
-        inner, order = self._read(len(self.track.sizes))
-        derivative = QUANTITIES.index(self.quantity)
-        y = at_times(times, states, inner.t, derivative)
-        moved = slopes_at_times(times, slopes, np.arange(slopes.shape[1]), inner.t, derivative)
-        z, _ = _projected(y, order, self.track.phases)
-        return self._turned(z, *_projected(moved, order, self.track.phases))
 
     def corrected(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None

@@ -271,18 +271,6 @@ class Solver:
         )
         return Motion(y, Slopes(times, slopes, columns, points, order), times, states)
 
-    def read_slopes(self, times: np.ndarray, states: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-        """Return the tangents of the solved quantity, (n, k), from those at a motion's nodes.
-
-        times: (s,); states: (s, 3); slopes: (s, k, 3).
-        """
-        from bayesdamp.physics.kernel.dense import slopes_at_times
-
-        del states
-        columns, points = np.arange(slopes.shape[1]), self._points(None)
-        values = slopes_at_times(times, slopes, columns, points.t, QUANTITIES.index(self.quantity))
-        return points.mean(values)
-
     def works(
         self,
         x: np.ndarray,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -17,8 +16,7 @@ from bayesdamp.inference.deviation.numbers.bounds import bounds_of_others
 from bayesdamp.inference.deviation.numbers.draws import probabilities
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
-from bayesdamp.physics.damping import others
-from bayesdamp.physics.kernel.solve import PARAMETERS
+from bayesdamp.physics.damping import TERMS, others
 from bayesdamp.types import Signal
 from tests.physics.independent import trajectory
 
@@ -29,44 +27,40 @@ TIMES = np.arange(1000) * 2 * math.pi / W / 40
 
 
 @lru_cache
-def weighed(noise: float, friction: float = 0.0) -> tuple[Weighing, CandidateResult]:
-    """Return a weighing and its likeliest candidate, of a viscous decay, or one with exact friction too, which is
-    known to be exact."""
-    known = {"epsilon": 0.0} if friction else None
-    y = trajectory("linear", P | {"mu_c": friction} | (known or {}), TIMES)[:, 0]
+def weighed(noise: float) -> tuple[Weighing, CandidateResult]:
+    """Return a weighing of a viscous decay and its likeliest candidate."""
+    y = trajectory("linear", P, TIMES)[:, 0]
     y += noise * np.random.default_rng(5).standard_normal(TIMES.size)
-    weighing = weighing_of(Signal(TIMES, y), restoring=["linear"], known=known)
+    weighing = weighing_of(Signal(TIMES, y), restoring=["linear"])
     each = probabilities(weighing, False)
     return weighing, max(weighing.results, key=lambda r: each[r.candidate])
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.15])
-def test_tangents_are_the_kernel_s_own(friction: float) -> None:
-    """For terms that the kernel also has, the tangents agree with the kernel's, through turning points and sticking
-    too.
+@pytest.mark.parametrize("name", ["cubic", "stribeck", "dry_position"])
+def test_a_tangent_is_the_change_of_the_motion_with_a_little_of_the_form(name: str) -> None:
+    """The motions with a little more and a little less of the form are solved by SciPy, with the form's own force."""
+    y = _decay(lambda x, v: 0.0)[0]
+    weighing = weighing_of(
+        Signal(TIMES, y + 1e-4 * np.random.default_rng(1).standard_normal(y.size)),
+        damping=["viscous"], restoring=["linear"], approximate=False,
+    )  # fmt: skip
+    result, term = weighing.results[0], TERMS.get(name)
+    forms = list(bounds._forms(weighing, result, name))
+    tangents = bounds._tangents(weighing, result, forms, False)
+    assert tangents is not None
+    epsilon = weighing.solvers["linear"].epsilon
+    for form, tangent in zip(forms, tangents.T, strict=True):
+        more = term.at(form.values)
+        less = term.at(form.less) if form.less else lambda x, v, e: 0.0
+        c = 1e-3 / max(abs(more(A, W * A, epsilon)), 1e-3)
 
-    Both solve the same variational equation, by another method and with another form of the force.
-    """
-    weighing, result = weighed(0.002, friction)
-    assert (np.sum(result.motion.states[:, 2] == 0) > 1) == bool(friction)
-    solver, about = weighing.solvers["linear"], result.about
-    assert about is not None
-    forms = [f for name in ("cubic", "displacement") for f in bounds._forms(weighing, result, name)]
-    found = bounds._tangents(weighing, result, bounds._sources(weighing, result, forms)[0])
-    d, n = result.fit.z.size, solver.knots.size
-    wider = replace(solver, terms=(*solver.terms, "cubic", "displacement"))
-    known = {
-        **result.fit.parameters.named(about.u[:d]),
-        "rest": weighing.data.rest_under("linear", result.law),
-    }
-    p = np.array([known.get(name, 0.0) for name in wider.names])
-    active = np.array([*result.fit.active, True, True])
-    motion = wider.solve(p, active, np.expm1(about.u[d : d + n]), about.u[d + n :], PARAMETERS)
-    assert motion is not None
-    for i, name in enumerate(("mu_3", "c_xxv")):
-        truth = motion.tangents[:, wider.names.index(name)]
-        np.testing.assert_allclose(found[:, i], truth, atol=2e-3 * np.abs(truth).max())
-        assert np.abs(found[:, i] - 1.01 * truth).max() > 2e-3 * np.abs(truth).max()  # control
+        def with_form(size: float, more: Any = more, less: Any = less) -> np.ndarray:
+            return _decay(lambda x, v: size * (more(x, v, epsilon) - less(x, v, epsilon)))[0]
+
+        truth = (with_form(c) - with_form(-c)) / (2 * c)
+        assert truth.shape == tangent.shape
+        np.testing.assert_allclose(tangent, truth, atol=1e-2 * np.abs(truth).max())
+        assert np.abs(tangent - 1.03 * truth).max() > 1e-2 * np.abs(truth).max()  # control
 
 
 def test_every_form_is_bounded_by_itself() -> None:

@@ -1,14 +1,13 @@
 """Bounds of the forms of damping that are not in the answer, each added by itself to the likeliest sum.
 
 The record's model is linear about the likeliest candidate's mode. A form that is not in it is one more column: the
-tangent by its coefficient at 0, which solves the candidate's own variational equation with the form's force as a
-source. No motion is solved again and nothing is searched.
+tangent of the motion by its coefficient at 0. No motion is solved again and nothing is searched.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import condensed, weigh
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.physics.damping import TERMS, TINY, others
-from bayesdamp.physics.restoring import LAWS
+from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import SCORE_RATIO
 
 FEW = 1000
@@ -26,15 +25,27 @@ SCORES = (-1.0, 1.0)
 """Scores of a form's parameters at which it is bounded; the larger bound counts."""
 LEAST_WORK = 1e-6
 """Net work, relative to the sum of its absolute parts, below which a form dissipates no energy."""
-Shape = Callable[[float, float, float], float]
 
 
 @dataclass(frozen=True)
 class _Form:
-    """A force per unit of its coefficient, and whether the coefficient may have either sign."""
+    """A force per unit of its coefficient.
+
+    Attributes
+    ----------
+    name : str
+        The damping term.
+    values : mapping of str to float
+        Values of the term's further parameters.
+    less : mapping of str to float, optional
+        Values at which the term is a simpler one, whose force is subtracted.
+    signed : bool
+        Whether the coefficient may have either sign.
+    """
 
     name: str
-    shape: Shape
+    values: Mapping[str, float]
+    less: Mapping[str, float] | None = None
     signed: bool = False
 
 
@@ -69,8 +80,10 @@ def bounds_of_others(
     if base is None or not forms:
         return {}
     columns, target = base
-    sources, work, moved, own = _sources(weighing, result, forms)
-    more = _tangents(weighing, result, sources)
+    more = _tangents(weighing, result, forms, approximate)
+    if more is None:
+        return {}
+    work, moved, own = _works(weighing, result, forms)
     parameters = result.fit.parameters
     knots = weighing.solvers[result.candidate.restoring].knots.size if approximate else 0
     grid = grid_of(knots, exact=not approximate, coarse=True, absorbed=parameters.absorbs)
@@ -110,14 +123,10 @@ def _forms(weighing: Weighing, result: CandidateResult, name: str) -> Iterator[_
     for score in SCORES if free else (0.0,):
         known = {**scales, **simple, **{p: value(p, score) for p in free}}
         if not simple:
-            yield _Form(name, term.at(known))
+            yield _Form(name, known)
         for parameter in simple:
             changed = {**known, parameter: value(parameter, 1.0)}
-            yield _Form(name, _difference(term.at(changed), term.at(known)), not priors[parameter].reflected)
-
-
-def _difference(more: Shape, less: Shape) -> Shape:
-    return lambda x, v, epsilon: more(x, v, epsilon) - less(x, v, epsilon)
+            yield _Form(name, changed, known, not priors[parameter].reflected)
 
 
 def columns_of(result: CandidateResult, approximate: bool) -> tuple[np.ndarray, np.ndarray] | None:
@@ -149,91 +158,67 @@ def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return times, every[:, 0], v
 
 
-def _sources(
+def _works(
     weighing: Weighing, result: CandidateResult, forms: list[_Form]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, _Own]:
-    """Return the forces of the forms and their work along the motion.
+) -> tuple[np.ndarray, np.ndarray, _Own]:
+    """Return the work of the forms along the motion.
 
-    Forces at `_middle`'s points, (2s − 1, f), their mean power, (f,), the mean of its magnitude, (f,), and the work of
-    the sum's own terms.
+    Their mean power, (f,), the sum of its magnitudes on either side of rest, (f,), and the work of the sum's own terms.
     """
     solver, parameters = weighing.solvers[result.candidate.restoring], result.fit.parameters
     times, x, v = _middle(result)
-    forces = np.array([
-        [form.shape(a, b, solver.epsilon) for form in forms]
-        for a, b in zip(x.tolist(), v.tolist(), strict=True)
-    ])  # fmt: skip
     width = np.gradient(times) / (times[-1] - times[0])
     works = solver.works(x, v, v * width, result.further, result.fit.active)[0]
     places = np.flatnonzero(parameters.free < len(solver.terms))
     viscous = 2 * weighing.data.frequency * float(np.sum(width * v * v))
     own = _Own(viscous, works[parameters.free[places]], places, parameters.rates(result.z)[places])
-    return forces, (width * v) @ forces, (width * np.abs(v)) @ np.abs(forces), own
+    right = x > weighing.data.rest_under(result.candidate.restoring, result.law)
+    parts = np.zeros((2, len(forms)))
+    for i, form in enumerate(forms):
+        alone = replace(solver, terms=(form.name,))
+        states = [form.values, *([form.less] if form.less else [])]
+        further = np.array([[values[n] for n in alone.further] for values in states])
+        for part, side in zip(parts, (right, ~right), strict=True):
+            each = alone.works(x, v, v * width * side, further, np.ones(1, bool))[:, 0]
+            part[i] = each[0] - each[1:].sum()
+    return parts.sum(axis=0), np.abs(parts).sum(axis=0), own
 
 
-def _tangents(weighing: Weighing, result: CandidateResult, sources: np.ndarray) -> np.ndarray:
-    """Return the tangents of the record by the forms' coefficients, (n, f).
+def _tangents(
+    weighing: Weighing, result: CandidateResult, forms: list[_Form], approximate: bool
+) -> np.ndarray | None:
+    """Return the tangents of the record by the forms' coefficients at 0, (n, f); None where the motion escapes.
 
-    They solve the variational equation, by Runge and Kutta's method of order 4 on the motion's own steps. Exact
-    friction changes them at turning points as it does in `physics.kernel.march`.
+    The motion is solved with all forms at once, and again for the terms that have further forms.
     """
-    solver = weighing.solvers[result.candidate.restoring]
-    times, x, v = _middle(result)
-    by_x, by_v, scale = _slopes(weighing, result, times, x, v)
-    force = -scale[:, None] * sources * solver.slowness
-    t, n = times[::2], sources.shape[1]
-    tangents = np.zeros((t.size, n, 3))
-    tangents[0, :, 2] = force[0]
-    d, w = np.zeros(n), np.zeros(n)
-    velocity, acceleration = result.motion.refined[1][:, 1:].T
-    still = (velocity == 0) & (acceleration == 0)
+    solver, about = weighing.solvers[result.candidate.restoring], result.about
+    wider = replace(solver, terms=tuple(dict.fromkeys([*solver.terms, *(form.name for form in forms)])))
+    g, h = about.deviations if approximate and about is not None else (None, None)
+    known = dict(zip(solver.names, result.values.tolist(), strict=True))
+    added = {form.name for form in forms}
+    active = np.array([
+        name in added or (name in solver.terms and bool(result.fit.active[solver.terms.index(name)]))
+        for name in wider.terms
+    ])  # fmt: skip
+    states: dict[str, list[Mapping[str, float]]] = {name: [] for name in added}
+    for form in forms:
+        states[form.name] += [
+            v for v in (form.values, form.less) if v is not None and v not in states[form.name]
+        ]
+    solved: list[np.ndarray] = []
+    for number in range(max(map(len, states.values()))):
+        own = {name: each[min(number, len(each) - 1)] for name, each in states.items()}
+        p = [0.0 if name in added else known[TERMS.get(name).parameter] for name in wider.terms]
+        p += [own.get(name, known)[n] for name in wider.terms for n in TERMS.get(name).further]
+        p += [known[n] for n in wider.names[len(p) :]]
+        motion = wider.solve(np.array(p), active, g, h, PARAMETERS)
+        if motion is None:
+            return None
+        solved.append(motion.tangents)
 
-    def slope(at: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
-        return force[at] - by_x[at] * d - by_v[at] * w
+    def column(name: str, values: Mapping[str, float]) -> np.ndarray:
+        return solved[states[name].index(values)][:, wider.terms.index(name)]
 
-    for i in range(t.size - 1):
-        a, m, b, step = 2 * i, 2 * i + 1, 2 * i + 2, t[i + 1] - t[i]
-        if still[i + 1]:
-            w = np.zeros(n)
-            tangents[i + 1, :, 0] = d
-            continue
-        if step == 0:
-            w = w if still[i] else w * (acceleration[i + 1] / acceleration[i])
-        else:
-            w1 = slope(a, d, w)
-            v2 = w + 0.5 * step * w1
-            w2 = slope(m, d + 0.5 * step * w, v2)
-            v3 = w + 0.5 * step * w2
-            w3 = slope(m, d + 0.5 * step * v2, v3)
-            v4 = w + step * w3
-            w4 = slope(b, d + step * v3, v4)
-            d = d + step / 6 * (w + 2 * v2 + 2 * v3 + v4)
-            w = w + step / 6 * (w1 + 2 * w2 + 2 * w3 + w4)
-        tangents[i + 1] = np.column_stack([d, w, slope(b, d, w)])
-    return solver.read_slopes(t, result.motion.refined[1], tangents)
-
-
-def _slopes(
-    weighing: Weighing, result: CandidateResult, times: np.ndarray, x: np.ndarray, v: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return slopes of the force by displacement and velocity along the motion, and the damping's factor, (p,) each."""
-    solver, data = weighing.solvers[result.candidate.restoring], weighing.data
-    law, force = result.law, LAWS.get(result.candidate.restoring).kernel
-    further = dict(zip(solver.further, result.further[0], strict=True))
-    coefficients = dict(zip(solver.terms, result.values * solver.slowness))
-    dx, dv, epsilon = 1e-6 * data.amplitude, 1e-6 * data.amplitude * data.frequency, solver.epsilon
-    if epsilon == 0:  # the sign of the velocity is that of the point
-        v = np.where(np.abs(v) < 2 * dv, np.copysign(2 * dv, v), v)
-    points = list(zip(x.tolist(), v.tolist(), strict=True))
-    spring = np.array([(force(a + dx, law) - force(a - dx, law)) / (2 * dx) for a, _ in points])
-    by_x, by_v = np.zeros(x.size), np.zeros(x.size)
-    for name in result.candidate.damping:
-        c, f = coefficients[name], TERMS.get(name).at(further)
-        by_x += c * np.array([f(a + dx, b, epsilon) - f(a - dx, b, epsilon) for a, b in points]) / (2 * dx)
-        by_v += c * np.array([f(a, b + dv, epsilon) - f(a, b - dv, epsilon) for a, b in points]) / (2 * dv)
-    scale, spring_scale = np.ones(x.size), np.ones(x.size)
-    if result.about is not None:
-        g, h = result.about.deviations
-        scale = 1 + np.interp(times, solver.knots, g)
-        spring_scale = 1 + 2 * np.interp(times, solver.knots, h)
-    return scale * by_x + spring_scale * spring, scale * by_v, scale
+    return np.column_stack([
+        column(f.name, f.values) - (0.0 if f.less is None else column(f.name, f.less)) for f in forms
+    ])  # fmt: skip
