@@ -82,6 +82,8 @@ def print_verdict(verdict: Verdict, console: Console) -> None:
         console.print(ratios_table(verdict.damping_ratio).rich())
         for sentence in energy_of(verdict):
             console.print(Text(sentence), soft_wrap=True)
+    for label, text in verdict.facts.items():
+        console.print(Text(f"{label.capitalize()}: {text}."), soft_wrap=True)
     if verdict.modes:
         console.print(modes_table(verdict.modes, verdict.motion).rich())
     for remark in verdict.remarks:

@@ -9,7 +9,6 @@ from bayesdamp.store.tables import (
     SPECIMEN_TABLES,
     TABLES,
     TEXT_OF,
-    VERDICTS,
     read_table,
     write_table,
 )
@@ -20,7 +19,6 @@ __all__ = [
     "SPECIMEN_TABLES",
     "TABLES",
     "TEXT_OF",
-    "VERDICTS",
     "CellResult",
     "Store",
     "provenance",

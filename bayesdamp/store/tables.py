@@ -45,28 +45,6 @@ SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 """Tables of a study that names specimens."""
-VERDICTS: tuple[str, ...] = (
-    "record", "quantity", "grade", "decided", "damping", "probability", "rivals", "restoring", "restoring_probability",
-    "frequency", "frequency_low", "frequency_high", "frequency_at",
-    "frequency_at_low", "frequency_at_high", "exponent", "exponent_low", "exponent_high",
-    *(
-        f"{name}_{i}{end}"
-        for i in (1, 2, 3)
-        for name, ends in (
-            ("amplitude", ("",)),
-            ("unit", ("",)),
-            ("ratio", ("", "_low", "_high", "_sd_noise", "_sd_law", "_next_low", "_next_high")),
-        )
-        for end in ends
-    ),
-    *(f"{name}{end}" for name in ("rate", "quality_factor") for end in ("", "_sd_noise", "_sd_law", "_low", "_high")),
-    "energy", "viscous", "coulomb", "quadratic", "other_forms", "power_law", "probability_exact",
-    "deviation", "deviation_low", "deviation_high", "unnamed", "unnamed_low", "unnamed_high",
-    "spread", "spread_low", "spread_high", "unexplained_pct", "noise_pct", "midline_drift_pct",
-    "start", "stop", "cycles", "remarks", "sentence",
-)  # fmt: skip
-"""Columns of verdicts.csv; behind `quadratic` it has one more for each other term that was weighed."""
-
 DAMPING_CURVES = ("amplitude", "ratio", "ratio_low", "ratio_high", "lost", "lost_low", "lost_high")
 """Columns of damping_curves.csv after the record's name and the unit of the amplitude; arrays `free/NAME` of an
 answer."""

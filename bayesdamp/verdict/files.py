@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bayesdamp.store.files import write_json
-from bayesdamp.store.tables import VERDICTS, write_table
-from bayesdamp.verdict.types import Verdict
+from bayesdamp.store.tables import write_table
+from bayesdamp.verdict.types import Verdict, columns
 
 JSON, TABLE = "verdict.json", "verdicts.csv"
 
@@ -40,6 +40,7 @@ def write(folder: Path, verdicts: Sequence[Verdict], shown: Sequence[Verdict] | 
     """
     write_json(folder / JSON, [v.to_dict() for v in verdicts])
     rows = [v.row() for v in shown or verdicts]
-    more = dict.fromkeys(s.term for v in verdicts for s in v.energy if s.term not in VERDICTS)
-    behind = VERDICTS.index("quadratic") + 1
-    write_table(folder / TABLE, (*VERDICTS[:behind], *more, *VERDICTS[behind:]), rows)
+    names = columns()
+    more = dict.fromkeys(s.term for v in verdicts for s in v.energy if s.term not in names)
+    behind = names.index("quadratic") + 1
+    write_table(folder / TABLE, (*names[:behind], *more, *names[behind:]), rows)

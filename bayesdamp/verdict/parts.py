@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 NAN = math.nan
 """The one object for every value that is not known, so that verdicts with such fields can be equal."""
@@ -189,3 +191,21 @@ class MotionKind(StrEnum):
     BEATS = "beats"
     TWO_MODES = "two modes"
     DRIVEN = "driven"
+
+
+@dataclass(frozen=True)
+class Column:
+    """How a field of a verdict is written to verdicts.csv.
+
+    Attributes
+    ----------
+    label, unit
+        With a label, terminal and page show the value on a line of its own.
+    names, cells
+        For a value that is not a number, an interval or a text: its columns, and a function that fills them.
+    """
+
+    label: str = ""
+    unit: str = ""
+    names: tuple[str, ...] = ()
+    cells: Callable[[Any], dict[str, object]] | None = None

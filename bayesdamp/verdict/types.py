@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import Field, dataclass, field, fields
+from enum import StrEnum
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from bayesdamp.calls import CheckedMethods
+from bayesdamp.formatting import with_interval
 from bayesdamp.serial import join, split
 from bayesdamp.store.files import save_bytes
 from bayesdamp.types import VERDICT_SCHEMA, InputError
@@ -19,6 +21,7 @@ from bayesdamp.verdict.parts import (
     Averages,
     Bound,
     Coefficient,
+    Column,
     DampingRatio,
     FrequencyAt,
     Grade,
@@ -37,15 +40,68 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_PLAIN_COLUMNS = (
-    "record", "quantity", "decided", "damping", "probability", "restoring", "restoring_probability", "unexplained_pct",
-    "noise_pct", "midline_drift_pct", "probability_exact", "power_law", "sentence",
-)  # fmt: skip
-"""Fields that are columns of verdicts.csv as they are."""
-_INTERVALS = (
-    "frequency", "frequency_at", "exponent", "deviation", "unnamed", "spread", "rate", "quality_factor",
-)  # fmt: skip
-"""Fields whose value, low and high are columns of verdicts.csv."""
+COLUMN = {"column": Column()}
+"""Metadata of a field that is a column of verdicts.csv."""
+_ENDS = {
+    "Interval": ("", "_low", "_high"),
+    "FrequencyAt": ("", "_low", "_high"),
+    "Measured": ("", "_low", "_high", "_sd_noise", "_sd_law"),
+}
+"""Endings of a field's columns in verdicts.csv by its type; fields of other types have one column."""
+_RATIOS = 3
+"""Damping ratios in verdicts.csv."""
+_TERMS = ("viscous", "coulomb", "quadratic")
+"""Terms that always have a column in verdicts.csv."""
+
+
+def _cells(name: str, value: Any) -> dict[str, object]:
+    """Return the cells of a number with its interval and the parts of its standard deviation, so far as it has them."""
+    ends = {"": "value", "_low": "low", "_high": "high", "_sd_noise": "sd_noise", "_sd_law": "sd_law"}
+    return {name + end: getattr(value, part) for end, part in ends.items() if hasattr(value, part)}
+
+
+def _ratios(ratios: tuple[DampingRatio, ...]) -> dict[str, object]:
+    cells: dict[str, object] = {}
+    for i, r in enumerate(ratios[:_RATIOS], 1):
+        cells |= {f"amplitude_{i}": r.amplitude, f"unit_{i}": r.unit, **_cells(f"ratio_{i}", r)}
+    return cells
+
+
+def _next_ratios(ratios: tuple[DampingRatio, ...]) -> dict[str, object]:
+    cells: dict[str, object] = {}
+    for i, r in enumerate(ratios[:_RATIOS], 1):
+        cells |= {f"ratio_{i}_next_low": r.low, f"ratio_{i}_next_high": r.high}
+    return cells
+
+
+def _energy(shares: tuple[Share, ...]) -> dict[str, object]:
+    text = " ".join(f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in shares)
+    return {"energy": text, **{s.term: s.probability for s in shares}}
+
+
+def _other_forms(bounds: tuple[Bound, ...]) -> dict[str, object]:
+    return {"other_forms": " ".join(f"{b.form.replace(' ', '_')}:{b.share_below:.4g}" for b in bounds)}
+
+
+def _rivals(rivals: tuple[Rival, ...]) -> dict[str, object]:
+    return {"rivals": " ".join(f"{r.damping}:{r.probability:.4g}" for r in rivals)}
+
+
+def _window(window: UsedWindow) -> dict[str, object]:
+    return {"start": window.start, "stop": window.stop, "cycles": window.cycles}
+
+
+_RATIO_COLUMNS = tuple(
+    f"{name}_{i}{end}"
+    for i in range(1, _RATIOS + 1)
+    for name, ends in (
+        ("amplitude", ("",)),
+        ("unit", ("",)),
+        ("ratio", ("", "_low", "_high", "_sd_noise", "_sd_law")),
+    )
+    for end in ends
+)
+_NEXT_COLUMNS = tuple(f"ratio_{i}_next_{end}" for i in range(1, _RATIOS + 1) for end in ("low", "high"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -121,27 +177,51 @@ class Verdict(CheckedMethods):
         How the verdict was computed; not stored.
     """
 
-    record: str
-    grade: Grade
-    decided: bool
-    damping: str
-    probability: float
-    rivals: tuple[Rival, ...] = ()
-    restoring: str = ""
-    restoring_probability: float = NAN
-    frequency: Interval | None = None
-    exponent: Interval | None = None
-    damping_ratio: tuple[DampingRatio, ...] = ()
-    next_record: tuple[DampingRatio, ...] = ()
-    spread: Interval | None = None
-    energy: tuple[Share, ...] = ()
-    other_forms: tuple[Bound, ...] = ()
-    deviation: Interval | None = None
-    unnamed: Interval | None = None
-    unexplained_pct: float = NAN
-    noise_pct: float = NAN
-    midline_drift_pct: float = NAN
-    frequency_at: FrequencyAt | None = None
+    record: str = field(metadata=COLUMN)
+    grade: Grade = field(metadata=COLUMN)
+    decided: bool = field(metadata=COLUMN)
+    damping: str = field(metadata=COLUMN)
+    probability: float = field(metadata=COLUMN)
+    rivals: tuple[Rival, ...] = field(
+        default=(), metadata={"column": Column(names=("rivals",), cells=_rivals)}
+    )
+    restoring: str = field(default="", metadata=COLUMN)
+    restoring_probability: float = field(default=NAN, metadata=COLUMN)
+    quantity: str = field(default="angle", metadata=COLUMN)
+    frequency: Interval | None = field(default=None, metadata=COLUMN)
+    frequency_at: FrequencyAt | None = field(default=None, metadata=COLUMN)
+    exponent: Interval | None = field(default=None, metadata=COLUMN)
+    damping_ratio: tuple[DampingRatio, ...] = field(
+        default=(), metadata={"column": Column(names=_RATIO_COLUMNS, cells=_ratios)}
+    )
+    next_record: tuple[DampingRatio, ...] = field(
+        default=(), metadata={"column": Column(names=_NEXT_COLUMNS, cells=_next_ratios)}
+    )
+    rate: Measured | None = field(default=None, metadata=COLUMN)
+    quality_factor: Measured | None = field(default=None, metadata=COLUMN)
+    energy: tuple[Share, ...] = field(
+        default=(), metadata={"column": Column(names=("energy", *_TERMS), cells=_energy)}
+    )
+    other_forms: tuple[Bound, ...] = field(
+        default=(), metadata={"column": Column(names=("other_forms",), cells=_other_forms)}
+    )
+    power_law: float = field(default=NAN, metadata=COLUMN)
+    probability_exact: float = field(default=NAN, metadata=COLUMN)
+    deviation: Interval | None = field(default=None, metadata=COLUMN)
+    unnamed: Interval | None = field(default=None, metadata=COLUMN)
+    spread: Interval | None = field(default=None, metadata=COLUMN)
+    unexplained_pct: float = field(default=NAN, metadata=COLUMN)
+    noise_pct: float = field(
+        default=NAN, metadata={"column": Column(label="noise", unit="% of the amplitude")}
+    )
+    midline_drift_pct: float = field(default=NAN, metadata=COLUMN)
+    window: UsedWindow | None = field(
+        default=None, metadata={"column": Column(names=("start", "stop", "cycles"), cells=_window)}
+    )
+    remarks: tuple[str, ...] = field(
+        default=(), metadata={"column": Column(names=("remarks",), cells=lambda r: {"remarks": " ".join(r)})}
+    )
+    sentence: str = field(default="", metadata=COLUMN)
     restoring_deviation: Interval | None = None
     law_free: bool = False
     contradicted: bool = False
@@ -149,20 +229,12 @@ class Verdict(CheckedMethods):
     motion: MotionKind | None = None
     modes: tuple[Oscillation, ...] = ()
     over_law: OverLaw | None = None
-    window: UsedWindow | None = None
     averages: Averages | None = None
-    quantity: str = "angle"
-    rate: Measured | None = None
-    quality_factor: Measured | None = None
     decay_rate: tuple[AtAmplitude, ...] = ()
     quality_factor_at: tuple[AtAmplitude, ...] = ()
-    probability_exact: float = NAN
-    power_law: float = NAN
     next_value: Interval | None = None
     standardised: float = NAN
-    remarks: tuple[str, ...] = ()
     records: int = 1
-    sentence: str = ""
     provenance: Mapping[str, object] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
@@ -181,32 +253,24 @@ class Verdict(CheckedMethods):
 
     def row(self) -> dict[str, object]:
         """Return a line of verdicts.csv: columns for each of three amplitudes, and one for each term's probability."""
-        row: dict[str, object] = {name: getattr(self, name) for name in _PLAIN_COLUMNS}
-        row |= {s.term: s.probability for s in self.energy}
-        row["grade"] = str(self.grade)
-        row["rivals"] = " ".join(f"{r.damping}:{r.probability:.4g}" for r in self.rivals)
-        row["energy"] = " ".join(f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in self.energy)
-        row["other_forms"] = " ".join(
-            f"{b.form.replace(' ', '_')}:{b.share_below:.4g}" for b in self.other_forms
-        )
-        row["remarks"] = " ".join(self.remarks)
-
-        def add(name: str, value: Interval | FrequencyAt | Measured | DampingRatio | None) -> None:
-            if value is not None:
-                row.update({name: value.value, f"{name}_low": value.low, f"{name}_high": value.high})
-            if isinstance(value, Measured | DampingRatio):
-                row.update({f"{name}_sd_noise": value.sd_noise, f"{name}_sd_law": value.sd_law})
-
-        for name in _INTERVALS:
-            add(name, getattr(self, name))
-        for i, ratio in enumerate(self.damping_ratio[:3], start=1):
-            row |= {f"amplitude_{i}": ratio.amplitude, f"unit_{i}": ratio.unit}
-            add(f"ratio_{i}", ratio)
-        for i, ratio in enumerate(self.next_record[:3], start=1):
-            row |= {f"ratio_{i}_next_low": ratio.low, f"ratio_{i}_next_high": ratio.high}
-        if self.window is not None:
-            row |= {"start": self.window.start, "stop": self.window.stop, "cycles": self.window.cycles}
+        row: dict[str, object] = {}
+        for f in _columns():
+            value, cells = getattr(self, f.name), f.metadata["column"].cells
+            if value is None:
+                continue
+            single = str(value) if isinstance(value, StrEnum) else value
+            row |= cells(value) if cells else _cells(f.name, value) or {f.name: single}
         return row
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What terminal and page show on lines of their own, by label."""
+        facts: dict[str, str] = {}
+        for f in _columns():
+            value, column = getattr(self, f.name), f.metadata["column"]
+            if column.label and value not in (None, "", ()) and value == value:
+                facts[column.label] = f"{_shown(value)} {column.unit}".rstrip()
+        return facts
 
     def _repr_html_(self) -> str:
         return ratios_table(self.damping_ratio, self.sentence).__html__()
@@ -270,6 +334,27 @@ class Verdict(CheckedMethods):
                 f"{path}: holds verdicts on {names or 'no record'}; record= must name one of them"
             )
         return chosen[0]
+
+
+def _columns() -> list[Field[Any]]:
+    """Return the fields that are columns of verdicts.csv."""
+    return [f for f in fields(Verdict) if "column" in f.metadata]
+
+
+def columns() -> tuple[str, ...]:
+    """Return the names of the columns of verdicts.csv, in the order of the fields."""
+    names: list[str] = []
+    for f in _columns():
+        ends = _ENDS.get(str(f.type).split(" ")[0], ("",))
+        names += f.metadata["column"].names or [f.name + end for end in ends]
+    return tuple(names)
+
+
+def _shown(value: Any) -> str:
+    """Return a value, or a value with its interval, as text."""
+    if hasattr(value, "low"):
+        return with_interval(value.value, value.low, value.high)
+    return f"{value:.2g}" if isinstance(value, float) else str(value)
 
 
 def _plain(value: object) -> object:

@@ -13,10 +13,10 @@ from pathlib import Path
 from bayesdamp.cli.records import ReadingOptions as Options
 from bayesdamp.cli.records import records_in as found_records
 from bayesdamp.interface.answer import Answer, answer
-from bayesdamp.store import VERDICTS, write_table
+from bayesdamp.store import write_table
 from bayesdamp.types import Signal
 from bayesdamp.verdict.specimen import specimen
-from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.types import Verdict, columns
 from tests.measured.records import DATA, RECORDS, RUNS
 
 
@@ -52,7 +52,7 @@ def verdicts(wanted: list[str]) -> Iterator[Verdict]:
 def main(folder: Path, wanted: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     found = list(verdicts(wanted))
-    write_table(folder / "verdicts.csv", VERDICTS, [v.row() for v in found])
+    write_table(folder / "verdicts.csv", columns(), [v.row() for v in found])
     lines = [f"| {v.record} | {v.grade} | {v.sentence} |" for v in found]
     named = sum(v.decided for v in found)
     page = f"# Measured decays\n\nOf {len(found)} answers {named} name one damping outright; no truth is known.\n\n"

@@ -10,12 +10,13 @@ import pytest
 
 from bayesdamp import store
 from bayesdamp.calibrate import tables as calibrated
+from bayesdamp.verdict import types as verdict
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "columns.md"
 WRITTEN: Mapping[str, Sequence[str]] = {
     **store.TABLES,
     **store.SPECIMEN_TABLES,
-    "verdicts.csv": store.VERDICTS,
+    "verdicts.csv": verdict.columns(),
     "damping_curves.csv": ("record", "unit", *store.DAMPING_CURVES),
     "calibration.csv": calibrated.COLUMNS,
     "ranks.csv": calibrated.RANK_COLUMNS,

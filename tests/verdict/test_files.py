@@ -15,9 +15,9 @@ import pytest
 
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import made_record
-from bayesdamp.store import VERDICTS
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.files import read, write
+from bayesdamp.verdict.types import columns
 from tests.verdict.test_decide import decided, findings
 
 
@@ -61,7 +61,7 @@ def test_an_envelope_and_a_motion_have_one_schema(envelope: Verdict, tmp_path: P
     assert [v.to_dict() for v in read(tmp_path / "verdict.json")] == [motion.to_dict(), envelope.to_dict()]
     rows = list(csv.DictReader((tmp_path / "verdicts.csv").read_text().splitlines()))
     assert [row["quantity"] for row in rows] == ["angle", "envelope"]
-    assert tuple(rows[0]) == VERDICTS
+    assert tuple(rows[0]) == columns()
     for row, v in zip(rows, (motion, envelope), strict=True):
         assert float(row["ratio_1"]) == v.damping_ratio[0].value
         assert [float(row[s.term]) for s in v.energy] == [s.probability for s in v.energy]

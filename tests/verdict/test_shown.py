@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import math
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from bayesdamp.report.terminal import print_verdict
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import DampingRatio, Grade
 from bayesdamp.verdict.types import Verdict
@@ -22,6 +25,15 @@ def test_a_verdict_is_a_table_in_a_notebook() -> None:
     assert "Viscous &amp; sure." in html
     assert '<th class="t">amplitude</th><th>equivalent damping ratio (95 %)</th>' in html
     assert '<td class="t">0.2 rad</td><td>1.00 % (0.80 to 1.25)</td>' in html
+
+
+def test_a_field_with_a_label_is_on_the_terminal_and_in_the_table() -> None:
+    verdict = Verdict("a", Grade.EXACT, True, "viscous", 0.99, noise_pct=0.345)
+    console = Console(record=True, file=io.StringIO(), width=200)
+    print_verdict(verdict, console)
+    assert "Noise: 0.34 % of the amplitude." in console.export_text()
+    assert verdict.row()["noise_pct"] == 0.345
+    assert Verdict("a", Grade.EXACT, True, "viscous", 0.99).facts == {}  # control: not known, not shown
 
 
 def test_lengths_and_energies_of_a_picture_are_in_the_records_unit() -> None:

@@ -102,7 +102,7 @@ def _block(run: RunFolder, signal: str) -> Markup:
     return fill(
         "answer.html",
         claim=claim,
-        numbers=numbers,
+        numbers=[*numbers, *(answer.verdict.facts.items() if answer else ())],
         energy=energy,
         remarks=remarks,
         checks=checks,
