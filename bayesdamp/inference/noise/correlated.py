@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bayesdamp.inference.noise._noise import NoiseModel, Tied, by_sample
+from bayesdamp.inference.noise._noise import NoiseModel, by_sample
 from bayesdamp.inference.noise.gaussian import LOG_2PI
 from bayesdamp.priors import LogNormal, LogUniform, Prior
 from bayesdamp.records.oscillation.features import Features
@@ -25,8 +25,9 @@ class Correlated(NoiseModel):
 
     name = "correlated"
     parameters = ("noise_sd", "noise_time")
-    tied = Tied("noise_sd", "noise_time", 0.5)
-    """Where the noise is slow, its differences from sample to sample determine noise_sd²/noise_time."""
+    tied = ("noise_sd", "noise_time")
+    """Where the noise is slow, its differences from sample to sample determine noise_sd²/noise_time. Where it is fast,
+    they determine noise_sd, and of noise_time only that it is short."""
 
     def priors(self, features: Features) -> dict[str, Prior]:
         """Return a lognormal prior about the record's roughness for the sd, and a log-uniform one for the time."""
