@@ -236,6 +236,4 @@ def _table(level: np.ndarray, values: np.ndarray) -> PPoly:
     """Interpolate values, (m, 2), over level scores, (m,), monotonically, and go on along straight lines."""
     low = values[0] - (values[1] - values[0]) / (level[1] - level[0]) * (level[0] + FAR)
     high = values[-1] + (values[-1] - values[-2]) / (level[-1] - level[-2]) * (FAR - level[-1])
-    return PchipInterpolator(
-        np.concatenate([[-FAR], level, [FAR]]), np.concatenate([[low], values, [high]])
-    )
+    return PchipInterpolator(np.concatenate([[-FAR], level, [FAR]]), np.concatenate([[low], values, [high]]))

@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.inference.coordinates.truncated_normal import truncated_moments
 from bayesdamp.inference.coordinates.noise_map import NoiseMap, ridge_point
+from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal, truncated_moments
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import Refusal
@@ -243,26 +243,45 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
         factor = np.linalg.cholesky(np.atleast_2d(np.cov(level.T)))
         return Whitening(level.mean(axis=0), factor, np.zeros((d, d)), True, shear)
     reflected = np.flatnonzero(target.reflected)
-    at = shear.straight(np.where(target.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z))
-
-    def slope(at: np.ndarray) -> np.ndarray:
-        return mode.near.gradient(shear.scores(at))[1] @ shear.slope(at) + shear.volume_slope(at)
-
-    inclined = shear.slope(at)
-    information = inclined.T @ np.linalg.inv(mode.factor @ mode.factor.T) @ inclined
-    if shear.noise.table is not None:  # the mapped score is standard normal and nearly independent of the others
-        second = shear.noise.second
-        information[second], information[:, second], information[second, second] = 0.0, 0.0, 1.0
-        at[second] = 0.0
-    centre, factor = truncated_moments(information, slope(at), at, reflected)
+    at, factor = expansion(target, mode, shear)
+    information = np.linalg.inv(factor @ factor.T)
+    centre, factor = truncated_moments(information, slope_at(mode, shear, at), at, reflected)
     whole, linear = _curvatures(mode, centre, factor, shear)
     if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(linear))):
         return Whitening(centre, factor, np.zeros((d, d)), False, shear)
     values, vectors = np.linalg.eigh(whole)
     inverse = np.linalg.inv(factor)
     believed = inverse.T @ (vectors * np.maximum(values, FLATTEST)) @ vectors.T @ inverse
-    factor = truncated_moments(believed, slope(centre), centre, reflected)[1]
+    factor = truncated_moments(believed, slope_at(mode, shear, centre), centre, reflected)[1]
     return Whitening(centre, factor, inverse.T @ (whole - linear) @ inverse, True, shear)
+
+
+def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.ndarray]:
+    """Return a normal approximation of a posterior in straightened scores: a centre, (d,), and a factor, (d, d).
+
+    It is that of the mode, apart from the score that the noise's map makes standard normal.
+    """
+    at = shear.straight(np.where(target.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z))
+    if shear.noise.table is None:
+        return at, mode.factor
+    second, rest = shear.noise.second, np.delete(np.arange(at.size), shear.noise.second)
+    factor = np.eye(at.size)
+    root = np.linalg.qr(np.linalg.solve(shear.slope(at), mode.factor)[rest].T)[1]
+    factor[np.ix_(rest, rest)] = (root * np.sign(np.diag(root))[:, None]).T
+    at[second] = 0.0
+    return at, factor
+
+
+def slope_at(mode: Mode, shear: Shear, at: np.ndarray) -> np.ndarray:
+    """Return the gradient of the log density of straightened scores at one point, both (d,)."""
+    return mode.near.gradient(shear.scores(at))[1] @ shear.slope(at) + shear.volume_slope(at)
+
+
+def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal:
+    """Return that approximation with the gradient of the log posterior, which ends where a reflected score is zero."""
+    at, factor = expansion(target, mode, shear)
+    covariance = factor @ factor.T
+    return TruncatedNormal(at + covariance @ slope_at(mode, shear, at), covariance, target.reflected)
 
 
 def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
