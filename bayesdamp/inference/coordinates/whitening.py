@@ -1,6 +1,6 @@
 """Coordinates in which a posterior is round: its curved ridge is straightened, and it is whitened.
 
-Two shears straighten a ridge without changing volumes: one of the motion's parameters, one of correlated noise.
+A shear straightens the ridge of the motion's parameters, and a map makes the posterior of correlated noise's normal.
 """
 
 from __future__ import annotations
@@ -9,13 +9,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import ndtr
 
-from bayesdamp.inference.coordinates.truncated_normal import truncated_moments
-from bayesdamp.inference.fit.mode import Mode, maximise
+from bayesdamp.inference.coordinates.noise_map import NoiseMap, ridge_point
+from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal, truncated_moments
+from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.noise import NOISES
-from bayesdamp.priors import LogNormal, LogUniform
 from bayesdamp.types import Refusal
 
 WIDE = 2
@@ -32,82 +30,11 @@ FLATTEST = 0.1
 
 
 @dataclass(frozen=True)
-class NoiseShear:
-    """A shear of the scores, for noise of which the data determine a ratio of one parameter to a power of another.
-
-    As the second parameter changes, the score of the first one is shifted so that the ratio stays the same. The
-    Jacobian is one, and at the mode the shear is flat. The second parameter has a log-uniform prior, whose logarithm
-    changes with its score z as Φ(z) does.
-
-    Attributes
-    ----------
-    moved : ndarray, shape (d,)
-        Size of the shear, zero except for the first parameter.
-    along : int
-        Index of the second parameter.
-    centre : float
-        Its score at the mode.
-    """
-
-    moved: np.ndarray
-    along: int
-    centre: float
-
-    @classmethod
-    def none(cls, d: int) -> NoiseShear:
-        """Return the identity."""
-        return cls(np.zeros(d), 0, 0.0)
-
-    @classmethod
-    def of(cls, target: Target, mode: Mode) -> NoiseShear:
-        """Return the shear of the target's noise: the identity without tied parameters, or under other priors."""
-        tied = NOISES.get(target.noise).tied
-        if tied is None or not {tied.first, tied.second} <= set(target.names):
-            return cls.none(mode.z.size)
-        first, second = target.priors[tied.first], target.priors[tied.second]
-        if not (isinstance(first, LogNormal) and isinstance(second, LogUniform)):
-            return cls.none(mode.z.size)
-        moved, along = np.zeros(mode.z.size), target.names.index(tied.second)
-        moved[target.names.index(tied.first)] = tied.power * np.log(second.high / second.low) / first.sigma
-        return cls(moved, along, float(mode.z[along]))
-
-    def sheared(self, level: np.ndarray) -> np.ndarray:
-        """Return the scores of level ones, both (..., d)."""
-        return level + self._height(level) * self.moved if self._any else level
-
-    def level(self, scores: np.ndarray) -> np.ndarray:
-        """Return the level scores of scores, both (..., d)."""
-        return scores - self._height(scores) * self.moved if self._any else scores
-
-    def slope(self, level: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the scores by the level ones, (..., d, d), at level scores (..., d)."""
-        slope = np.zeros((*level.shape, level.shape[-1])) + np.eye(level.shape[-1])
-        if not self._any:
-            return slope
-        steepness = _density(level[..., self.along]) - _density(self.centre)
-        slope[..., self.along] += steepness[..., None] * self.moved
-        return slope
-
-    @cached_property
-    def _any(self) -> bool:
-        """Whether any score is moved at all."""
-        return bool(np.any(self.moved))
-
-    def _height(self, z: np.ndarray) -> np.ndarray:
-        own = z[..., self.along, None]
-        return ndtr(own) - ndtr(self.centre) - _density(self.centre) * (own - self.centre)
-
-
-def _density(z: np.ndarray | float) -> np.ndarray:
-    return np.exp(-0.5 * np.square(z)) / np.sqrt(2 * np.pi)
-
-
-@dataclass(frozen=True)
 class Shear:
-    """Two shears whose Jacobians are one, and which mirror images share.
+    """A shear whose Jacobian is one, and a map of the noise's parameters, which mirror images share.
 
-    Scores are `straight` ones plus a quadratic form of their wide components, and then the shear of the noise. The
-    quadratic form changes neither the wide nor the reflected scores.
+    Level scores are `straight` ones plus a quadratic form of their wide components; the noise's map makes scores of
+    them. The quadratic form changes neither the wide nor the reflected scores.
 
     Attributes
     ----------
@@ -117,8 +44,8 @@ class Shear:
         Indices of the wide scores.
     curve : ndarray, shape (d, k, k)
         The quadratic form, zero for the wide and the reflected scores.
-    noise : NoiseShear
-        The shear of the noise.
+    noise : NoiseMap
+        The map of the noise's parameters.
 
     References
     ----------
@@ -128,25 +55,25 @@ class Shear:
     centre: np.ndarray
     wide: np.ndarray
     curve: np.ndarray
-    noise: NoiseShear
+    noise: NoiseMap
 
     @classmethod
     def none(cls, d: int) -> Shear:
         """Return the identity."""
         wide = np.arange(min(WIDE, d))
-        return cls(np.zeros(d), wide, np.zeros((d, wide.size, wide.size)), NoiseShear.none(d))
+        return cls(np.zeros(d), wide, np.zeros((d, wide.size, wide.size)), NoiseMap())
 
     @classmethod
     def of_noise(cls, target: Target, mode: Mode) -> Shear:
-        """Return the shear of the noise alone."""
-        return replace(cls.none(mode.z.size), noise=NoiseShear.of(target, mode))
+        """Return the map of the noise alone."""
+        return replace(cls.none(mode.z.size), noise=NoiseMap.of(target, mode))
 
     def scores(self, straight: np.ndarray) -> np.ndarray:
         """Return the scores of straightened ones, both (..., d)."""
-        return self.noise.sheared(self.level(straight))
+        return self.noise.scores(self.level(straight))
 
     def level(self, straight: np.ndarray) -> np.ndarray:
-        """Return the scores of straightened ones before the shear of the noise, both (..., d)."""
+        """Return the scores of straightened ones before the map of the noise, both (..., d)."""
         return straight + self._shift(straight) if self._curved else straight
 
     def straight(self, scores: np.ndarray) -> np.ndarray:
@@ -156,9 +83,22 @@ class Shear:
 
     def slope(self, straight: np.ndarray) -> np.ndarray:
         """Return the derivatives of the scores by the straightened ones, (d, d), at one point (d,)."""
-        slope = np.eye(straight.size)
-        slope[:, self.wide] += self.curve @ (straight - self.centre)[self.wide]
-        return self.noise.slope(self.level(straight)) @ slope
+        return self.noise.slope(self.level(straight)) @ (np.eye(straight.size) + self._bending(straight))
+
+    def log_volume(self, straight: np.ndarray) -> np.ndarray:
+        """Return the log of the determinant of the scores' derivatives, (...), at straightened scores (..., d)."""
+        return self.noise.log_volume(self.level(straight))
+
+    def volume_slope(self, straight: np.ndarray) -> np.ndarray:
+        """Return the derivatives of `log_volume`, (d,), at one point (d,)."""
+        slope = self.noise.volume_slope(self.level(straight))
+        return slope + slope @ self._bending(straight)
+
+    def _bending(self, straight: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the quadratic form, (d, d), at one point (d,)."""
+        bending = np.zeros((straight.size, straight.size))
+        bending[:, self.wide] = self.curve @ (straight - self.centre)[self.wide]
+        return bending
 
     @cached_property
     def _curved(self) -> bool:
@@ -187,14 +127,14 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
     if wide.size < min(WIDE, d) or np.all(reflected[others]):
         return None
     root = np.linalg.cholesky(covariance[np.ix_(wide, wide)])
-    k = wide.size
+    noise, k = NoiseMap.of(target, mode), wide.size
     curve = np.zeros((d, k, k))
     try:
-        top = _ridge(target, mode, wide, others, np.zeros(k))
+        top = _ridge(target, mode, noise, wide, others, np.zeros(k))
         for a in range(k):
             for b in range(a + 1):
                 step = REACH * (root[:, a] + root[:, b]) / (2 if a == b else np.sqrt(2))
-                ends = [_ridge(target, mode, wide, others, sign * step) for sign in (1, -1)]
+                ends = [_ridge(target, mode, noise, wide, others, sign * step) for sign in (1, -1)]
                 curve[others, a, b] = curve[others, b, a] = (ends[0] + ends[1] - 2 * top) / REACH**2
     except Refusal:
         return None
@@ -204,12 +144,12 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
         for b in range(a):
             mixed = curve[:, a, b] - 0.5 * (curve[:, a, a] + curve[:, b, b])
             curve[:, a, b] = curve[:, b, a] = mixed
-    sheared = np.linalg.solve(mode.factor, curve.reshape(d, -1))
+    sheared = np.linalg.solve(mode.factor, noise.slope(noise.level(mode.z)) @ curve.reshape(d, -1))
     if 0.5 * np.max(np.abs(sheared)) < VISIBLE:
         return None
     inverse = np.linalg.inv(root)
     curve = np.einsum("jab,ac,bd->jcd", curve, inverse, inverse)
-    return Shear(mode.z.copy(), wide, curve, NoiseShear.of(target, mode))
+    return Shear(mode.z.copy(), wide, curve, noise)
 
 
 def _widest(covariance: np.ndarray, among: np.ndarray) -> np.ndarray:
@@ -224,27 +164,20 @@ def _widest(covariance: np.ndarray, among: np.ndarray) -> np.ndarray:
     return np.array(widest, int)
 
 
-def _ridge(target: Target, mode: Mode, wide: np.ndarray, others: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Return the `others`, (d − k,), that are highest where the wide scores are moved by `step`, (k,).
+def _ridge(
+    target: Target, mode: Mode, noise: NoiseMap, wide: np.ndarray, others: np.ndarray, step: np.ndarray
+) -> np.ndarray:
+    """Return the level scores `others`, (d − k,), that are highest where the wide scores are moved by `step`, (k,).
 
     Raises Refusal where the posterior is not finite there.
     """
-    whole = mode.z.copy()
-    whole[wide] += step
-
-    def at(inner: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        z = whole.copy()
-        z[others] = inner
-        value, gradient, information = mode.near.curvature(z)
-        return value, gradient[others], information[np.ix_(others, others)]
-
     information = np.linalg.inv(mode.factor @ mode.factor.T)
     inner = information[np.ix_(others, others)]
-    start = mode.z[others] - np.linalg.solve(inner, information[np.ix_(others, wide)] @ step)
-    top = maximise(at, target.reflected[others], start, limit=20)
-    if not np.isfinite(top.value):
-        raise Refusal("the ridge ends")
-    return top.x
+    z = mode.z.copy()
+    z[wide] += step
+    z[others] -= np.linalg.solve(inner, information[np.ix_(others, wide)] @ step)
+    z[others] = ridge_point(mode, target.reflected, z, others).x
+    return noise.level(z)[others]
 
 
 @dataclass(frozen=True)
@@ -271,9 +204,17 @@ class Whitening:
     good: bool
     shear: Shear
 
+    def straight(self, u: np.ndarray) -> np.ndarray:
+        """Return straightened scores at coordinates u, both (..., d)."""
+        return self.centre + u @ self.factor.T
+
     def scores(self, u: np.ndarray) -> np.ndarray:
         """Return scores at coordinates u, both (..., d)."""
-        return self.shear.scores(self.centre + u @ self.factor.T)
+        return self.shear.scores(self.straight(u))
+
+    def log_volume(self, u: np.ndarray) -> np.ndarray:
+        """Return the log volume of scores per volume of straightened ones, (...), at coordinates u, (..., d)."""
+        return self.shear.log_volume(self.straight(u))
 
     def whitened(self, z: np.ndarray) -> np.ndarray:
         """Return coordinates of scores z, both (m, d)."""
@@ -302,21 +243,45 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
         factor = np.linalg.cholesky(np.atleast_2d(np.cov(level.T)))
         return Whitening(level.mean(axis=0), factor, np.zeros((d, d)), True, shear)
     reflected = np.flatnonzero(target.reflected)
-    at = np.where(target.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
-
-    def slope(at: np.ndarray) -> np.ndarray:
-        return mode.near.gradient(shear.scores(at))[1] @ shear.slope(at)
-
-    information = np.linalg.inv(mode.factor @ mode.factor.T)
-    centre, factor = truncated_moments(information, slope(at), at, reflected)
+    at, factor = expansion(target, mode, shear)
+    information = np.linalg.inv(factor @ factor.T)
+    centre, factor = truncated_moments(information, slope_at(mode, shear, at), at, reflected)
     whole, linear = _curvatures(mode, centre, factor, shear)
     if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(linear))):
         return Whitening(centre, factor, np.zeros((d, d)), False, shear)
     values, vectors = np.linalg.eigh(whole)
     inverse = np.linalg.inv(factor)
     believed = inverse.T @ (vectors * np.maximum(values, FLATTEST)) @ vectors.T @ inverse
-    factor = truncated_moments(believed, slope(centre), centre, reflected)[1]
+    factor = truncated_moments(believed, slope_at(mode, shear, centre), centre, reflected)[1]
     return Whitening(centre, factor, inverse.T @ (whole - linear) @ inverse, True, shear)
+
+
+def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.ndarray]:
+    """Return a normal approximation of a posterior in straightened scores: a centre, (d,), and a factor, (d, d).
+
+    It is that of the mode, apart from the score that the noise's map makes standard normal.
+    """
+    at = shear.straight(np.where(target.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z))
+    if shear.noise.table is None:
+        return at, mode.factor
+    second, rest = shear.noise.second, np.delete(np.arange(at.size), shear.noise.second)
+    factor = np.eye(at.size)
+    root = np.linalg.qr(np.linalg.solve(shear.slope(at), mode.factor)[rest].T)[1]
+    factor[np.ix_(rest, rest)] = (root * np.sign(np.diag(root))[:, None]).T
+    at[second] = 0.0
+    return at, factor
+
+
+def slope_at(mode: Mode, shear: Shear, at: np.ndarray) -> np.ndarray:
+    """Return the gradient of the log density of straightened scores at one point, both (d,)."""
+    return mode.near.gradient(shear.scores(at))[1] @ shear.slope(at) + shear.volume_slope(at)
+
+
+def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal:
+    """Return that approximation with the gradient of the log posterior, which ends where a reflected score is zero."""
+    at, factor = expansion(target, mode, shear)
+    covariance = factor @ factor.T
+    return TruncatedNormal(at + covariance @ slope_at(mode, shear, at), covariance, target.reflected)
 
 
 def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
@@ -343,13 +308,15 @@ def _curvatures(
     away = H * corners.reshape(-1, d) @ factor.T
     line = mode.near.line(shear.scores(at))
 
-    def hessian(values: list[float]) -> np.ndarray:
-        f = np.array(values).reshape(-1, 4)
+    def hessian(values: np.ndarray) -> np.ndarray:
+        f = values.reshape(-1, 4)
         curvature = np.zeros((d, d))
         for (i, j), v in zip(pairs, -(f[:, 0] - f[:, 1] - f[:, 2] + f[:, 3]) / (4 * H * H), strict=True):
             curvature[i, j] = curvature[j, i] = v
         return curvature
 
-    whole = hessian([mode.near.log_posterior(z) for z in shear.scores(at + away)])
-    level = shear.noise.sheared(shear.level(at) + away)
-    return whole, hessian([mode.near.log_posterior_along(line, z) for z in level])
+    volume = shear.log_volume(at + away)
+    whole = hessian([mode.near.log_posterior(z) for z in shear.scores(at + away)] + volume)
+    level = shear.level(at) + away
+    along = [mode.near.log_posterior_along(line, z) for z in shear.noise.scores(level)]
+    return whole, hessian(along + shear.noise.log_volume(level))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,15 +15,6 @@ from bayesdamp.types import Refusal, Signal
 DIFFERENCE = 1e-5
 """Step of central differences, relative to the noise's scale: close to the cube root of the rounding error, at which
 rounding and truncation are equally large."""
-
-
-@dataclass(frozen=True)
-class Tied:
-    """The data determine the parameter `first` divided by a power of the parameter `second`."""
-
-    first: str
-    second: str
-    power: float
 
 
 class NoiseModel(ABC):
@@ -41,8 +31,8 @@ class NoiseModel(ABC):
     parameters: tuple[str, ...]
     constants: tuple[str, ...] = ()
     """Numbers that are read from the record, such as its recording step; they are not inferred."""
-    tied: Tied | None = None
-    """Two parameters of which the data determine a combination much better than each of them."""
+    tied: tuple[str, str] | None = None
+    """Two parameters of which the data determine a combination much better than the second one."""
     heavy_tailed: bool = False
     """Whether the model allows for outliers, so that they are not reported as a misfit."""
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bayesdamp.inference.noise._noise import NoiseModel, Tied, by_sample
+from bayesdamp.inference.noise._noise import NoiseModel, by_sample
 from bayesdamp.inference.noise.gaussian import LOG_2PI
 from bayesdamp.priors import LogNormal, LogUniform, Prior
 from bayesdamp.records.oscillation.features import Features
@@ -25,8 +25,9 @@ class Correlated(NoiseModel):
 
     name = "correlated"
     parameters = ("noise_sd", "noise_time")
-    tied = Tied("noise_sd", "noise_time", 0.5)
-    """Where the noise is slow, its differences from sample to sample determine noise_sd²/noise_time."""
+    tied = ("noise_sd", "noise_time")
+    """Where the noise is slow, its differences from sample to sample determine noise_sd²/noise_time. Where it is fast,
+    they determine noise_sd, and of noise_time only that it is short."""
 
     def priors(self, features: Features) -> dict[str, Prior]:
         """Return a lognormal prior about the record's roughness for the sd, and a log-uniform one for the time."""
@@ -65,6 +66,19 @@ class Correlated(NoiseModel):
         slopes[..., 1:] /= fresh
         slopes[..., :-1] -= (1 - lost) * slopes[..., 1:]
         return slopes / p["noise_sd"] ** 2
+
+    def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
+        """Return the derivatives of the log likelihood of residuals (n,) by the parameters, in closed form."""
+        sd, time = p["noise_sd"], p["noise_time"]
+        lost, fresh = _decay(gaps, {"noise_time": np.asarray(time)})
+        innovations = _innovations(r, lost, fresh)
+        steps, rho = innovations[1:] / sd, 1 - lost
+        # By ρ, the log density of each step changes by this; ρ changes with the time by ρ Δt/time².
+        by_rho = (steps * r[:-1] / sd + rho * (1 - steps**2) / fresh) / fresh
+        return {
+            "noise_sd": float(innovations @ innovations / sd**2 - r.size) / sd,
+            "noise_time": float(by_rho @ (rho * gaps)) / time**2,
+        }
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Whiten the shift: the noise is normal, and whitening is linear."""
@@ -105,9 +119,10 @@ def _innovations(r: np.ndarray, lost: np.ndarray, fresh: np.ndarray) -> np.ndarr
 
     The difference of neighbours is taken first, which loses no digits where the noise is slow.
     """
-    steps = (np.diff(r) + lost * r[..., :-1]) / fresh
-    first = np.broadcast_to(r[..., :1], (*steps.shape[:-1], 1))
-    return np.concatenate([first, steps], axis=-1)
+    steps = (r[..., 1:] - r[..., :-1] + lost * r[..., :-1]) / fresh
+    innovations = np.empty((*steps.shape[:-1], r.shape[-1]))
+    innovations[..., :1], innovations[..., 1:] = r[..., :1], steps
+    return innovations
 
 
 PLUGIN = Correlated()

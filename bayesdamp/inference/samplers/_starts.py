@@ -82,6 +82,7 @@ def seeded_starts(
     z = at.scores(tries)
     z = np.where(reflected, np.abs(z), z)
     height = mode.likelihood.log_posteriors(z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
+    height += at.shear.log_volume(at.shear.straight(z))
     good = height > height[-1, 0] - REACH * z.shape[-1]
     good[-1] = True
     first, each = np.argmax(good, axis=0), np.arange(count)

@@ -49,14 +49,14 @@ class Emcee(Sampler):
         # Reflected scores stay on their non-negative side, so that walkers do not get caught in mirror modes.
         def log_probability(u: np.ndarray) -> np.ndarray:
             z = at.scores(u)
-            values = mode.likelihood.log_posteriors(z)
+            values = mode.likelihood.log_posteriors(z) + at.log_volume(u)
             inside = np.isfinite(values) & np.all((z >= -1e-9) | ~reflected, axis=1)
             return np.where(inside, values, NOWHERE)
 
         def propose(u: np.ndarray, rng: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
             """Draw from the heavy-tailed Laplace fit, and return the Metropolis–Hastings factors too."""
-            old, new = at.scores(u), proposal.draw(rng, len(u))
-            moved = at.whitened(new)
+            old, new = at.straight(u), proposal.draw(rng, len(u))
+            moved = np.linalg.solve(at.factor, (new - at.centre).T).T
             return moved, proposal.log_density(old) - proposal.log_density(new)
 
         moves = [

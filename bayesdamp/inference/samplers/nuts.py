@@ -70,7 +70,7 @@ class Whitened:
 
     def height(self, u: np.ndarray) -> float:
         """Return the log density; −∞ where the motion escapes."""
-        return self.likelihood.log_posterior(self.at.scores(u))
+        return self.likelihood.log_posterior(self.at.scores(u)) + float(self.at.log_volume(u))
 
     def slope(self, u: np.ndarray) -> np.ndarray:
         """Return the force, (d,)."""
@@ -79,11 +79,12 @@ class Whitened:
         if self.line is None:
             straight = at.centre + away
             pull = self.likelihood.gradient(shear.scores(straight))[1] @ shear.slope(straight)
+            pull = pull + shear.volume_slope(straight)
         else:
-            # The linearised motion has a straight ridge: only the noise's shear applies to it.
+            # The linearised motion has a straight ridge: only the noise's map applies to it.
             level = shear.level(at.centre) + away
-            along = self.likelihood.gradient_along(self.line, shear.noise.sheared(level))
-            pull = along @ shear.noise.slope(level) - at.lacking @ away
+            along = self.likelihood.gradient_along(self.line, shear.noise.scores(level))
+            pull = along @ shear.noise.slope(level) + shear.noise.volume_slope(level) - at.lacking @ away
         return pull @ at.factor
 
 
@@ -300,7 +301,7 @@ class ChainRun:
             sampler=Nuts.name,
             names=target.names,
             draws=draws,
-            log_likelihood=height - mode.likelihood.log_prior(z),
+            log_likelihood=height - self.at.log_volume(u) - mode.likelihood.log_prior(z),
             stats={"diverging": diverging, "n_steps": steps, "acceptance_rate": accept},
             diagnostics={"exact_force": self.exact, "step": self.chains[0].step},
             outcome=outcome,

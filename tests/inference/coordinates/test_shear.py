@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import dblquad
+from scipy.interpolate import PchipInterpolator
 
 from bayesdamp.estimators.shared import decay_start, start_parameters
-from bayesdamp.inference.coordinates.whitening import NoiseShear, Shear, shear_of
+from bayesdamp.inference.coordinates.noise_map import NoiseMap
+from bayesdamp.inference.coordinates.whitening import Shear, shear_of
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.evidence.methods import bridge, importance
 from bayesdamp.inference.fit.mode import Mode
@@ -85,15 +87,22 @@ def test_a_bend_keeps_volumes_and_mirror_images() -> None:
     rng = np.random.default_rng(0)
     curve = rng.standard_normal((5, 2, 2))
     curve[[0, 2, 4]] = 0.0  # a reflected score and the wide ones
-    tied = NoiseShear(np.array([0.0, 3.0, 0.0, 0.0, 0.0]), 3, 0.4)
-    shear = Shear(rng.standard_normal(5), np.array([2, 4]), curve + np.swapaxes(curve, 1, 2), tied)
+    knots = np.linspace(-90, 90, 400)
+    noise = NoiseMap(
+        1, 3, PchipInterpolator(knots, np.stack([knots + np.sin(0.5 * knots), knots**2], axis=1))
+    )
+    shear = Shear(rng.standard_normal(5), np.array([2, 4]), curve + np.swapaxes(curve, 1, 2), noise)
     z = rng.standard_normal((7, 5))
-    np.testing.assert_allclose(shear.straight(shear.scores(z)), z, atol=1e-12)
+    np.testing.assert_allclose(shear.straight(shear.scores(z)), z, atol=1e-9)
     np.testing.assert_allclose(shear.scores(z)[:, [0, 2, 4]], z[:, [0, 2, 4]])
     steps = 1e-6 * np.eye(5)
     measured = (shear.scores(z[0] + steps) - shear.scores(z[0] - steps)).T / 2e-6
     np.testing.assert_allclose(shear.slope(z[0]), measured, atol=1e-8)
-    assert np.linalg.det(shear.slope(z[0])) == pytest.approx(1.0)
+    assert np.log(np.linalg.det(shear.slope(z[0]))) == pytest.approx(shear.log_volume(z[0]))
+    rises = (shear.log_volume(z[0] + steps) - shear.log_volume(z[0] - steps)) / 2e-6
+    np.testing.assert_allclose(shear.volume_slope(z[0]), rises, atol=1e-6)
+    bare = replace(shear, noise=NoiseMap())
+    assert np.linalg.det(bare.slope(z[0])) == pytest.approx(1.0)
     np.testing.assert_array_equal(Shear.none(5).scores(z), z)
 
 

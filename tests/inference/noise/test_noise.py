@@ -82,6 +82,17 @@ def test_slope(name):
     assert not np.allclose(NOISES.get(name).slope(1.01 * r, GAPS, P), expected, rtol=1e-6, atol=atol)
 
 
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("share", [1e-3, 1.0, 1e3])
+def test_parameter_slopes(name, share):
+    """Against central differences, which are the default, for noise that is fast, slow and in between."""
+    model, p = NOISES.get(name), {**P, "noise_time": share * P["noise_time"]}
+    r = drawn(name, np.random.default_rng(1))[0]
+    expected = NoiseModel.parameter_slopes(model, r, GAPS, p)
+    for parameter, slope in model.parameter_slopes(r, GAPS, p).items():
+        assert slope * p[parameter] == pytest.approx(expected[parameter] * p[parameter], rel=1e-6, abs=1e-5)
+
+
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "correlated"])
 def test_the_default_slope_is_the_closed_form(name):
     """Also for residuals far out in the tails, and parameters that differ from draw to draw."""

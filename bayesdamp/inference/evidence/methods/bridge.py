@@ -102,7 +102,7 @@ def _spans(
     for shaping, bridged in (parts, parts[::-1]):
         proposal = fitted(shaping.reshape(-1, reflected.size), reflected)
         y = np.concatenate([bridged.reshape(-1, reflected.size), proposal.draw(rng, PROPOSALS)])
-        ratio = mode.likelihood.folded(shear.scores(y)) - proposal.log_density(y)
+        ratio = mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
         evaluations += len(y)
         cut = len(y) - PROPOSALS
         spans.append(span(ratio[:cut].reshape(bridged.shape[:2]), ratio[cut:]))

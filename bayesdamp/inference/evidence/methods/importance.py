@@ -6,8 +6,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT, fitted
-from bayesdamp.inference.coordinates.truncated_normal import about
-from bayesdamp.inference.coordinates.whitening import Shear, shear_of
+from bayesdamp.inference.coordinates.whitening import Shear, expansion, shear_of, truncated_about
 from bayesdamp.inference.curves.weighted import effective
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.mode import Mode
@@ -47,11 +46,12 @@ class Importance(EvidenceMethod):
         """Compute the evidence by importance sampling from a heavy-tailed fit to the posterior."""
         rng = np.random.default_rng(seed)
         reflected = target.reflected
+        shear = Shear.of_noise(target, mode)
         if mode.linear is None:
-            proposal = ReflectedT(np.where(reflected, np.abs(mode.z), mode.z), mode.factor, reflected)
+            proposal = ReflectedT(*expansion(target, mode, shear), reflected)
         else:
             proposal = fitted(mode.linear.draws, reflected)
-        place = proposal, Shear.of_noise(target, mode)
+        place = proposal, shear
         y, log_weights = self._weights(target, mode, *place, rng, PILOT)
         evaluations = PILOT
         others = (
@@ -100,7 +100,7 @@ class Importance(EvidenceMethod):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return straightened draws, (n, d), and their log weights, (n,)."""
         y = proposal.draw(rng, n)
-        return y, mode.likelihood.folded(shear.scores(y)) - proposal.log_density(y)
+        return y, mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
 
     @staticmethod
     def _truncated(
@@ -110,7 +110,7 @@ class Importance(EvidenceMethod):
 
         Coefficients that compensate each other there do not do so on its mirror images.
         """
-        normal = about(mode)
+        normal = truncated_about(target, mode, shear)
         if not normal.walls.size:
             return None
         try:
