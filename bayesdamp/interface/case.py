@@ -1,4 +1,4 @@
-"""Combine damping terms and a system with a record: its features, the targets, and where searches start."""
+"""Combine a model with a record: its features, the targets, where searches start, and the search for the mode."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from bayesdamp import types
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, has_noise, start_parameters
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.fit.search import find_mode, prior_starts
 from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.interface.specification import Specification
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.reference import reference_of
-from bayesdamp.types import Problem, Reference, Refusal, Seed, Signal, System
+from bayesdamp.types import Problem, Reference, Refusal, Seed, Signal
 
 Starts = Mapping[Seed, Mapping[str, float]]
 """Parameter values by name, from each source of a start."""
 NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd to simulate"
+PRIOR_STARTS = 2
+"""Number of draws from the prior that searches start from, in addition to the starts from the record."""
 REGRESSION = "least_squares"
 """The estimator that gives a start where a study has none."""
 OBSERVED = Seed("frequency and decay")
@@ -32,18 +33,14 @@ ALL = Seed("fit of all dampings")
 
 @dataclass(frozen=True)
 class Case:
-    """Damping terms and a system on a record with an oscillation.
+    """A model on a record with an oscillation, where laws hold exactly.
 
     Attributes
     ----------
     signal
         The record.
-    terms
-        Damping terms.
-    system
-        What is known and believed of all but the damping.
-    term_priors
-        The priors that are given, by term.
+    model
+        The model.
     features
         Features of the record.
     reference
@@ -51,17 +48,15 @@ class Case:
     """
 
     signal: types.Signal
-    terms: tuple[str, ...]
-    system: System
-    term_priors: Mapping[str, Prior]
+    model: Specification
     features: Features
     reference: Reference
 
     @classmethod
     def of(cls, signal: types.Signal, model: Specification) -> Case:
         """Return a model on a record. Raises Refusal where the record shows no oscillation."""
-        own, system = features(signal), model.system
-        return cls(signal, model.terms, system, model.term_priors, own, reference_of(system, own))
+        own = features(signal)
+        return cls(signal, model, own, reference_of(model.system, own))
 
     @classmethod
     def with_noise(cls, signal: types.Signal, model: Specification) -> Case:
@@ -74,7 +69,7 @@ class Case:
     @property
     def problem(self) -> Problem:
         """The damping terms and the system, as estimators need them."""
-        return Problem(self.terms, self.system)
+        return Problem(self.model.terms, self.model.system)
 
     def target(self, noise: str, epsilon: float | None = None) -> Target:
         """Return the target under a noise model.
@@ -91,23 +86,56 @@ class Case:
         Refusal
             Where the record is not suited to this noise model.
         """
-        system = self.system
+        system = self.model.system
         if epsilon is not None:
             system = replace(system, known={**system.known, "epsilon": epsilon})
         return build_target(
             self.signal,
-            self.terms,
+            self.model.terms,
             system,
             self.features,
             self.reference,
             noise=noise,
-            term_priors=self.term_priors,
+            term_priors=self.model.term_priors,
         )
 
-    def mode(self, target: Target, seeds: Starts, thrifty: bool = False) -> Mode:
-        """Return the highest mode of a target that is reached from starts. Raises Refusal where there is none."""
+    def mode(
+        self,
+        noise: str,
+        epsilon: float | None,
+        starts: Starts,
+        *,
+        draws: int = PRIOR_STARTS,
+        seed: int = 0,
+        thrifty: bool = False,
+    ) -> Mode:
+        """Return the highest mode that a search reaches.
+
+        Parameters
+        ----------
+        noise, epsilon
+            As in `target`.
+        starts
+            Where the search starts.
+        draws
+            Number of draws from the prior that it starts from too.
+        seed
+            Seed of these draws.
+        thrifty
+            Whether to stop at the first motion that keeps step with the record.
+
+        Raises
+        ------
+        Refusal
+            Where no start leads to a mode, or the record is not suited to the noise model.
+        """
+        target = self.target(noise, epsilon)
         return find_mode(
-            target, seeds, noise_level=self.features.roughness, period=self.features.period, thrifty=thrifty
+            target,
+            {**starts, **prior_starts(target, draws, seed)},
+            noise_level=self.features.roughness,
+            period=self.features.period,
+            thrifty=thrifty,
         )
 
     def starts(self) -> Starts:

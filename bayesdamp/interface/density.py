@@ -70,8 +70,9 @@ class Density(Shown):
     mode: Mode = field(repr=False)
 
     @classmethod
-    def at(cls, signal: types.Signal, model: Specification, target: Target, mode: Mode) -> Self:
-        """Return the density of a target, with the solver's steps set at its mode."""
+    def at(cls, signal: types.Signal, model: Specification, mode: Mode) -> Self:
+        """Return the density whose mode is given, with the solver's steps set there."""
+        target = mode.likelihood.target
         values = {n: float(v) for n, v in target.values(mode.z).items()}
         return cls(signal, model, values, units_of(target.names, model.restoring, signal), target, mode)
 

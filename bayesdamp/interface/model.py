@@ -17,8 +17,6 @@ from bayesdamp.inference.deviation.sample_noise import MOST_CYCLES, noises_of, p
 from bayesdamp.inference.deviation.single import Single, single
 from bayesdamp.inference.deviation.weighing import START, weigh_all
 from bayesdamp.inference.fit.mode import Mode, restore_mode
-from bayesdamp.inference.fit.search import prior_starts
-from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.case import Case, Starts
 from bayesdamp.interface.density import Density
@@ -28,9 +26,6 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
 from bayesdamp.types import InputError, Refusal, Seed
 from bayesdamp.units import UNITS
-
-PRIOR_STARTS = 2
-"""Number of draws from the prior that searches start from, in addition to the starts from the record."""
 
 
 class Model(Specification):
@@ -93,11 +88,8 @@ class Model(Specification):
             Where the model cannot be fitted to this record.
         """
         own = check_signal(signal, self)
-        if self.approximate:
-            mode = fit_approximate(own, self).mode
-            return Density.at(own, self, mode.likelihood.target, mode)
-        target, mode, _ = fit_exact(own, self, None, seed)
-        return Density.at(own, self, target, mode)
+        mode = fit_approximate(own, self).mode if self.approximate else fit_exact(own, self, None, seed)[0]
+        return Density.at(own, self, mode)
 
 
 def check_signal(signal: object, model: object) -> Signal:
@@ -146,15 +138,13 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
 
 def fit_exact(
     signal: Signal, model: Model, start: Mapping[str, float] | None, seed: int
-) -> tuple[Target, Mode, tuple[str, ...]]:
+) -> tuple[Mode, tuple[str, ...]]:
     """Fit a model with laws that hold exactly.
 
     Returns
     -------
-    target
-        The target under the noise that was chosen.
     mode
-        Its highest mode, where the solver's steps are set.
+        The highest mode under the noise that was chosen, where the solver's steps are set.
     notes
         Sentences on what was chosen.
 
@@ -179,10 +169,9 @@ def fit_exact(
             raise
         starts = dict(given)
     noise, epsilon, notes, chosen = _choose(case, model)
-    target = case.target(noise, epsilon)
-    mode = case.mode(target, {**chosen, **starts, **prior_starts(target, PRIOR_STARTS, seed)})
+    mode = case.mode(noise, epsilon, {**chosen, **starts}, seed=seed)
     # Restored at the mode, as it is where a fit is read from a file, so that both are the same.
-    return target, restore_mode(target, mode.stored), notes
+    return restore_mode(mode.likelihood.target, mode.stored), notes
 
 
 def _choose(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...], Starts]:

@@ -35,7 +35,7 @@ def compute_estimate(branch: Branch, method: str, seed: int) -> Product:
     stages = run_estimator(
         use.method(method),
         branch.record.signal,
-        branch.case.problem,
+        branch.problem,
         options=use.options.get(method),
         stages=use.stages,
         seed=seed,
