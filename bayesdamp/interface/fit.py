@@ -19,12 +19,11 @@ from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode, value_i
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface import axes as drawing
 from bayesdamp.interface.answer import in_base
-from bayesdamp.interface.density import Density
+from bayesdamp.interface.density import Density, units_of
 from bayesdamp.interface.model import Model, check_signal, fit_approximate, fit_exact
 from bayesdamp.interface.prediction import Prediction, check_times, predict_approximate, predict_exact
 from bayesdamp.interface.result import Result, outcome_notes
 from bayesdamp.interface.signal import Signal
-from bayesdamp.interface.specification import units_of
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.serial import Reduced

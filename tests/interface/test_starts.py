@@ -14,7 +14,7 @@ from bayesdamp.inference.fit.mode import Mode, maximise
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.interface.case import ALL, OBSERVED, observed, of_all, regression
+from bayesdamp.interface.starts import ALL, OBSERVED, observed, of_all, regression
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.pipeline.answering import answer_key, compute_answer

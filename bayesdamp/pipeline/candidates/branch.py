@@ -9,10 +9,8 @@ from bayesdamp.inference.deviation.single import put_together
 from bayesdamp.inference.fit.mode import StoredMode, restore_mode
 from bayesdamp.inference.model.target import default_prior
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.interface.case import Case
 from bayesdamp.interface.fit import Fit
-from bayesdamp.interface.model import Model
-from bayesdamp.interface.specification import FIXED
+from bayesdamp.interface.model import FIXED, Case, Model
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
@@ -113,7 +111,7 @@ class Branch:
             raise Refusal(following(cell.name, cell.outcome))
         stored = join(StoredMode, ModeContent.of(cell).stored, cell.arrays, "stored")
         mode = restore_mode(self.case.target(self.noise, self.epsilon), stored)
-        return Fit.at_mode(signal, self.specify("none"), mode)
+        return Fit.at_mode(signal, self.case.model, mode)
 
     @property
     def many(self) -> bool:

@@ -8,8 +8,9 @@ import numpy as np
 
 from bayesdamp.inference.checks.checks import check_fit
 from bayesdamp.inference.fit.search import basins
-from bayesdamp.interface.case import PRIOR_STARTS, observed, of_all, regression
 from bayesdamp.interface.fit import Fit
+from bayesdamp.interface.model import PRIOR_STARTS
+from bayesdamp.interface.starts import observed, of_all, regression
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records import NOT_APPLICABLE
 from bayesdamp.pipeline.tasks import Product, cell_seed
@@ -65,7 +66,7 @@ def compute_mode(branch: Branch) -> Product:
         seed=cell_seed(branch.study, f"seeds/{branch.path}"),
         thrifty=branch.many,
     )
-    fit, target = Fit.at_mode(branch.record.signal, branch.specify("none"), mode), mode.likelihood.target
+    fit, target = Fit.at_mode(branch.record.signal, branch.case.model, mode), mode.likelihood.target
     seed = cell_seed(branch.study, f"checks/{branch.spec.name}/{branch.repeat}")
     checks = check_fit(target, mode, branch.record.features.period, seed)
     arrays = {"t": branch.record.signal.t, **{k: getattr(checks, k) for k in CHECKS}}
