@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.deviation.single import put_together
 from bayesdamp.inference.fit.mode import StoredMode, restore_mode
 from bayesdamp.inference.model.target import default_prior
-from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.model import FIXED, Case, Model
 from bayesdamp.outcomes import following
@@ -19,7 +19,7 @@ from bayesdamp.pipeline.targets import StudyRecord
 from bayesdamp.serial import join
 from bayesdamp.store import Store
 from bayesdamp.store.contents import AnswerContent, ModeContent
-from bayesdamp.types import OK, Problem, Refusal, candidate_parts
+from bayesdamp.types import OK, InputError, Problem, Refusal, candidate_parts
 
 
 class Branch:
@@ -51,27 +51,29 @@ class Branch:
         return Problem(self.terms, self.record.system(self.restoring))
 
     def specify(self, deviation: str) -> Model:
-        """Return the candidate as a model; deviation: "none" or "law"."""
+        """Return the candidate as a model; deviation: "none" or "law". Raises Refusal where that is impossible."""
         study, record, system = self.study, self.record, self.record.system(self.restoring)
-        oscillator, free = Oscillator(self.terms, self.restoring), dict(system.free)
-        own = {*oscillator.parameters, *(p for n in study.noises for p in NOISES.get(n).parameters)}
-        if "epsilon" in free and free["epsilon"] is None:  # a model infers ε only where it has a prior
-            free["epsilon"] = default_prior(
-                "epsilon", oscillator, study.noises[0], record.reference, record.features
-            )
-        priors = {t: p for t, p in study.models.prior.items() if t in self.terms}
-        priors |= {n: p for n, p in free.items() if p is not None and n in own}
-        return Model(
-            "+".join(self.terms),
-            self.restoring,
-            study.noises,
-            {n: p for n, p in priors.items() if p is not None and (deviation == "none" or n not in FIXED)},
-            {n: v for n, v in system.known.items() if n in own},
-            deviation,
-            study.posterior.sensor,
-            record.reference.amplitude,
-            record.reference.frequency,
+        damping, scales = "+".join(self.terms), record.reference
+        model = Model(
+            damping, self.restoring, study.noises, deviation=deviation, sensor=study.posterior.sensor
         )
+        priors = {t: p for t, p in study.models.prior.items() if t in self.terms}
+        free = {n: p for n, p in system.free.items() if n in model.parameters}
+        if "epsilon" in free:  # a model infers it only where it has a prior
+            laws = Oscillator(self.terms, self.restoring)
+            default = default_prior("epsilon", laws, study.noises[0], scales, record.features)
+            free["epsilon"] = free["epsilon"] or default
+        fixed = FIXED if model.approximate else ()
+        try:
+            return replace(
+                model,
+                priors={n: p for n, p in {**priors, **free}.items() if p is not None and n not in fixed},
+                known={n: v for n, v in system.known.items() if n in model.parameters},
+                amplitude=scales.amplitude,
+                frequency=scales.frequency,
+            )
+        except InputError as error:
+            raise Refusal(str(error)) from None
 
     @cached_property
     def case(self) -> Case:
