@@ -73,7 +73,8 @@ class Model(Result):
     noise
         A noise model; or several, or "auto" for all, of which the evidence chooses one for the record.
     priors
-        Priors by damping term or parameter name; parameters without one have the default.
+        Priors by damping term or parameter name; parameters without one have the default. A name that is a term and a
+        parameter of the restoring law, such as "cubic" under "duffing", is the parameter; "mu_3" is the term.
     known
         Values of parameters that are not inferred, by name. Damping coefficients are always inferred. Friction's
         epsilon may be given for a model without friction, which ignores it.
@@ -177,10 +178,9 @@ class Model(Result):
 
     @property
     def system(self) -> System:
-        """What is known and believed of all but the damping, as the other packages need it."""
-        free: dict[str, object | None] = {n: None for n in self.parameters if n not in self._coefficients}
-        given = {n: p for n, p in self.priors.items() if n in free}
-        free = {n: given.get(n) for n in free if n not in self.known and (n != "epsilon" or n in given)}
+        """What is known and believed of the parameters, as the other packages need it."""
+        given, unknown = self.parameter_priors, [n for n in self.parameters if n not in self.known]
+        free = {n: given.get(n) for n in unknown if n != "epsilon" or n in given}
         return System(self.restoring, dict(self.known), free, self.amplitude, self.frequency)
 
     @property
@@ -189,15 +189,9 @@ class Model(Result):
         return by_parameter(self.priors, self._coefficients)
 
     @property
-    def term_priors(self) -> dict[str, Prior]:
-        """The priors that are given for damping terms or coefficients, by term."""
-        by_name = {**self._coefficients, **{t: t for t in self.terms}}
-        return {by_name[n]: p for n, p in self.priors.items() if n in by_name}
-
-    @property
     def _coefficients(self) -> dict[str, str]:
         """The term of each coefficient."""
-        return coefficients_of(self.terms)
+        return coefficients_of(self.terms, LAWS.get(self.restoring).parameters)
 
     def bind(self, signal: types.Signal, *, seed: int = 0) -> Density:
         """Return the posterior density on a record, as plain functions of the parameters in natural units.
@@ -309,7 +303,6 @@ class Case:
             self.features,
             self.reference,
             noise=noise,
-            term_priors=self.model.term_priors,
         )
 
     def mode(
@@ -350,14 +343,6 @@ class Case:
             period=self.features.period,
             thrifty=thrifty,
         )
-
-    def starts(self) -> Starts:
-        """Return starts from the record's turning points and a regression. Raises Refusal where neither gives one."""
-        values, outcome = regression(self.signal, self.problem)
-        starts = observed(self.signal, self.features, self.problem) | values
-        if not starts:
-            raise Refusal(outcome)
-        return starts
 
 
 def check_signal(signal: object, model: object) -> Signal:
@@ -430,12 +415,10 @@ def fit_exact(
             raise InputError(
                 f"fit: start has unknown parameter {name!r}{nearest(name, list(model.parameters))}"
             )
-    try:
-        starts = given | dict(case.starts())
-    except Refusal:
-        if not given:
-            raise
-        starts = dict(given)
+    values, outcome = regression(signal, case.problem)
+    starts = given | observed(signal, case.features, case.problem) | values
+    if not starts:
+        raise Refusal(outcome)
     noise, epsilon, notes, chosen = _choose(case, model)
     mode = case.mode(noise, epsilon, {**chosen, **starts}, seed=seed)
     # Restored at the mode, as it is where a fit is read from a file, so that both are the same.

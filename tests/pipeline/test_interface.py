@@ -31,7 +31,7 @@ epsilon = "free"
 noise_sd = "free"
 [[signal]]
 name = "swing"
-simulate = {{ viscous = 0.05, theta0 = 0.3, omega0 = 0.0, epsilon = 0.05, duration = 6, samples = 200, noise_sd = 3e-3 }}
+simulate = {{ viscous = 0.05, theta0 = 0.3, omega0 = 0.0, epsilon = 0.05, duration = 6, samples = 200, noise_sd=3e-3 }}
 [estimators]
 use = []
 [models]
@@ -78,12 +78,22 @@ def test_a_model_has_what_the_study_states() -> None:
     _, branch = ran()
     model = branch.specify("none")
     assert model.known == {"stiffness": 20.0, "rest_angle": 0.0}
-    assert model.priors["coulomb"] == bd.HalfNormal(0.02)
+    assert model.priors["mu_c"] == bd.HalfNormal(0.02)
     assert model.priors["omega0"] == bd.Normal(0.0, 0.5)
     alone = bd.fit(branch.record.signal, model).priors
     assert alone == branch.fit.priors
     assert set(alone) == {"zeta", "mu_c", "theta0", "omega0", "epsilon", "noise_sd"}
-    assert set(branch.specify("law").priors) == {"coulomb", "omega0"}
+    assert set(branch.specify("law").priors) == {"mu_c", "omega0"}
+
+
+def test_a_cubic_spring_and_cubic_damping_are_told_apart(tmp_path) -> None:
+    _, branch = ran()
+    text = STUDY.replace('"linear"', '"duffing"').replace("stiffness = 20.0", "stiffness = 20.0\ncubic = 1.0")
+    study = load(tmp_path, text.replace("coulomb", "cubic"))
+    model = Branch(study, study.signals[0], 0, "viscous+cubic", branch.store).specify("none")
+    assert model.known["cubic"] == 1.0
+    assert model.priors["mu_3"] == bd.HalfNormal(0.02)
+    assert "cubic" not in model.priors
 
 
 def test_an_impossible_known_value_is_refused(tmp_path) -> None:

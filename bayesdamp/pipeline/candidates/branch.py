@@ -14,7 +14,7 @@ from bayesdamp.interface.model import FIXED, Case, Model
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.pipeline.answering import ANSWERED, law_of, likelihood_of
+from bayesdamp.pipeline.answering import ANSWERED, law_of, likelihood_of, stated_priors
 from bayesdamp.pipeline.targets import StudyRecord
 from bayesdamp.serial import join
 from bayesdamp.store import Store
@@ -57,11 +57,11 @@ class Branch:
         model = Model(
             damping, self.restoring, study.noises, deviation=deviation, sensor=study.posterior.sensor
         )
-        priors = {t: p for t, p in study.models.prior.items() if t in self.terms}
+        oscillator = Oscillator(self.terms, self.restoring)
+        priors = {n: p for n, p in stated_priors(study).items() if n in oscillator.coefficients}
         free = {n: p for n, p in system.free.items() if n in model.parameters}
         if "epsilon" in free:  # a model infers it only where it has a prior
-            laws = Oscillator(self.terms, self.restoring)
-            default = default_prior("epsilon", laws, study.noises[0], scales, record.features)
+            default = default_prior("epsilon", oscillator, study.noises[0], scales, record.features)
             free["epsilon"] = free["epsilon"] or default
         fixed = FIXED if model.approximate else ()
         try:
