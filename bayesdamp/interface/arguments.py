@@ -69,9 +69,13 @@ def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
     return numbers
 
 
-def coefficients_of(terms: Sequence[str]) -> dict[str, str]:
-    """Return the term of each damping coefficient."""
-    return {TERMS.get(t).parameter: t for t in terms}
+def coefficients_of(terms: Sequence[str], law: Sequence[str] = ()) -> dict[str, str]:
+    """Return the term of each damping coefficient.
+
+    A term with the name of one of the restoring law's parameters, `law`, goes by its coefficient's name.
+    """
+    names = {t: TERMS.get(t).parameter for t in terms}
+    return {n: n if t in law else t for t, n in names.items()}
 
 
 def by_parameter(priors: Mapping[str, Prior], coefficients: Mapping[str, str]) -> dict[str, Prior]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
@@ -15,12 +15,12 @@ from bayesdamp.formatting import compact
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.result import Shown
-from bayesdamp.interface.specification import Specification, units_of
+from bayesdamp.interface.result import Result, Shown
+from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior, joint_log_density, joint_slope
 from bayesdamp.table import Table
-from bayesdamp.types import InputError
+from bayesdamp.types import InputError, candidate_name
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,17 +63,19 @@ class Density(Shown):
     """
 
     signal: types.Signal
-    model: Specification
+    model: Result
     values: Mapping[str, float]
     units: Mapping[str, str]
     target: Target = field(repr=False)
     mode: Mode = field(repr=False)
 
     @classmethod
-    def at(cls, signal: types.Signal, model: Specification, target: Target, mode: Mode) -> Self:
-        """Return the density of a target, with the solver's steps set at its mode."""
+    def at(cls, signal: types.Signal, model: Result, mode: Mode) -> Self:
+        """Return the density whose mode is given, with the solver's steps set there."""
+        target = mode.likelihood.target
         values = {n: float(v) for n, v in target.values(mode.z).items()}
-        return cls(signal, model, values, units_of(target.names, model.restoring, signal), target, mode)
+        units = units_of(target.names, target.oscillator.restoring, signal)
+        return cls(signal, model, values, units, target, mode)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -198,5 +200,11 @@ class Density(Shown):
             (n, self.units[n], compact(self.values[n], 6), prior.describe())
             for n, prior in self.priors.items()
         ]
-        title = f"Posterior density of {self.model.name} on {self.signal.name}"
+        name = candidate_name("+".join(self.target.oscillator.damping), self.target.oscillator.restoring)
+        title = f"Posterior density of {name} on {self.signal.name}"
         return Table(("parameter", "unit", "best fit", "prior"), rows, caption=title)
+
+
+def units_of(names: Iterable[str], restoring: str, signal: types.Signal) -> dict[str, str]:
+    """Return the unit of each parameter on a record."""
+    return {n: parameter_unit(n, restoring, signal.unit, signal.quantity) for n in names}

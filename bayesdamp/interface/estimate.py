@@ -14,11 +14,10 @@ from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import start_parameters
 from bayesdamp.formatting import compact
 from bayesdamp.interface import axes as drawing
-from bayesdamp.interface.case import Case
-from bayesdamp.interface.model import Model, check_signal
+from bayesdamp.interface.density import units_of
+from bayesdamp.interface.model import Case, Model, check_signal
 from bayesdamp.interface.result import Result
 from bayesdamp.interface.signal import Signal
-from bayesdamp.interface.specification import units_of
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.table import Table

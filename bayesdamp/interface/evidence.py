@@ -9,7 +9,7 @@ from bayesdamp import types
 from bayesdamp.formatting import compact
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.interface.fit import Fit
-from bayesdamp.interface.posterior import TEMPERED, Posterior, sample
+from bayesdamp.interface.posterior import TEMPERED, Array, Posterior, sample
 from bayesdamp.interface.result import Result, outcome_notes
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError, Refusal
@@ -121,20 +121,40 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
             seconds=posterior.seconds,
             outcome=posterior.outcome,
         )
-    plugin = EVIDENCES.get(LAPLACE if approximate and method == LINEAR else method)
-    draws: Draws | None = None
+    own = LAPLACE if approximate and method == LINEAR else method
+    draws, outcome = None, OK
+    if posterior is not None and posterior.sampler == FROM_DRAWS and posterior.names:
+        draws, outcome = posterior.draws, posterior.outcome
     try:
-        target, mode = fit.engine
-        if (
-            posterior is not None
-            and plugin.needs_draws
-            and posterior.sampler == FROM_DRAWS
-            and posterior.names
-        ):
-            draws = Draws.of(target, posterior.draws, posterior.outcome)
-        result = plugin.timed(fit.model.name, target, mode, seed, draws)
+        result = weigh(fit, own, seed, draws, outcome)
     except Refusal as refusal:
         return replace(blank, outcome=str(refusal))
     return Evidence(
         **{**vars(result), "method": method, "arrays": {}}, signal=blank.signal, noise=blank.noise
     )
+
+
+def weigh(fit: Fit, method: str, seed: int, draws: Array | None = None, outcome: str = OK) -> types.Evidence:
+    """Compute the evidence of a fit by one method: what `evidence` and the tasks of a study call.
+
+    Parameters
+    ----------
+    fit
+        The fit.
+    method
+        A name in `EVIDENCES`.
+    seed
+        Seed of all random numbers.
+    draws
+        Draws of "nuts" in natural units, shape (chain, draw, parameter), which a method that needs some starts from.
+    outcome
+        Outcome of these draws.
+
+    Raises
+    ------
+    Refusal
+        Without a fit, or where the method cannot work on it.
+    """
+    plugin, (target, mode) = EVIDENCES.get(method), fit.engine
+    given = Draws.of(target, draws, outcome) if plugin.needs_draws and draws is not None else None
+    return plugin.timed(fit.model.name, target, mode, seed, given)

@@ -19,12 +19,11 @@ from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode, value_i
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface import axes as drawing
 from bayesdamp.interface.answer import in_base
-from bayesdamp.interface.density import Density
+from bayesdamp.interface.density import Density, units_of
 from bayesdamp.interface.model import Model, check_signal, fit_approximate, fit_exact
 from bayesdamp.interface.prediction import Prediction, check_times, predict_approximate, predict_exact
 from bayesdamp.interface.result import Result, outcome_notes
 from bayesdamp.interface.signal import Signal
-from bayesdamp.interface.specification import units_of
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.serial import Reduced
@@ -126,8 +125,7 @@ class Fit(Result, Reduced):
     @cached_property
     def density(self) -> Density:
         """The posterior as plain functions. Raises Refusal, with the outcome, without a fit."""
-        target, mode = self.engine
-        return Density.at(self.signal, self.model, target, mode)
+        return Density.at(self.signal, self.model, self.engine[1])
 
     @property
     def engine(self) -> tuple[Target, Mode]:
@@ -330,23 +328,21 @@ class Fit(Result, Reduced):
     def _restored(cls, stored: StoredFit) -> Self:
         signal, model = stored.signal, stored.model
         if stored.law is not None:
-            return cls._approximated(signal, model, put_together(signal, model.restoring, stored.law))
+            return cls.at_law(signal, model, put_together(signal, model.restoring, stored.law))
         if stored.mode is None:
             return cls(signal, model, outcome=stored.outcome, notes=stored.notes)
         oscillator = Oscillator(model.terms, model.restoring)
         target = Target(signal, oscillator, stored.noise, stored.priors, stored.known)
-        mode = restore_mode(target, stored.mode)
-        return cls._solved(signal, model, target, mode, stored.outcome, stored.notes)
+        return cls.at_mode(signal, model, restore_mode(target, stored.mode), stored.notes)
 
     @classmethod
-    def _solved(
-        cls, signal: Signal, model: Model, target: Target, mode: Mode, outcome: str, notes: tuple[str, ...]
-    ) -> Self:
-        left = mode.likelihood.residual(mode.z)
-        density = Density.at(signal, model, target, mode)
+    def at_mode(cls, signal: types.Signal, model: Model, mode: Mode, notes: tuple[str, ...] = ()) -> Self:
+        """Return the fit whose mode is given, where laws hold exactly; notes: on what was chosen for it."""
+        target, left = mode.likelihood.target, mode.likelihood.residual(mode.z)
+        density = Density.at(signal, model, mode)
         covariance = np.linalg.inv(mode.information)
         return cls(
-            signal=signal,
+            signal=Signal.of(signal),
             model=model,
             noise=target.noise,
             values=density.values,
@@ -357,14 +353,14 @@ class Fit(Result, Reduced):
             fitted=signal.y - left,
             residuals=left,
             log_posterior=density.log_prior(density.vector()) + mode.likelihood.log_noise(left, mode.z),
-            outcome=outcome,
             notes=notes,
             target=target,
             mode=mode,
         )
 
     @classmethod
-    def _approximated(cls, signal: Signal, model: Model, law: Single) -> Self:
+    def at_law(cls, signal: types.Signal, model: Model, law: Single) -> Self:
+        """Return the fit at the end of a search for the motion, where laws may hold approximately."""
         quantities = law.quantities()
         times = signal.t - signal.t[0]
         used = times <= law.knots[-1]
@@ -372,7 +368,7 @@ class Fit(Result, Reduced):
         fitted[used] = law.motions(law.best, times[used])[0]
         of_damping, of_frequency = (quantity(x) for x in law.sizes(law.scores))
         return cls(
-            signal=signal,
+            signal=Signal.of(signal),
             model=model,
             noise=law.weighing.noise.name,
             values={n: q.value for n, q in quantities.items()},
@@ -439,8 +435,8 @@ def fit(
         raise InputError(f"fit: start has no effect under deviation {model.deviation!r}; remove it")
     try:
         if model.approximate:
-            return Fit._approximated(own, model, fit_approximate(own, model))
-        target, mode, notes = fit_exact(own, model, start, seed)
+            return Fit.at_law(own, model, fit_approximate(own, model))
+        mode, notes = fit_exact(own, model, start, seed)
     except Refusal as refusal:
         return Fit(own, model, outcome=str(refusal))
-    return Fit._solved(own, model, target, mode, OK, notes)
+    return Fit.at_mode(own, model, mode, notes)

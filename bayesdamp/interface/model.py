@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -10,30 +11,57 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp import types
 from bayesdamp.calls import told
+from bayesdamp.config.checks import StudyError
+from bayesdamp.config.sections import DEVIATIONS
+from bayesdamp.config.signals import canonical_model
+from bayesdamp.estimators.shared import has_noise
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepared
+from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.quick import averaging_of
 from bayesdamp.inference.deviation.sample_noise import MOST_CYCLES, noises_of, prepared_for
 from bayesdamp.inference.deviation.single import Single, single
 from bayesdamp.inference.deviation.weighing import START, weigh_all
 from bayesdamp.inference.fit.mode import Mode, restore_mode
-from bayesdamp.inference.fit.search import prior_starts
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.fit.search import find_mode, prior_starts
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.interface.case import Case, Starts
+from bayesdamp.interface.arguments import (
+    POSITIVE,
+    by_parameter,
+    check_known,
+    check_noise,
+    check_priors,
+    check_sensor,
+    coefficients_of,
+    number,
+)
 from bayesdamp.interface.density import Density
+from bayesdamp.interface.result import Result
 from bayesdamp.interface.signal import Signal
-from bayesdamp.interface.specification import Specification
+from bayesdamp.interface.starts import Starts, observed, regression
+from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
-from bayesdamp.types import InputError, Refusal, Seed
+from bayesdamp.priors import Prior
+from bayesdamp.records.oscillation.features import Features, features
+from bayesdamp.records.reference import reference_of
+from bayesdamp.table import Table
+from bayesdamp.types import InputError, Problem, Reference, Refusal, Seed, System
 from bayesdamp.units import UNITS
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+FIXED = (*POSITIVE, "epsilon")
+"""Parameters that are not inferred where laws hold approximately: known, or determined from the record once."""
 PRIOR_STARTS = 2
 """Number of draws from the prior that searches start from, in addition to the starts from the record."""
+NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd to simulate"
 
 
-class Model(Specification):
+@dataclass(frozen=True, repr=False)
+class Model(Result):
     """A model of a record: damping, restoring law, noise, priors and known parameters.
 
     Parameters
@@ -45,7 +73,8 @@ class Model(Specification):
     noise
         A noise model; or several, or "auto" for all, of which the evidence chooses one for the record.
     priors
-        Priors by damping term or parameter name; parameters without one have the default.
+        Priors by damping term or parameter name; parameters without one have the default. A name that is a term and a
+        parameter of the restoring law, such as "cubic" under "duffing", is the parameter; "mu_3" is the term.
     known
         Values of parameters that are not inferred, by name. Damping coefficients are always inferred. Friction's
         epsilon may be given for a model without friction, which ignores it.
@@ -71,8 +100,98 @@ class Model(Specification):
     ('viscous+coulomb@pendulum', ('viscous', 'coulomb'))
     """
 
-    if not TYPE_CHECKING:
-        __init__ = told(Specification.__init__, "Model")
+    damping: str
+    restoring: str = "linear"
+    noise: str | tuple[str, ...] = "auto"
+    priors: Mapping[str, Prior] = field(default_factory=dict)
+    known: Mapping[str, float] = field(default_factory=dict)
+    deviation: str = "none"
+    sensor: float = SENSOR
+    amplitude: float | None = None
+    frequency: float | None = None
+
+    def __post_init__(self) -> None:
+        try:
+            damping = canonical_model(self.damping, "damping")
+        except StudyError as error:
+            raise InputError(f"Model: {error}") from None
+        for what, given, valid in (
+            ("restoring law", self.restoring, LAWS.names()),
+            ("deviation", self.deviation, list(DEVIATIONS)),
+        ):
+            if given not in valid:
+                raise InputError(f"Model: unknown {what} {given!r}{nearest(str(given), valid)}")
+        object.__setattr__(self, "damping", damping)
+        object.__setattr__(self, "noise", self.noise if isinstance(self.noise, str) else tuple(self.noise))
+        check_noise("Model", self.noise)
+        if self.approximate:
+            check_sensor("Model", self.sensor)
+            for name in self.priors:
+                if name in FIXED:
+                    raise InputError(
+                        f"Model: the prior of {name!r} has no meaning under deviation {self.deviation!r}, which fixes "
+                        "it; remove it, or give it as known"
+                    )
+        known = check_known("Model", self.known, self._coefficients, self.parameters)
+        priors = check_priors("Model", self.priors, known, self._coefficients, self.parameters)
+        object.__setattr__(self, "known", {n: v for n, v in known.items() if n in self.parameters})
+        object.__setattr__(self, "priors", priors)
+        for name in ("amplitude", "frequency"):
+            value = getattr(self, name)
+            if value is not None and not number(value) > 0:
+                raise InputError(f"Model: {name} is {value!r}; it must be a positive number")
+
+    def __hash__(self) -> int:
+        mappings = (
+            tuple(sorted(self.known.items())),
+            tuple(sorted(self.priors.items(), key=lambda item: item[0])),
+        )
+        return hash((self.damping, self.restoring, self.noise, self.deviation, self.sensor, *mappings))
+
+    @property
+    def name(self) -> str:
+        """Damping and restoring law: `viscous+coulomb@pendulum`."""
+        return types.candidate_name(self.damping, self.restoring)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of the damping terms."""
+        return tuple(self.damping.split("+"))
+
+    @property
+    def noises(self) -> tuple[str, ...]:
+        """The noise models in play."""
+        if self.noise == "auto":
+            return tuple(NOISES.names())
+        return (self.noise,) if isinstance(self.noise, str) else self.noise
+
+    @property
+    def approximate(self) -> bool:
+        """Whether laws may hold approximately."""
+        return self.deviation != "none"
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of all parameters, known ones included; of the noise, those of all models in play."""
+        noise = dict.fromkeys(p for n in self.noises for p in NOISES.get(n).parameters)
+        return (*Oscillator(self.terms, self.restoring).parameters, *noise)
+
+    @property
+    def system(self) -> System:
+        """What is known and believed of the parameters, as the other packages need it."""
+        given, unknown = self.parameter_priors, [n for n in self.parameters if n not in self.known]
+        free = {n: given.get(n) for n in unknown if n != "epsilon" or n in given}
+        return System(self.restoring, dict(self.known), free, self.amplitude, self.frequency)
+
+    @property
+    def parameter_priors(self) -> dict[str, Prior]:
+        """The priors that are given, by parameter."""
+        return by_parameter(self.priors, self._coefficients)
+
+    @property
+    def _coefficients(self) -> dict[str, str]:
+        """The term of each coefficient."""
+        return coefficients_of(self.terms, LAWS.get(self.restoring).parameters)
 
     def bind(self, signal: types.Signal, *, seed: int = 0) -> Density:
         """Return the posterior density on a record, as plain functions of the parameters in natural units.
@@ -93,11 +212,137 @@ class Model(Specification):
             Where the model cannot be fitted to this record.
         """
         own = check_signal(signal, self)
-        if self.approximate:
-            mode = fit_approximate(own, self).mode
-            return Density.at(own, self, mode.likelihood.target, mode)
-        target, mode, _ = fit_exact(own, self, None, seed)
-        return Density.at(own, self, target, mode)
+        mode = fit_approximate(own, self).mode if self.approximate else fit_exact(own, self, None, seed)[0]
+        return Density.at(own, self, mode)
+
+    def summary(self) -> pd.DataFrame:
+        """Return a row for each parameter: its value where it is known, and the prior that was given.
+
+        Default priors depend on the record and are in the summary of a fit.
+        """
+        import pandas as pd
+
+        given = {n: p.describe() for n, p in self.parameter_priors.items()}
+        rows = [(n, self.known.get(n), given.get(n)) for n in self.parameters]
+        return pd.DataFrame(rows, columns=["parameter", "known", "prior"]).set_index("parameter")
+
+    def _table(self) -> Table:
+        rows = [("damping", self.damping), ("restoring", self.restoring)]
+        rows += [("noise", self.noise if isinstance(self.noise, str) else " or ".join(self.noise))]
+        rows += [("deviation", self.deviation), ("sensor", f"{self.sensor:.3g}")] * self.approximate
+        rows += [(f"prior of {n}", p.describe()) for n, p in self.priors.items()]
+        rows += [(n, f"{v:.6g} (known)") for n, v in self.known.items()]
+        return Table(("", ""), rows, caption=f"Model {self.name}")
+
+
+Model.__init__ = told(Model.__init__, "Model")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model on a record with an oscillation, where laws hold exactly.
+
+    Attributes
+    ----------
+    signal
+        The record.
+    model
+        The model.
+    features
+        Features of the record.
+    reference
+        What default priors scale with.
+    """
+
+    signal: types.Signal
+    model: Model
+    features: Features
+    reference: Reference
+
+    @classmethod
+    def of(cls, signal: types.Signal, model: Model) -> Case:
+        """Return a model on a record. Raises Refusal where the record shows no oscillation."""
+        own = features(signal)
+        return cls(signal, model, own, reference_of(model.system, own))
+
+    @classmethod
+    def with_noise(cls, signal: types.Signal, model: Model) -> Case:
+        """Return a model on a record. Raises Refusal also where the record has no noise."""
+        case = cls.of(signal, model)
+        if not has_noise(signal, case.features):
+            raise Refusal(NO_POSTERIOR)
+        return case
+
+    @property
+    def problem(self) -> Problem:
+        """The damping terms and the system, as estimators need them."""
+        return Problem(self.model.terms, self.model.system)
+
+    def target(self, noise: str, epsilon: float | None = None) -> Target:
+        """Return the target under a noise model.
+
+        Parameters
+        ----------
+        noise
+            The noise model.
+        epsilon
+            Width of friction in rad/s, where it was chosen for the record.
+
+        Raises
+        ------
+        Refusal
+            Where the record is not suited to this noise model.
+        """
+        system = self.model.system
+        if epsilon is not None:
+            system = replace(system, known={**system.known, "epsilon": epsilon})
+        return build_target(
+            self.signal,
+            self.model.terms,
+            system,
+            self.features,
+            self.reference,
+            noise=noise,
+        )
+
+    def mode(
+        self,
+        noise: str,
+        epsilon: float | None,
+        starts: Starts,
+        *,
+        draws: int = PRIOR_STARTS,
+        seed: int = 0,
+        thrifty: bool = False,
+    ) -> Mode:
+        """Return the highest mode that a search reaches.
+
+        Parameters
+        ----------
+        noise, epsilon
+            As in `target`.
+        starts
+            Where the search starts.
+        draws
+            Number of draws from the prior that it starts from too.
+        seed
+            Seed of these draws.
+        thrifty
+            Whether to stop at the first motion that keeps step with the record.
+
+        Raises
+        ------
+        Refusal
+            Where no start leads to a mode, or the record is not suited to the noise model.
+        """
+        target = self.target(noise, epsilon)
+        return find_mode(
+            target,
+            {**starts, **prior_starts(target, draws, seed)},
+            noise_level=self.features.roughness,
+            period=self.features.period,
+            thrifty=thrifty,
+        )
 
 
 def check_signal(signal: object, model: object) -> Signal:
@@ -146,15 +391,13 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
 
 def fit_exact(
     signal: Signal, model: Model, start: Mapping[str, float] | None, seed: int
-) -> tuple[Target, Mode, tuple[str, ...]]:
+) -> tuple[Mode, tuple[str, ...]]:
     """Fit a model with laws that hold exactly.
 
     Returns
     -------
-    target
-        The target under the noise that was chosen.
     mode
-        Its highest mode, where the solver's steps are set.
+        The highest mode under the noise that was chosen, where the solver's steps are set.
     notes
         Sentences on what was chosen.
 
@@ -172,17 +415,14 @@ def fit_exact(
             raise InputError(
                 f"fit: start has unknown parameter {name!r}{nearest(name, list(model.parameters))}"
             )
-    try:
-        starts = given | dict(case.starts())
-    except Refusal:
-        if not given:
-            raise
-        starts = dict(given)
+    values, outcome = regression(signal, case.problem)
+    starts = given | observed(signal, case.features, case.problem) | values
+    if not starts:
+        raise Refusal(outcome)
     noise, epsilon, notes, chosen = _choose(case, model)
-    target = case.target(noise, epsilon)
-    mode = case.mode(target, {**chosen, **starts, **prior_starts(target, PRIOR_STARTS, seed)})
+    mode = case.mode(noise, epsilon, {**chosen, **starts}, seed=seed)
     # Restored at the mode, as it is where a fit is read from a file, so that both are the same.
-    return target, restore_mode(target, mode.stored), notes
+    return restore_mode(mode.likelihood.target, mode.stored), notes
 
 
 def _choose(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...], Starts]:

@@ -477,17 +477,31 @@ def sample(
     blank = Posterior(sampler, (), *NO_DRAWS, fit=fit, seed=seed, outcome=fit.outcome)
     if fit.outcome != OK:
         return blank
-    law = fit.law
     try:
-        if law is not None and sampler == TEMPERED:
-            result = sample_motions(law, chains, draws, seed)
-        else:
-            plugin, (target, mode) = SAMPLERS.get(sampler), fit.engine
-            settings = Settings(chains, warmup, draws, seed % 2**31, grows)
-            result = plugin.summarised(target, mode, settings)
+        drawn, u = draw(fit, sampler, Settings(chains, warmup, draws, seed % 2**31, grows))
     except Refusal as refusal:
         return replace(blank, outcome=str(refusal))
-    if law is None:
-        return Posterior(**vars(result), fit=fit, seed=seed)
-    completed, u = law.completed(result, seed)
-    return Posterior(**vars(completed), fit=fit, seed=seed, u=u)
+    return Posterior(**vars(drawn), fit=fit, seed=seed, u=u)
+
+
+def draw(fit: Fit, sampler: str, settings: Settings) -> tuple[types.Posterior, Array]:
+    """Draw from the posterior of a fit: what `sample` and the tasks of a study call.
+
+    Returns
+    -------
+    posterior
+        The draws, with the parts of their sds where laws may hold approximately.
+    u
+        Each draw with its deviations, as in `Posterior`.
+
+    Raises
+    ------
+    Refusal
+        Without a fit, or where the sampler cannot work on it.
+    """
+    law = fit.law
+    if law is not None and sampler == TEMPERED:
+        drawn = sample_motions(law, settings.chains, settings.draws, settings.seed)
+    else:
+        drawn = SAMPLERS.get(sampler).summarised(*fit.engine, settings)
+    return (drawn, NO_DRAWS[0]) if law is None else law.completed(drawn, settings.seed)

@@ -1,4 +1,4 @@
-"""A stored record, and the candidates on it as they are fitted."""
+"""A stored record of a study, and what is known of its system."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.interface.case import Case
 from bayesdamp.pipeline.records import signal_of
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.store import CellResult
@@ -18,7 +17,7 @@ _SIGNALS: dict[tuple[str, str], Signal] = {}
 
 
 class StudyRecord:
-    """A record, what is known of its system, and any candidate on it."""
+    """A record and what is known of its system."""
 
     def __init__(self, study: Study, spec: SignalSpec, cell: CellResult) -> None:
         self.study, self.spec, self.cell = study, spec, cell
@@ -51,8 +50,3 @@ class StudyRecord:
         """Return the system under a law; a friction's ε (rad/s) that was not given follows from the record."""
         system, epsilon = self.spec.under(law), self.content.known.get("epsilon")
         return system if epsilon is None else replace(system, known={**system.known, "epsilon": epsilon})
-
-    def case(self, terms: tuple[str, ...], law: str) -> Case:
-        """Return damping terms and a restoring law on the record."""
-        priors = {t: p for t, p in self.study.models.prior.items() if t in terms}
-        return Case(self.signal, terms, self.system(law), priors, self.features, self.reference)

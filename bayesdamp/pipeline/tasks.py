@@ -22,6 +22,7 @@ from bayesdamp.types import OK, InputError, Refusal
 
 _BRANCH = (
     "bayesdamp.pipeline.candidates.branch", "bayesdamp.physics.kernel.march", "bayesdamp.pipeline.targets",
+    "bayesdamp.interface.fit",
 )  # fmt: skip
 CODE: dict[str, tuple[str, ...]] = {
     "signal": ("bayesdamp.pipeline.records",),

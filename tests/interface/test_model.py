@@ -25,8 +25,20 @@ def test_terms_have_one_order_and_models_are_keys() -> None:
 
 def test_a_prior_by_term_or_by_coefficient_is_the_same() -> None:
     prior = bd.LogUniform(1e-3, 1.0)
-    by_term, by_name = (bd.Model("viscous", priors={n: prior}).term_priors for n in ("viscous", "zeta"))
-    assert by_term == by_name == {"viscous": prior}
+    by_term, by_name = (bd.Model("viscous", priors={n: prior}).parameter_priors for n in ("viscous", "zeta"))
+    assert by_term == by_name == {"zeta": prior}
+
+
+def test_a_name_of_a_term_and_of_the_law_is_the_laws() -> None:
+    """Negative control: under a law without this parameter it is the term."""
+    prior = bd.HalfNormal(0.1)
+    model = bd.Model("cubic", "duffing", priors={"mu_3": prior}, known={"cubic": 1.0})
+    assert model.system.known == {"cubic": 1.0}
+    assert model.parameter_priors == {"mu_3": prior}
+    both = bd.Model("cubic", "duffing", priors={"mu_3": prior, "cubic": bd.Normal(0.0, 1.0)})
+    assert both.system.free["mu_3"] == prior
+    assert both.system.free["cubic"] == bd.Normal(0.0, 1.0)
+    assert bd.Model("cubic", priors={"cubic": prior}).parameter_priors == {"mu_3": prior}
 
 
 def test_one_dictionary_of_what_is_known_serves_with_and_without_friction() -> None:

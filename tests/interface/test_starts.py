@@ -12,9 +12,9 @@ from bayesdamp.config.compare import comparison
 from bayesdamp.inference.fit import search
 from bayesdamp.inference.fit.mode import Mode, maximise
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.interface.case import ALL, OBSERVED, observed, of_all, regression
+from bayesdamp.interface.starts import ALL, OBSERVED, observed, of_all, regression
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.pipeline.answering import answer_key, compute_answer
@@ -63,8 +63,8 @@ def test_the_record_itself_says_where_to_start(record) -> None:
 
 @pytest.mark.parametrize("damping", [("viscous",), ("coulomb",), ("viscous", "coulomb", "quadratic")])
 def test_no_damping_misses_its_mode_on_a_noisy_acceleration(record, damping) -> None:
-    target = record.case(damping, "linear").target("gaussian")
     problem = Problem(damping, record.system("linear"))
+    target = build_target(record.signal, damping, problem.system, record.features, record.reference)
     seeds = observed(record.signal, record.features, problem) | regression(record.signal, problem)[0]
     found = find_mode(target, seeds, noise_level=record.features.roughness, thrifty=True)
     assert [c.seed for c in found.searches] == [OBSERVED]  # it keeps step: the other need not be climbed from
@@ -84,7 +84,7 @@ def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
         estimate, *_ = (n for n in cells_of(branch) if n.startswith("estimate/"))
         store.write(CellResult(estimate, "", outcome="none"))
         seeds, _ = seeds_of(branch)
-        found = find_mode(branch.target, seeds, noise_level=record.features.roughness, thrifty=True)
+        found = branch.case.mode(branch.noise, branch.epsilon, seeds, draws=0, thrifty=True)
         assert [c.seed for c in found.searches] == [ALL]
         assert found.searches[0].evaluations <= most
     decay = seeds[OBSERVED]

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 ENGINE = tuple(
     f"bayesdamp/{part}"
     for part in (
-        "inference", "interface/answer.py", "interface/case.py", "interface/envelopes.py",
-        "interface/no_free_decay.py", "interface/specification.py", "numerics", "physics", "pipeline", "records",
-        "verdict", "priors.py", "types.py", "units.py",
+        "inference", "interface/answer.py", "interface/envelopes.py", "interface/evidence.py", "interface/fit.py",
+        "interface/model.py", "interface/no_free_decay.py", "interface/posterior.py", "interface/starts.py",
+        "numerics", "physics", "pipeline", "records", "verdict", "priors.py", "types.py", "units.py",
     )
 )  # fmt: skip
 """The code that computes answers, posteriors and evidence."""

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.inference.deviation.single import Single, put_together
-from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode
-from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.case import Case
+from bayesdamp.inference.deviation.single import put_together
+from bayesdamp.inference.fit.mode import StoredMode, restore_mode
+from bayesdamp.inference.model.target import default_prior
+from bayesdamp.interface.fit import Fit
+from bayesdamp.interface.model import FIXED, Case, Model
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import parse_model
-from bayesdamp.pipeline.answering import ANSWERED, law_of, likelihood_of
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.pipeline.answering import ANSWERED, law_of, likelihood_of, stated_priors
 from bayesdamp.pipeline.targets import StudyRecord
 from bayesdamp.serial import join
 from bayesdamp.store import Store
 from bayesdamp.store.contents import AnswerContent, ModeContent
-from bayesdamp.types import OK, Refusal, candidate_parts
+from bayesdamp.types import OK, InputError, Problem, Refusal, candidate_parts
 
 
 class Branch:
@@ -42,10 +45,42 @@ class Branch:
         """The stored record."""
         return StudyRecord(self.study, self.spec, self.store.read(f"signal/{self.spec.name}/{self.repeat}"))
 
+    @property
+    def problem(self) -> Problem:
+        """The candidate as estimators need it."""
+        return Problem(self.terms, self.record.system(self.restoring))
+
+    def specify(self, deviation: str) -> Model:
+        """Return the candidate as a model; deviation: "none" or "law". Raises Refusal where that is impossible."""
+        study, record, system = self.study, self.record, self.record.system(self.restoring)
+        damping, scales = "+".join(self.terms), record.reference
+        model = Model(
+            damping, self.restoring, study.noises, deviation=deviation, sensor=study.posterior.sensor
+        )
+        priors = {n: p for n, p in stated_priors(study).items() if n in model.parameters}
+        free = {n: p for n, p in system.free.items() if n in model.parameters}
+        if "epsilon" in free:  # a model infers it only where it has a prior
+            default = default_prior(
+                "epsilon", Oscillator(self.terms, self.restoring), study.noises[0], scales, record.features
+            )
+            free["epsilon"] = free["epsilon"] or default
+        fixed = FIXED if model.approximate else ()
+        try:
+            return replace(
+                model,
+                priors={n: p for n, p in {**priors, **free}.items() if p is not None and n not in fixed},
+                known={n: v for n, v in system.known.items() if n in model.parameters},
+                amplitude=scales.amplitude,
+                frequency=scales.frequency,
+            )
+        except InputError as error:
+            raise Refusal(str(error)) from None
+
     @cached_property
     def case(self) -> Case:
-        """The candidate on the record."""
-        return self.record.case(self.terms, self.restoring)
+        """The candidate on the record, where laws hold exactly."""
+        record = self.record
+        return Case(record.signal, self.specify("none"), record.features, record.reference)
 
     @cached_property
     def answer(self) -> AnswerContent | None:
@@ -67,28 +102,19 @@ class Branch:
         return self.answer.epsilon if self.answer and not inferred else None
 
     @cached_property
-    def target(self) -> Target:
-        """The posterior density of this candidate under exact laws."""
-        return self.case.target(self.noise, self.epsilon)
-
-    @cached_property
-    def law(self) -> Single | None:
-        """The candidate with deviations, from the answer's search; None where laws hold exactly. Raises Refusal."""
-        if likelihood_of(self.study) == "none":
-            return None
-        end = law_of(self.store, self.spec.name, self.repeat, "+".join(self.terms), self.restoring)
-        return put_together(self.record.signal, self.restoring, end)
-
-    @cached_property
-    def density(self) -> Mode:
-        """The density that is sampled and integrated, about its mode. Raises Refusal where it has none."""
-        if self.law is not None:
-            return self.law.mode
+    def fit(self) -> Fit:
+        """The fit that is sampled and weighed, at its mode or from the answer's search. Raises Refusal without one."""
+        signal, deviation = self.record.signal, likelihood_of(self.study)
+        if deviation != "none":
+            end = law_of(self.store, self.spec.name, self.repeat, "+".join(self.terms), self.restoring)
+            law = put_together(signal, self.restoring, end)
+            return Fit.at_law(signal, self.specify(deviation), law)
         cell = self.store.read(f"mode/{self.path}")
         if cell.outcome != OK:
             raise Refusal(following(cell.name, cell.outcome))
         stored = join(StoredMode, ModeContent.of(cell).stored, cell.arrays, "stored")
-        return restore_mode(self.target, stored)
+        mode = restore_mode(self.case.target(self.noise, self.epsilon), stored)
+        return Fit.at_mode(signal, self.case.model, mode)
 
     @property
     def many(self) -> bool:

@@ -11,7 +11,7 @@ from bayesdamp.estimators import run as run_estimator
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
-from bayesdamp.interface.case import REGRESSION
+from bayesdamp.interface.starts import REGRESSION
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.restoring import LAWS
@@ -35,7 +35,7 @@ def compute_estimate(branch: Branch, method: str, seed: int) -> Product:
     stages = run_estimator(
         use.method(method),
         branch.record.signal,
-        branch.case.problem,
+        branch.problem,
         options=use.options.get(method),
         stages=use.stages,
         seed=seed,

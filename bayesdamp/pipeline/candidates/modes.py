@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from bayesdamp.inference.checks.checks import check_fit
-from bayesdamp.inference.fit.mode import value_sds
-from bayesdamp.inference.fit.search import basins, prior_starts
-from bayesdamp.interface.case import observed, of_all, regression
+from bayesdamp.inference.fit.search import basins
+from bayesdamp.interface.fit import Fit
+from bayesdamp.interface.model import PRIOR_STARTS
+from bayesdamp.interface.starts import observed, of_all, regression
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records import NOT_APPLICABLE
 from bayesdamp.pipeline.tasks import Product, cell_seed
@@ -17,8 +18,6 @@ from bayesdamp.serial import split
 from bayesdamp.store.contents import EstimateContent, MaximumContent, ModeContent, RefusedSeed
 from bayesdamp.types import OK, Refusal, Seed
 
-PRIOR_SEEDS = 2
-"""Draws from the prior from which a search starts too, besides the estimates."""
 CHECKS = ("fit", "residual", "whitened", "autocorrelation")
 """Checks of a fit that are stored as arrays."""
 
@@ -26,8 +25,8 @@ CHECKS = ("fit", "residual", "whitened", "autocorrelation")
 def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[RefusedSeed, ...]]:
     """Return seeds with their values, and the outcomes of methods that have none.
 
-    Seeds are every estimator's values at each of its stages; values from the record's frequency and decay; draws from
-    the prior. With no estimator in the study, least squares' values are used. Raises Refusal where there is no start.
+    Seeds are every estimator's values at each of its stages, and values from the record's frequency and decay. With no
+    estimator in the study, least squares' values are used. Raises Refusal where there is no start.
     """
     seeds: dict[Seed, Mapping[str, float]] = {}
     refused: list[RefusedSeed] = []
@@ -41,7 +40,7 @@ def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[Ref
                 refused.append(RefusedSeed(seed, stage.outcome))
         if cell.outcome != OK:
             refused.append(RefusedSeed(Seed(method), cell.outcome))
-    problem = branch.case.problem
+    problem = branch.problem
     if not seeds:
         seeds |= regression(branch.record.signal, problem)[0]
     decays = observed(branch.record.signal, branch.record.features, problem)
@@ -51,9 +50,7 @@ def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[Ref
         seeds = of_all(fit, branch.answer.terms, problem, decays) | seeds
     if not seeds:
         raise Refusal("no estimator found a place to start from")
-    count = 0 if branch.many else PRIOR_SEEDS
-    from_prior = prior_starts(branch.target, count, cell_seed(branch.study, f"seeds/{branch.path}"))
-    return seeds | from_prior, tuple(refused)
+    return seeds, tuple(refused)
 
 
 def compute_mode(branch: Branch) -> Product:
@@ -61,33 +58,40 @@ def compute_mode(branch: Branch) -> Product:
     if not branch.record.content.noisy:
         raise Refusal(NOT_APPLICABLE)
     seeds, refused = seeds_of(branch)
-    mode = branch.case.mode(branch.target, seeds, thrifty=branch.many)
+    mode = branch.case.mode(
+        branch.noise,
+        branch.epsilon,
+        seeds,
+        draws=0 if branch.many else PRIOR_STARTS,
+        seed=cell_seed(branch.study, f"seeds/{branch.path}"),
+        thrifty=branch.many,
+    )
+    fit, target = Fit.at_mode(branch.record.signal, branch.case.model, mode), mode.likelihood.target
     seed = cell_seed(branch.study, f"checks/{branch.spec.name}/{branch.repeat}")
-    fit, target = check_fit(branch.target, mode, branch.record.features.period, seed), branch.target
-    arrays = {"t": branch.record.signal.t, **{k: getattr(fit, k) for k in CHECKS}}
+    checks = check_fit(target, mode, branch.record.features.period, seed)
+    arrays = {"t": branch.record.signal.t, **{k: getattr(checks, k) for k in CHECKS}}
     maxima, numbers = basins(mode)
-    own_target = mode.likelihood.target
     climbs = []
     for search, number in zip(mode.searches, numbers, strict=True):
         away = search.origin - mode.z
         distance = float(np.sqrt(max(away @ mode.information @ away, 0.0)))
         own = {k: v for k, v in vars(search).items() if k not in ("origin", "z")}
         climbs.append({**own, "distance": distance, "mode": number})
-    scores = zip(own_target.names, mode.z, mode.sd(), own_target.reflected, strict=True)
+    scores = zip(target.names, mode.z, mode.sd(), target.reflected, strict=True)
     # Later tasks read the mode from its cell, as a run that was cut off in between does: the solver's plan is made
     # again there, and evidence on the plan that found the mode differs by some 1e-8 nats.
     content = {
-        **{k: v for k, v in vars(fit).items() if k not in CHECKS},
+        **{k: v for k, v in vars(checks).items() if k not in CHECKS},
         "climbs": climbs,
         "modes": [
-            MaximumContent(climb.end, share, {n: float(v) for n, v in own_target.values(climb.z).items()})
+            MaximumContent(climb.end, share, {n: float(v) for n, v in target.values(climb.z).items()})
             for climb, share in maxima
         ],
         "touching_zero": [n for n, z, sd, reflected in scores if reflected and abs(z) < sd],
-        "values": target.values(mode.z),
-        "sd": value_sds(target, mode.z, np.linalg.inv(mode.information)),
-        "known": target.known,
-        "priors": {n: p.describe() for n, p in target.priors.items()},
+        "values": fit.values,
+        "sd": fit.sd,
+        "known": fit.known,
+        "priors": {n: p.describe() for n, p in fit.priors.items()},
         "log_posterior": mode.log_posterior,
         "error_budget": {"step_error": mode.step_error, "log_likelihood_change": mode.likelihood_error},
         "refused": refused,

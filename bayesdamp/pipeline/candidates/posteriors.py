@@ -10,7 +10,8 @@ import numpy as np
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import CURVE_DRAWS, Motions, against_amplitude, derive, units
 from bayesdamp.inference.curves.weighted import resampled
-from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.inference.samplers import Settings
+from bayesdamp.interface.posterior import draw
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.answering import verdict_of
 from bayesdamp.pipeline.candidates.branch import Branch
@@ -33,12 +34,9 @@ FAINTEST = 0.02
 def compute_posterior(branch: Branch, sampler: str, seed: int) -> Product:
     """Draw with one sampler, write the draws to a file, and summarise them. Raises Refusal."""
     s, signal = branch.study.posterior, branch.record.signal
-    settings = Settings(s.chains, s.warmup, s.draws, seed % 2**31)
-    law, mode = branch.law, branch.density
-    posterior = SAMPLERS.get(sampler).summarised(mode.likelihood.target, mode, settings)
-    whole, u = posterior, None
+    posterior, u = draw(branch.fit, sampler, Settings(s.chains, s.warmup, s.draws, seed % 2**31))
+    whole, law = posterior, branch.fit.law
     if law is not None:
-        posterior, u = law.completed(posterior, settings.seed)
         u = u.reshape(-1, u.shape[-1])
         sizes = np.stack([x.reshape(posterior.draws.shape[:2]) for x in law.sizes(u)], axis=-1)
         draws = np.concatenate([posterior.draws, sizes], axis=-1)
@@ -48,7 +46,7 @@ def compute_posterior(branch: Branch, sampler: str, seed: int) -> Product:
     write_bytes(file, diagnostics.saved(whole))
     motions = _motions(branch, {n: posterior.draws[..., i] for i, n in enumerate(posterior.names)})
     ratios: tuple[Ratio, ...] = ()
-    if law is not None and u is not None:
+    if law is not None:
         verdict = verdict_of(branch.store, branch.spec.name, branch.repeat)
         amplitudes = tuple(r.amplitude for r in verdict.damping_ratio) if verdict else ()
         ratios = law.ratios(amplitudes, u, s.sensor)
@@ -88,31 +86,31 @@ def weighted_curves(branch: Branch, seed: int) -> dict[str, np.ndarray]:
         return {}
     rng = np.random.default_rng(seed)
     chosen = resampled(cell.arrays["log_weights"].astype(float), CURVE_DRAWS, rng)
-    z, target = cell.arrays["y"].astype(float)[chosen], branch.density.likelihood.target
-    u = None if branch.law is None else branch.law.with_deviations(z, seed)
+    z, target = cell.arrays["y"].astype(float)[chosen], branch.fit.engine[0]
+    u = NO_DRAWS[0] if branch.fit.law is None else branch.fit.law.with_deviations(z, seed)
     return _curves(branch, _motions(branch, target.values(z)), u)
 
 
 def _motions(branch: Branch, inferred: Mapping[str, np.ndarray]) -> Motions:
     """Return the motions of draws under exact laws."""
-    target, record = branch.density.likelihood.target, branch.record
+    (target, _), record = branch.fit.engine, branch.record
     values = {**target.known, **inferred}
     return Motions(
         target.oscillator, values, record.features.rest, record.reference.amplitude, branch.spec.inertia
     )
 
 
-def _curves(branch: Branch, motions: Motions, u: np.ndarray | None) -> dict[str, np.ndarray]:
+def _curves(branch: Branch, motions: Motions, u: np.ndarray) -> dict[str, np.ndarray]:
     """Return decrement and equivalent ratio over a record's amplitudes, (m,), without those that have no motion.
 
     u: draws with their deviations, (n, K), where laws may hold approximately.
     """
-    record, law = branch.record.features, branch.law
+    record, law = branch.record.features, branch.fit.law
     least = max(min(record.amplitude, record.final_amplitude), FAINTEST * record.amplitude)
     grid = np.geomspace(least, record.amplitude, CURVE_POINTS)
     levels = (*LEVELS, *SPREAD)
     curves = against_amplitude(motions, grid, levels)
-    if law is not None and u is not None:
+    if law is not None:
         few = u[:: max(1, len(u) // CURVE_DRAWS)]
         drawn = law.ratio_draws(grid, few, branch.study.posterior.sensor)
         finite = np.all(np.isfinite(drawn), axis=0)

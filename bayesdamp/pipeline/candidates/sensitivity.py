@@ -87,8 +87,7 @@ def compute_sensitivity(branch: Branch, kind: str, seed: int) -> Product:
 
 def _compute_widths(branch: Branch, source: CellResult, seed: int) -> Product:
     y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
-    law, mode = branch.law, branch.density
-    target = mode.likelihood.target
+    law, (target, mode) = branch.fit.law, branch.fit.engine
 
     def near(priors: Mapping[str, Prior]) -> Mode:
         return under_priors(mode, priors) if law is None else under(law, priors).mode
@@ -100,7 +99,7 @@ def _compute_widths(branch: Branch, source: CellResult, seed: int) -> Product:
 
 
 def _compute_half(branch: Branch, source: CellResult, seed: int) -> Product:
-    law, mode, signal = branch.law, branch.density, branch.record.signal
+    law, (_, mode), signal = branch.fit.law, branch.fit.engine, branch.record.signal
     if law is None:
         t, half = signal.t, first_half(mode)
         carry = partial(carried_on, mode.likelihood, half=signal.t.size // 2)
@@ -137,8 +136,8 @@ def _compute_noises(branch: Branch, source: CellResult, seed: int) -> Product:
             evidence[noise] = UnderNoise(whole.log_evidence)
             continue
         try:
-            target = branch.case.target(noise, branch.epsilon)
-            mode = branch.case.mode(target, {Seed("under the chosen noise"): start}, thrifty=True)
+            begin = {Seed("under the chosen noise"): start}
+            mode = branch.case.mode(noise, branch.epsilon, begin, draws=0, thrifty=True)
             evidence[noise] = UnderNoise(log_evidence_near(mode.likelihood, mode.z))
         except Refusal as refusal:
             evidence[noise] = UnderNoise(-np.inf, str(refusal))
@@ -148,11 +147,11 @@ def _compute_noises(branch: Branch, source: CellResult, seed: int) -> Product:
 def _compute_ratios(branch: Branch, source: CellResult, seed: int) -> Product:
     """Return the evidence of each model with one term less, from the posterior density at zero."""
     del seed
-    target = branch.density.likelihood.target
+    target, _ = branch.fit.engine
     z = Draws.of(target, source.arrays["draws"]).z
     scores = dict(zip(target.names, np.moveaxis(z, -1, 0), strict=True))
     law = candidate_parts(branch.model)[1]
-    coefficient = dict(zip(branch.terms, branch.target.oscillator.coefficients, strict=True))
+    coefficient = dict(zip(branch.terms, target.oscillator.coefficients, strict=True))
     ratios = {}
     for term in branch.terms:
         smaller = candidate_name("+".join(x for x in branch.terms if x != term), law)

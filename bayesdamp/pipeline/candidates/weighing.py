@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from bayesdamp.config import Study
-from bayesdamp.inference.evidence import EVIDENCES, Draws
+from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence.adopted import COMBINED, NESTED_CHECK, adopted, disagreement
+from bayesdamp.interface.evidence import FROM_DRAWS, weigh
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store import Store
@@ -55,17 +56,15 @@ def compute_evidence(branch: Branch, method: str, seed: int) -> Product:
         weighed = list_evidence(branch.store, f"{branch.spec.name}/{branch.repeat}", branch.model, others)
         if weighed and not disagreement(weighed):
             return Product(EvidenceContent(), seconds=0.0)
-    plugin, mode = EVIDENCES.get(method), branch.density
-    draws = None
-    if plugin.needs_draws and "nuts" in study.posterior.samplers:
-        cell = branch.store.read(f"posterior/{branch.path}/nuts")
-        if "draws" in cell.arrays:
-            draws = Draws.of(mode.likelihood.target, cell.arrays["draws"], cell.outcome)
-    evidence = plugin.timed(branch.model, mode.likelihood.target, mode, seed, draws)
+    draws, outcome = None, OK
+    if EVIDENCES.get(method).needs_draws and FROM_DRAWS in study.posterior.samplers:
+        cell = branch.store.read(f"posterior/{branch.path}/{FROM_DRAWS}")
+        draws, outcome = cell.arrays.get("draws"), cell.outcome
+    evidence = weigh(branch.fit, method, seed, draws, outcome)
     arrays: Mapping[str, np.ndarray] = {}
     if branch.repeat == 0:  # only sensitivity cells read them, which are of the first repeat
         arrays = {n: a.astype(np.float32) if n == "y" else a for n, a in evidence.arrays.items()}
-    content = EvidenceContent(replace(evidence, arrays={}))
+    content = EvidenceContent(replace(evidence, model=branch.model, arrays={}))
     return Product(content, arrays, evidence.outcome, evidence.seconds)
 
 

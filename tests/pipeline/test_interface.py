@@ -1,0 +1,104 @@
+"""A study's posterior and evidence are those of the interface's functions on the same fit."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+import pytest
+
+import bayesdamp as bd
+from bayesdamp.config import Study, load_study
+from bayesdamp.pipeline import run_study
+from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.tasks import cell_seed
+from bayesdamp.store import Store
+from bayesdamp.types import Refusal
+
+MODEL = "viscous+coulomb"
+STUDY = f"""
+version = 1
+name = "one"
+[system]
+restoring = "linear"
+stiffness = 20.0
+rest_angle = 0.0
+theta0 = "free"
+omega0 = {{ prior = "normal", mean = 0.0, sd = 0.5 }}
+epsilon = "free"
+noise_sd = "free"
+[[signal]]
+name = "swing"
+simulate = {{ viscous = 0.05, theta0 = 0.3, omega0 = 0.0, epsilon = 0.05, duration = 6, samples = 200, noise_sd=3e-3 }}
+[estimators]
+use = []
+[models]
+compare = ["{MODEL}"]
+prior = {{ coulomb = {{ prior = "halfnormal", scale = 0.02 }} }}
+[posterior]
+samplers = ["laplace"]
+chains = 2
+warmup = 10
+draws = 50
+[evidence]
+methods = ["laplace"]
+referee = "never"
+"""
+
+
+def load(folder: Path, text: str = STUDY) -> Study:
+    (folder / "one.toml").write_text(text, encoding="utf-8")
+    return load_study(folder / "one.toml")
+
+
+@lru_cache
+def ran() -> tuple[Study, Branch]:
+    folder = Path(mkdtemp())
+    study = load(folder)
+    assert run_study(study, folder / "out", workers=1, quiet=True) == 0
+    return study, Branch(study, study.signals[0], 0, MODEL, Store(folder / "out"))
+
+
+def test_the_evidence_and_the_draws_are_those_of_the_interface() -> None:
+    """Negative control: another seed gives other draws."""
+    study, branch = ran()
+    weighed = branch.store.read(f"evidence/{branch.path}/laplace").meta["evidence"]
+    assert bd.evidence(branch.fit, "laplace").log_evidence == weighed["log_evidence"]
+    name = f"posterior/{branch.path}/laplace"
+    drawn, seed = branch.store.read(name).arrays["draws"], cell_seed(study, name) % 2**31
+    settings = {"chains": 2, "warmup": 10, "draws": 50}
+    np.testing.assert_array_equal(bd.sample(branch.fit, "laplace", **settings, seed=seed).draws, drawn)
+    assert not np.array_equal(bd.sample(branch.fit, "laplace", **settings, seed=seed + 1).draws, drawn)
+
+
+def test_a_model_has_what_the_study_states() -> None:
+    """A prior of each kind, the default one of ε, and known values. The model alone gives the same target."""
+    _, branch = ran()
+    model = branch.specify("none")
+    assert model.known == {"stiffness": 20.0, "rest_angle": 0.0}
+    assert model.priors["mu_c"] == bd.HalfNormal(0.02)
+    assert model.priors["omega0"] == bd.Normal(0.0, 0.5)
+    alone = bd.fit(branch.record.signal, model).priors
+    assert alone == branch.fit.priors
+    assert set(alone) == {"zeta", "mu_c", "theta0", "omega0", "epsilon", "noise_sd"}
+    assert set(branch.specify("law").priors) == {"mu_c", "omega0"}
+
+
+def test_a_cubic_spring_and_cubic_damping_are_told_apart(tmp_path) -> None:
+    _, branch = ran()
+    text = STUDY.replace('"linear"', '"duffing"').replace("stiffness = 20.0", "stiffness = 20.0\ncubic = 1.0")
+    study = load(tmp_path, text.replace("coulomb", "cubic"))
+    model = Branch(study, study.signals[0], 0, "viscous+cubic", branch.store).specify("none")
+    assert model.known["cubic"] == 1.0
+    assert model.priors["mu_3"] == bd.HalfNormal(0.02)
+    assert "cubic" not in model.priors
+
+
+def test_an_impossible_known_value_is_refused(tmp_path) -> None:
+    _, branch = ran()
+    study = load(tmp_path, STUDY.replace('noise_sd = "free"', "noise_sd = 0.0"))
+    other = Branch(study, study.signals[0], 0, MODEL, branch.store)
+    with pytest.raises(Refusal, match="known 'noise_sd' is"):
+        other.specify("none")
