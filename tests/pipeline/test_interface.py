@@ -86,6 +86,16 @@ def test_a_model_has_what_the_study_states() -> None:
     assert set(branch.specify("law").priors) == {"mu_c", "omega0"}
 
 
+def test_a_prior_of_a_further_parameter_reaches_the_model(tmp_path: Path) -> None:
+    branch = ran()[1]
+    own = 'static_excess = { prior = "halfnormal", scale = 0.2 }'
+    text = STUDY.replace(MODEL, "viscous+stribeck")
+    changed = load(tmp_path, text.replace('coulomb = { prior = "halfnormal", scale = 0.02 }', own))
+    model = Branch(changed, changed.signals[0], 0, "viscous+stribeck", branch.store).specify("none")
+    assert model.priors["static_excess"] == bd.HalfNormal(0.2)
+    assert "static_excess" not in branch.specify("none").priors  # control: a model without the term
+
+
 def test_a_cubic_spring_and_cubic_damping_are_told_apart(tmp_path) -> None:
     _, branch = ran()
     text = STUDY.replace('"linear"', '"duffing"').replace("stiffness = 20.0", "stiffness = 20.0\ncubic = 1.0")
