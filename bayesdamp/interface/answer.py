@@ -272,8 +272,8 @@ def _store(weighing: Weighing, verdict: Verdict, arrays: Mapping[str, np.ndarray
     rivals = [r for r in weighing.forms if _counts(weighing, r)]
     content = {
         "verdict": verdict.to_dict(),
-        "candidates": [*(_row(r) for r in weighing.results if _counts(weighing, r)), *refused],
-        "rivals": [replace(_row(r), place="+".join(place_of(r.candidate.damping))) for r in rivals],
+        "candidates": [*(_row(weighing, r) for r in weighing.results if _counts(weighing, r)), *refused],
+        "rivals": [replace(_row(weighing, r), place="+".join(place_of(r.candidate.damping))) for r in rivals],
         "fits": fits,
         "priors": priors,
         "posteriors": posteriors,
@@ -394,7 +394,7 @@ def _counts(weighing: Weighing, result: CandidateResult) -> bool:
     return weighing.results[0].weighed is None or result.weighed is not None
 
 
-def _row(result: CandidateResult) -> WeighedCandidate:
+def _row(weighing: Weighing, result: CandidateResult) -> WeighedCandidate:
     return WeighedCandidate(
         damping="+".join(result.candidate.damping),
         restoring=result.candidate.restoring,
@@ -402,6 +402,18 @@ def _row(result: CandidateResult) -> WeighedCandidate:
         log_evidence_exact=(
             result.log_evidence if result.weighed is None else result.exact_weighed.log_evidence
         ),
-        rms=float((result.fit.squares / result.fit.residual.size) ** 0.5),
+        rms=_rms(weighing, result),
         parameters=result.fit.parameters.damping_names,
     )
+
+
+def _rms(weighing: Weighing, result: CandidateResult) -> float | None:
+    """Return the rms residual of a candidate's fit at the samples; None where very many cycles were averaged.
+
+    A mean over several samples has only its share of the noise, to which that within the mean is added.
+    """
+    data, noise = weighing.data, weighing.variance / weighing.inflation
+    if data.averaged is not None:
+        return None
+    squares = result.fit.squares / result.fit.residual.size + (data.thinned - 1) * noise
+    return float(np.sqrt(squares))

@@ -141,7 +141,7 @@ class Verdict(CheckedMethods):
     unnamed
         Share of the energy that no named law explains.
     unexplained_pct, noise_pct
-        Root mean square beyond the noise, and of the noise, in % of the amplitude.
+        Root mean square beyond the noise, and of the noise, of a sample, in % of the first amplitude.
     midline_drift_pct
         Drift of the midline over the record in % of the first amplitude; 0 where there is none.
     law_free, contradicted
@@ -212,7 +212,7 @@ class Verdict(CheckedMethods):
     spread: Interval | None = field(default=None, metadata=COLUMN)
     unexplained_pct: float = field(default=NAN, metadata=COLUMN)
     noise_pct: float = field(
-        default=NAN, metadata={"column": Column(label="noise", unit="% of the amplitude")}
+        default=NAN, metadata={"column": Column(label="noise", unit="% of the first amplitude")}
     )
     midline_drift_pct: float = field(default=NAN, metadata=COLUMN)
     window: UsedWindow | None = field(

@@ -31,7 +31,7 @@ def test_a_field_with_a_label_is_on_the_terminal_and_in_the_table() -> None:
     verdict = Verdict("a", Grade.EXACT, True, "viscous", 0.99, noise_pct=0.345)
     console = Console(record=True, file=io.StringIO(), width=200)
     print_verdict(verdict, console)
-    assert "Noise: 0.34 % of the amplitude." in console.export_text()
+    assert "Noise: 0.34 % of the first amplitude." in console.export_text()
     assert verdict.row()["noise_pct"] == 0.345
     assert Verdict("a", Grade.EXACT, True, "viscous", 0.99).facts == {}  # control: not known, not shown
 

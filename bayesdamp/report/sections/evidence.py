@@ -26,7 +26,7 @@ ADOPTED = (
 
 ANSWER = (
     "Sequential Monte Carlo gives the answer its evidence. Where there are many samples it averages them in short "
-    "blocks, which gives its log evidence another level; the log Bayes factors can be compared."
+    "blocks: its log evidence then has another level, and a model that does not fit loses fewer nats."
 )
 
 

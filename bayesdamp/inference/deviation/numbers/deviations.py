@@ -144,11 +144,11 @@ def midline_drift(result: CandidateResult) -> float:
 
 def left_over(result: CandidateResult) -> tuple[float, float]:
     """Return the rms of what a plain fit leaves beyond noise, and of the noise, as shares of the amplitude."""
-    about, averaged = result.about, result.data.averaged
+    about = result.about
     left = result.fit.residual if about is None else about.left
     # Amplitudes alone: a phase that slips over thousands of cycles is a tiny error of the frequency.
     residual = result.data.of_amplitude(result.fit.residual)
     clean = float(left @ left) / max(left.size - (0 if about is None else about.u.size), 1)
     rest = max(float(residual @ residual) / residual.size - clean, 0.0)
-    amplitude, each = result.data.recorded_amplitude, 1.0 if averaged is None else averaged.samples
+    amplitude, each = result.data.recorded_amplitude, result.data.thinned
     return float(np.sqrt(rest)) / amplitude, float(np.sqrt(clean * each)) / amplitude
