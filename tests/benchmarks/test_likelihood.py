@@ -82,6 +82,7 @@ def diffrax_solver(model: str, times: np.ndarray) -> Callable[[float, Mapping[st
             saveat=diffrax.SaveAt(ts=jnp.asarray(times)),
             stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=tolerance),
             max_steps=100_000,
+            throw=False,  # where a sampler tries a motion that needs more steps, its density is 0
             adjoint=diffrax.ForwardMode(),
         ).ys[0]
 
