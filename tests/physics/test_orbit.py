@@ -43,7 +43,7 @@ def test_work_of_friction_and_drag_in_the_linear_law():
     assert float(found.lost) == pytest.approx(8 / 3 * 0.05 * K * A**3, rel=1e-12)
 
 
-@pytest.mark.parametrize("amplitude", [0.1, 1.5, 2.9])
+@pytest.mark.parametrize("amplitude", [0.1, 2.9])
 def test_gravity_pendulum_against_elliptic_integrals(amplitude):
     p = {"rest_angle": 0.4, "zeta": 0.05, "mu_q": 0.1}
     found = of(("viscous", "quadratic"), "pendulum", amplitude, 0.4, **p)

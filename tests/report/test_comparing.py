@@ -10,10 +10,7 @@ import pytest
 
 from bayesdamp.report import render
 from bayesdamp.report.results.estimators import (
-    CATEGORIES,
-    category_of,
     compare_estimators,
-    printed_error,
     true_models,
 )
 from bayesdamp.report.results.run import RunFolder
@@ -78,19 +75,6 @@ def test_errors_are_those_under_the_model_of_the_truth(folder):
     assert math.isnan(result.mean_published("topological"))
     assert result.times == {"genetic": "2–5 min"}
     assert true_models(RunFolder(folder))["coulomb-half"] == "coulomb"
-
-
-@pytest.mark.parametrize(
-    ("printed", "number"), [("~0", 0.0), ("77.6", 77.6), ("0.0004", 0.0004), ("", math.nan)]
-)
-def test_printed_errors(printed, number):
-    assert printed_error(printed) == pytest.approx(number, nan_ok=True)
-
-
-def test_categories_are_the_papers():
-    assert [len(v) for v in CATEGORIES.values()] == [3, 6, 2]
-    assert category_of("koopman") == "classical"
-    assert category_of("mine") == "others"
 
 
 def test_series_follow_one_factor(folder):

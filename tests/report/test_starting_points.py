@@ -15,8 +15,6 @@ from tests.report.pages import Page
 @pytest.mark.parametrize(
     ("seed", "text"),
     [
-        (Seed("least_squares", "initial"), "least squares (own estimate)"),
-        (Seed("least_squares", "refined"), "least squares (trajectory fit)"),
         (Seed("envelope", "initial", grown=True), "envelope (own estimate, over growing windows)"),
         (Seed("prior 1", drawn=True), "prior 1"),
     ],
