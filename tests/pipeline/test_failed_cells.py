@@ -46,7 +46,7 @@ def study(tmp_path, monkeypatch, request):
     return load_study(tmp_path / "s.toml")
 
 
-@pytest.mark.parametrize("study", ['"gaussian"', '["gaussian", "student_t"]'], indirect=True)
+@pytest.mark.parametrize("study", ['["gaussian", "student_t"]'], indirect=True)
 def test_a_failed_record(study, tmp_path, monkeypatch, capsys):
     whole = records.simulated
 

@@ -59,16 +59,7 @@ def test_the_first_question_does_not_show(tmp_path):
     assert run_study(load_study(file), out, workers=1) == 0
     assert {n: (out / "cells" / f"{n}.npz").stat().st_mtime_ns for n in hidden} == stamps
     assert modes(RunFolder(out)) == {"viscous", "quadratic"}
-
-
-def test_a_cell_of_the_same_name_under_another_key_does_not_show(tmp_path):
-    """As one of a candidate that this question leaves out and the one before had fitted to another record."""
-    out, file = tmp_path / "out", tmp_path / "two.toml"
-    file.write_text(STUDY, encoding="utf-8")
-    assert run_study(load_study(file), out, workers=1) == 0
+    # Nor does a cell of the same name under another key, as of a fit to another record.
     cell = Store(out).read("mode/rig/0/quadratic")
-    assert modes(RunFolder(out)) == {"viscous", "quadratic"}
     Store(out).write(replace(cell, key="another"))
     assert modes(RunFolder(out)) == {"viscous"}
-    Store(out).write(cell)
-    assert modes(RunFolder(out)) == {"viscous", "quadratic"}

@@ -20,6 +20,8 @@ from bayesdamp.store import Store, read_table
 from tests.interface.test_deviation import KNOWN
 from tests.pipeline.test_study_deviation import swelling
 
+pytestmark = pytest.mark.slow
+
 SMALL, LARGE = "viscous", "viscous+coulomb"
 STUDY = """
 version = 1

@@ -116,6 +116,7 @@ def test_evidence_is_that_of_the_same_density() -> None:
     assert total - exact["importance"]["log_evidence"] > 5
 
 
+@pytest.mark.slow
 def test_the_page_says_whether_chains_confirm() -> None:
     """Controls: a folder of the same name whose laws held exactly says something else, and so does one whose answer is
     rather another form than what the chains sampled."""
@@ -132,6 +133,7 @@ def checked(folder: Path) -> str:
     return " ".join(check.text for check in Checks(RunFolder(folder), "drift").all())
 
 
+@pytest.mark.slow
 def test_auto_says_which_likelihood_each_row_has() -> None:
     """Of a measured record the answer's draws have the deviations, the chains not."""
     folder = ran("auto", '["nuts", "laplace"]', swells=True)
@@ -143,6 +145,7 @@ def test_auto_says_which_likelihood_each_row_has() -> None:
     }
 
 
+@pytest.mark.slow
 def test_what_takes_laws_to_hold_exactly_says_so(tmp_path: Path) -> None:
     rows = read_table(ran("law", '["kalman", "emcee"]') / "posteriors.csv")
     refused = [r["outcome"] for r in rows if r["sampler"] == "kalman"]

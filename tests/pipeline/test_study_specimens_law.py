@@ -17,6 +17,8 @@ from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import JointContent
 from tests.inference.deviation.drifts import CASES, SCALE, STIFFNESS, signals
 
+pytestmark = pytest.mark.slow
+
 STUDY = """
 version = 1
 name = "pair"
