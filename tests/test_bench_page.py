@@ -58,15 +58,6 @@ def test_a_run_that_was_not_whole_is_said_to_be_none(tmp_path: Path) -> None:
     assert "measured all of it" not in page
 
 
-def test_a_run_that_writes_as_it_goes_is_compared_with_the_run_before(tmp_path: Path) -> None:
-    """Control: without the ratios from before it would be compared with itself."""
-    write(ledger(one=10.0), tmp_path)
-    earlier = before(tmp_path)
-    assert write(ledger(one=7.0), tmp_path, earlier=earlier) == ["one: 7, was 10 (-30 %)"]
-    assert write(ledger(one=7.0, two=1.0), tmp_path, earlier=earlier) == ["one: 7, was 10 (-30 %)"]
-    assert write(ledger(one=7.0, two=1.0), tmp_path) == []
-
-
 def test_a_measurement_beside_itself_is_no_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
     """The control: another that is hardly better."""
     noted = Ledger()

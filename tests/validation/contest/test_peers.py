@@ -28,12 +28,12 @@ WITHIN = {
 HERE = [n for n, e in ROSTER.items() if e.environment is None and n != "bayesdamp"]
 
 
-@pytest.mark.parametrize("name", HERE)
-def test_the_closed_form(name: str):
-    cycles = 60.0 if name == "half_power" else 20.0  # what has not died away has a wider spectrum
-    record = closed_form(RATIO, noise=1e-4 if name == "pysindy" else 0.0, cycles=cycles)
-    said = ROSTER[name].peer(record.t, record.y, record.amplitudes)
-    np.testing.assert_allclose(said.values, RATIO, rtol=WITHIN[name])
+def test_the_closed_form():
+    for name in HERE:
+        cycles = 60.0 if name == "half_power" else 20.0  # what has not died away has a wider spectrum
+        record = closed_form(RATIO, noise=1e-4 if name == "pysindy" else 0.0, cycles=cycles)
+        said = ROSTER[name].peer(record.t, record.y, record.amplitudes)
+        np.testing.assert_allclose(said.values, RATIO, rtol=WITHIN[name])
 
 
 @pytest.mark.slow
@@ -79,11 +79,11 @@ def quadratic() -> tuple[np.ndarray, np.ndarray, tuple[float, ...], tuple[float,
     return t, path.y[0], amplitudes, tuple(ratio(a, omega, quadratic=drag) for a in amplitudes)
 
 
-@pytest.mark.parametrize("answer", [decrement.answer, half_power.answer, least_squares.answer])
-def test_negative_control_a_quadratic_record_fools_one_number(answer):
-    t, y, amplitudes, true = quadratic()
-    found = np.array(answer(t, y, amplitudes).values)
-    assert np.max(np.abs(found / true - 1)) > 0.4
+def test_negative_control_a_quadratic_record_fools_one_number():
+    for answer in [decrement.answer, half_power.answer, least_squares.answer]:
+        t, y, amplitudes, true = quadratic()
+        found = np.array(answer(t, y, amplitudes).values)
+        assert np.max(np.abs(found / true - 1)) > 0.4
 
 
 def test_a_line_at_each_amplitude_is_fooled_less():
@@ -102,11 +102,11 @@ def test_sindy_names_a_quadratic_damping():
     assert ROSTER["pysindy"].peer(t, y, amplitudes).named == "quadratic"
 
 
-@pytest.mark.parametrize("name", [n for n in HERE if n != "half_power"])  # which knows no sign
-def test_what_grows_is_refused(name: str):
-    t = np.arange(0.0, 20.0, 0.02)
-    with pytest.raises(Refusal):
-        ROSTER[name].peer(t, 0.01 * np.exp(0.1 * t) * np.cos(2 * np.pi * t), (0.05, 0.03, 0.02))
+def test_what_grows_is_refused():
+    for name in set(HERE) - {"half_power"}:  # which knows no sign
+        t = np.arange(0.0, 20.0, 0.02)
+        with pytest.raises(Refusal):
+            ROSTER[name].peer(t, 0.01 * np.exp(0.1 * t) * np.cos(2 * np.pi * t), (0.05, 0.03, 0.02))
 
 
 def test_curve_fit_holds_the_truth_as_often_as_it_says_where_its_model_is_right():
@@ -180,22 +180,20 @@ def test_the_script_takes_a_pendulum_of_large_amplitude():
     np.testing.assert_allclose(said.values, true, rtol=0.02)
 
 
-@pytest.mark.parametrize(
-    ("y", "why"),
-    [
+def test_the_script_says_why_it_has_no_answer():
+    cases = [
         (lambda t: np.full(t.size, 0.3), "the record is constant"),
         (lambda t: np.cos(t)[:10], "too few samples"),
         (lambda t: np.cos(0.3 * t), "less than two cycles"),
         (lambda t: np.random.default_rng(2).standard_normal(t.size), "no sum fits the record"),
         (lambda t: np.cos(6 * t), "no damping is found"),
-    ],
-)
-def test_the_script_says_why_it_has_no_answer(y, why: str):
-    t = np.arange(0.0, 20.0, 0.05)
-    values = y(t)
-    row = row_of(replace(closed_form(), t=t[: values.size], y=values), "script", script.answer)
-    assert row["outcome"] == why
-    assert "value_1" not in row
+    ]
+    for y, why in cases:
+        t = np.arange(0.0, 20.0, 0.05)
+        values = y(t)
+        row = row_of(replace(closed_form(), t=t[: values.size], y=values), "script", script.answer)
+        assert row["outcome"] == why
+        assert "value_1" not in row
 
 
 def test_the_script_holds_the_truth_about_as_often_as_it_says_where_its_model_is_right():
