@@ -146,13 +146,6 @@ def stub():
     ESTIMATORS.remove("stub")
 
 
-def test_a_new_estimator_is_one_class(stub, noisy):
-    stub()
-    initial, refined = run("stub", *noisy, seed=1)
-    assert initial.values == {"zeta": 0.06}
-    assert refined.values["zeta"] == pytest.approx(0.05, rel=0.02)
-
-
 def test_a_refusal_is_an_outcome_and_any_other_error_is_not(stub, noisy):
     stub(Refusal("the net did not converge at all"))
     initial, refined = run("stub", *noisy, seed=1)

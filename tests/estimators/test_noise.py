@@ -9,9 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.estimators import ESTIMATORS, run
-from bayesdamp.estimators.methods.least_squares import LeastSquares
-from bayesdamp.estimators.shared import checked_features, epsilon_of, known_restoring, motion, oscillator
+from bayesdamp.estimators import run
 from tests.estimators.truths import PAPER, QUICK, error, pendulum
 
 BOUND = {"zeta": 0.264, "mu_c": 0.538, "mu_q": 0.529}  # Cramér–Rao, per cent, 1,000 samples, all else known
@@ -29,47 +27,6 @@ def test_initial_values_differ_and_refined_ones_agree(damping):
     assert error(refined[0], truth) < 5 * BOUND[parameter]
     # The stated standard error is the bound: its own scatter is 1/√(2n), 2.2 %.
     assert found[QUICK[0]][1].stderr[parameter] / truth * 100 == pytest.approx(BOUND[parameter], rel=0.12)
-
-
-SPLINES = (3.0, 3.6, 4.0, 4.4, 5.4, 6.6, 8.0, 10.0, 12.0)
-"""Knots a period of the smoothing spline of least squares, its own among them."""
-
-
-def as_least_squares(signal, problem):
-    """The damping coefficient by plain regression on the spline of least squares, for each of SPLINES."""
-    seen, osc, found = checked_features(signal), oscillator(problem), []
-    for knots in SPLINES:
-        moving = motion(signal, problem, seen, knots)
-        theta, omega, _ = moving.everywhere
-        column = moving.project(osc.terms[0].force(0 * omega, omega, epsilon_of(problem, seen)))
-        offset = osc.law.linear_form(theta, known_restoring(problem)).offset
-        found.append(-(moving.alpha + moving.project(offset)) @ column / (column @ column))
-    return np.array(found)
-
-
-class Renamed(LeastSquares):
-    name = "renamed"
-
-
-def test_no_other_regression_is_least_squares_with_other_knots():
-    """Values of different computations differ by about a hundredth of the truth here: one of nine splines comes within
-    10⁻⁶ of one of three such values with a chance below one in a hundred for a new seed; the seed is fixed."""
-    parameter, truth = "mu_c", 0.06
-    signal, problem = pendulum({parameter: truth}, k=27.0, theta0=0.4, noise=0.004, samples=1000, seed=11)
-    known = as_least_squares(signal, problem)
-
-    def nearest(name):
-        (estimate,) = run(name, signal, problem, stages=["initial"], seed=1)
-        return np.abs(known - estimate.values[parameter]).min()
-
-    for name in ("sindy", "weak_sindy", "koopman"):
-        assert nearest(name) > 1e-6 * truth, name
-    # Negative control: least squares under another name is caught.
-    ESTIMATORS.add("renamed", Renamed())
-    try:
-        assert nearest("renamed") < 1e-9 * truth
-    finally:
-        ESTIMATORS.remove("renamed")
 
 
 def test_least_squares_variants_are_four_honest_computations():

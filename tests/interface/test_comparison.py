@@ -108,17 +108,6 @@ def test_a_prior_counts_by_its_term_as_by_its_parameter() -> None:
     assert by_term != pytest.approx(control, rel=0.01)
 
 
-def test_an_acceleration_is_drawn_in_its_own_unit() -> None:
-    """And amplitudes in that of the displacement; the control is a displacement, whose record has its unit."""
-    made = bd.simulate({"viscous": 0.05}, "linear", stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
-    for quantity, unit in (("acceleration", "mm/s²"), ("angle", "mm")):
-        signal = bd.signal(made.t, 50.0 * made.y, unit="mm", quantity=quantity, cleaned=False)
-        found = bd.compare(signal, damping="viscous", restoring="linear", sample=False)
-        record, ratio, left, _ = found.plot()
-        assert [ax.get_ylabel() for ax in (record, left)] == [unit, unit]
-        assert ratio.get_xlabel() == "amplitude / mm"
-
-
 @lru_cache
 def in_degrees() -> tuple[bd.Signal, bd.Signal]:
     """One record with values in rad, and with the same values in degrees."""

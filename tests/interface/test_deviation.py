@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy import stats
@@ -243,25 +241,6 @@ def test_noise_that_is_not_white_counts_less() -> None:
     assert float(one.law.log_likelihoods(motions).sum()) == pytest.approx(want)
 
 
-def test_saved(tmp_path: Path) -> None:
-    again = bd.load(posterior().save(tmp_path / "post"))
-    assert repr(again) == repr(posterior())
-    assert repr(again.fit) == repr(fit())
-    assert np.array_equal(again.u, posterior().u)
-    assert again.damping_ratio().equals(posterior().damping_ratio())
-    assert again.fit.fitted == pytest.approx(fit().fitted, abs=1e-12)
-
-
-def test_drawn_and_predicted_within_the_record() -> None:
-    fit().plot()
-    posterior().plot(names=["zeta"])
-    plt.close("all")
-    ahead = fit().predict([0.0, 1.0, 3.0])
-    assert np.all(np.abs(ahead.value - closed_form(ahead.t, TRUTH)) < 5 * ahead.sd)
-    with pytest.raises(bd.InputError, match="deviates elsewhere is not known"):
-        fit().predict([7.0])
-
-
 def test_what_exact_laws_alone_have_is_refused() -> None:
     with pytest.raises(bd.InputError, match="start has no effect"):
         bd.fit(record(), MODEL, start={"zeta": 0.05})
@@ -271,14 +250,6 @@ def test_what_exact_laws_alone_have_is_refused() -> None:
     exact = bd.Fit(fit().signal, bd.Model("viscous"), outcome="no fit")
     with pytest.raises(bd.Refusal, match="no fit"):
         exact.damping_ratio()
-
-
-def test_without_a_fit_there_is_a_sentence() -> None:
-    flat = bd.signal(np.linspace(0, 1, 60), np.linspace(0, 1, 60), cleaned=False)
-    none = bd.fit(flat, MODEL)
-    assert none.outcome != "ok"
-    assert bd.sample(none).outcome == none.outcome
-    assert bd.evidence(none).outcome == none.outcome
 
 
 def test_a_term_with_parameters_of_its_own() -> None:

@@ -17,7 +17,7 @@ from bayesdamp.store.contents import RecordContent
 from bayesdamp.types import Signal
 from bayesdamp.verdict.parts import Grade, MotionKind
 from bayesdamp.verdict.types import Verdict
-from tests.records.oscillation.test_modes import OMEGA, shaken, sum_of
+from tests.records.oscillation.test_modes import OMEGA, sum_of
 
 
 def test_beats_are_said_with_their_sizes_and_kept_in_json() -> None:
@@ -31,13 +31,6 @@ def test_beats_are_said_with_their_sizes_and_kept_in_json() -> None:
     assert verdict.sentence.startswith("Not the free decay of one oscillator: two oscillations beat")
     again = Verdict.from_dict(verdict.to_dict())
     assert again == verdict or repr(again) == repr(verdict)
-
-
-def test_velocities_give_amplitudes_of_the_displacement() -> None:
-    t, x = sum_of((0.3, 1.0, 0.01), (0.1, 2.7, 0.01), noise=0.0)
-    v = np.gradient(x, t) + 0.01 * np.random.default_rng(2).standard_normal(t.size)
-    modes = answer(Signal(t, v, "velocity")).verdict.modes
-    assert sorted(m.first for m in modes) == pytest.approx([0.1, 0.3], rel=0.05)
 
 
 def test_a_small_second_mode_is_a_remark_and_no_more() -> None:
@@ -70,16 +63,6 @@ def test_where_no_decay_is_seen_the_loss_is_bounded() -> None:
     assert (one.high - one.low) / 3.92 == pytest.approx(expected, rel=0.1)
     assert verdict.sentence.startswith("No decay is detected: it oscillates at 0.6366")
     assert "damping ratio is below" in verdict.sentence
-
-
-def test_ambient_vibration_is_told_from_a_decay() -> None:
-    t, y = shaken(0.01, 200, 8)
-    verdict = answer(Signal(t, y)).verdict
-    assert verdict.motion is MotionKind.EXCITED
-    assert verdict.sentence.startswith("Not the free decay of one oscillator: at 1")
-    again = Verdict.from_dict(verdict.to_dict())
-    assert repr(again) == repr(verdict)
-    assert verdict.remarks == ()
 
 
 def test_a_second_mode_near_a_harmonic_is_named() -> None:

@@ -85,16 +85,6 @@ def test_prior_draws_are_of_the_prior() -> None:
     assert stats.kstest(draws, below, args=(SHARED_SCALES[8:],)).pvalue < 1e-4
 
 
-def test_derived() -> None:
-    derived = posterior().derived
-    stiffness = posterior().data["posterior"]["stiffness"]
-    assert derived["natural_frequency"].values == pytest.approx(np.sqrt(stiffness.values))
-    assert derived["half_life"].attrs["units"] == "s"
-    table = posterior().summary()
-    assert {"zeta", "half_life"} <= set(table.index)
-    assert "half_life" not in posterior().summary(derived=False).index
-
-
 def test_saved(tmp_path: Path) -> None:
     again = bd.Posterior.load(posterior().save(tmp_path / "post"))
     assert np.array_equal(again.draws, posterior().draws)

@@ -106,15 +106,6 @@ def test_misuse_is_one_line() -> None:
     assert not_refused(WRONG) == []
 
 
-def test_columns_are_asked_for_in_the_words_of_python(tmp_path: Path) -> None:
-    path = tmp_path / "two.csv"
-    y = closed_form(TIMES, TRUTH)
-    np.savetxt(path, np.c_[y, 2 * y], delimiter=",", header="a,b", comments="")
-    with pytest.raises(bd.InputError, match=r"\(time=, rate=\)$") as error:
-        bd.read(path)
-    assert "--" not in str(error.value)
-
-
 def test_a_file_that_is_no_result(tmp_path: Path) -> None:
     (tmp_path / "torn").write_bytes(b"PK nothing")
     with pytest.raises(bd.InputError, match="not a result"):
@@ -154,13 +145,3 @@ def test_releases_are_the_free_decays_of_each_run(tmp_path: Path) -> None:
     assert first < 2
     assert 39 < second < 42 < 60 < last
     assert record.signal(start=second).provenance.start == pytest.approx(second, abs=0.1)
-
-
-def test_records_in_several_units_are_not_one_record(tmp_path: Path) -> None:
-    path = tmp_path / "two.csv"
-    y = closed_form(TIMES, TRUTH)
-    other = np.exp(-0.02 * TIMES) * np.cos(2.9 * TIMES)
-    np.savetxt(path, np.c_[TIMES, y, other], delimiter=",", header="t (s),phi (deg),x (mm)", comments="")
-    with pytest.raises(bd.InputError, match=r"several units: 'phi \(deg\)' \(deg\), 'x \(mm\)' \(mm\)"):
-        bd.read(path, channels=["phi (deg)", "x (mm)"])
-    assert bd.read(path, channels=["x (mm)"]).unit == "mm"

@@ -11,18 +11,14 @@ from bayesdamp.config.compare import comparison
 from bayesdamp.inference.fit.mode import Mode, maximise
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target, build_target
-from bayesdamp.interface.starts import ALL, OBSERVED, observed, of_all, regression
+from bayesdamp.interface.starts import OBSERVED, observed, regression
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
-from bayesdamp.pipeline.answering import answer_key, compute_answer
-from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.pipeline.candidates.cells import cells_of
-from bayesdamp.pipeline.candidates.modes import seeds_of
 from bayesdamp.pipeline.records import compute_signal, signal_key
 from bayesdamp.pipeline.targets import StudyRecord
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.store import CellResult, Store
+from bayesdamp.store import Store
 from bayesdamp.types import Problem, Seed, Signal
 
 FREQUENCY, RATE = 2 * np.pi * 0.3, 0.02
@@ -65,34 +61,6 @@ def test_no_damping_misses_its_mode_on_a_noisy_acceleration(record) -> None:
     found = find_mode(target, seeds, noise_level=record.features.roughness, thrifty=True)
     assert [c.seed for c in found.searches] == [OBSERVED]  # it keeps step: the other need not be climbed from
     assert float(target.values(found.z)["stiffness"]) == pytest.approx(FREQUENCY**2, rel=0.01)
-
-
-def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
-    """Its motion keeps step: no other start is climbed from, and the three terms begin at their mode."""
-    study, store = record.study, Store(tmp_path)
-    store.write(record.cell)
-    key = answer_key(study, record.spec, 0, store)
-    perform(store, "answer/tower/0", key, lambda: compute_answer(study, record.spec, 0, store))
-    fits = store.read("answer/tower/0").meta["fits"]
-    assert fits["linear"]["stiffness"] == pytest.approx(FREQUENCY**2, rel=0.01)
-    for model, most in (("coulomb@linear", 20), ("viscous+coulomb+quadratic@linear", 12)):
-        branch = Branch(study, record.spec, 0, model, store)
-        estimate, *_ = (n for n in cells_of(branch) if n.startswith("estimate/"))
-        store.write(CellResult(estimate, "", outcome="none"))
-        seeds, _ = seeds_of(branch)
-        found = branch.case.mode(branch.noise, branch.epsilon, seeds, draws=0, thrifty=True)
-        assert [c.seed for c in found.searches] == [ALL]
-        assert found.searches[0].evaluations <= most
-    decay = seeds[OBSERVED]
-    few = of_all(
-        fits["linear"],
-        ["viscous", "coulomb", "quadratic"],
-        Problem(("coulomb",), record.system("linear")),
-        seeds,
-    )
-    assert few[ALL]["mu_c"] == decay["mu_c"]
-    assert few[ALL]["stiffness"] == fits["linear"]["stiffness"]
-    assert "zeta" not in few[ALL]
 
 
 TRUTH = {"zeta": 0.01, "stiffness": 20.0, "rest_angle": 0.0, "theta0": 2.0, "omega0": 0.0, "epsilon": 0.1}

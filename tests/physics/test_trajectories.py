@@ -9,9 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.restoring import RestoringLaw
 from bayesdamp.physics.trajectories import Trajectories
-from bayesdamp.types import Refusal
 from tests.physics.independent import LAWS, PAPER, SUMS, restoring, trajectory, with_coulomb
 
 TIMES = np.linspace(0.0, 6.0, 241)
@@ -149,13 +147,6 @@ def test_a_single_time_is_the_start() -> None:
     osc, p = Oscillator("viscous", "linear"), acting("viscous", "linear", omega0=0.4)
     for quantity, start in (("angle", 0.3), ("velocity", 0.4)):
         assert Trajectories(osc, np.array([2.0]), quantity, p).record(p).tolist() == [start]
-
-
-def test_a_law_without_a_kernel_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    osc, p = Oscillator("viscous", "linear"), acting("viscous", "linear")
-    monkeypatch.setattr(type(osc.law), "kernel", staticmethod(RestoringLaw.kernel))
-    with pytest.raises(Refusal, match="restoring law 'linear' has no `kernel`"):
-        Trajectories(osc, TIMES, "angle", p)
 
 
 def test_exact_friction_and_its_slopes() -> None:

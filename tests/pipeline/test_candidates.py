@@ -6,16 +6,12 @@ import json
 import math
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 from bayesdamp.config import load_study
-from bayesdamp.pipeline import answering, cells, run_study, tables
-from bayesdamp.pipeline.jobs import Contest
+from bayesdamp.pipeline import cells, run_study, tables
 from bayesdamp.store import Store, read_table
-from bayesdamp.store.contents import WeighedCandidate
 from bayesdamp.types import Evidence
 from tests.interface.problems import not_refused
 
@@ -138,32 +134,3 @@ def test_a_candidate_that_cannot_be_weighed_leaves_the_others_theirs(tmp_path, m
     assert math.isnan(shares["importance", "coulomb", "linear"])
     assert shares["importance", "coulomb", "duffing"] == 0.0
     assert math.isnan(shares["bridge", "viscous", "linear"])
-
-
-def test_what_evidence_depends_on_is_told_of_all_that_are_not_far_behind(monkeypatch) -> None:
-    """Beside those that are sampled; a candidate far behind is left out."""
-    heights = {"a": -1.0, "b": -2.0, "c": -5.5, "d": -6.5}
-    monkeypatch.setattr(Contest, "_heights", lambda _: heights)
-    doubted: set[str] = set()
-    monkeypatch.setattr(Contest, "_is_doubtful", lambda _, name: name in doubted)
-    study: Any = SimpleNamespace(
-        posterior=SimpleNamespace(best=1), compare=lambda _: tuple("dcba"), models=SimpleNamespace(prune=None)
-    )
-    contest = Contest(study, None, 0, None)  # type: ignore[arg-type]
-    assert contest.best_of() == ("a",)
-    assert contest.likely() == ("a", "b", "c")
-    doubted |= {"c", "d"}  # sampled too, so that bridge and referee can decide; not where it is far behind
-    assert contest.best_of() == ("a", "c")
-    study.posterior.best = None
-    assert set(contest.likely()) == set("abcd")
-
-
-def test_the_first_weighing_leaves_out_by_the_evidence_of_the_laws_that_are_sampled(monkeypatch):
-    """The best under approximate laws stays either way."""
-    rows = [("a", 0.0, -5.0), ("b", -30.0, 0.0), ("c", -3.0, -40.0)]
-    weighed = tuple(WeighedCandidate(d, "linear", about, exact) for d, about, exact in rows)
-    content = SimpleNamespace(candidates=weighed)
-    monkeypatch.setattr(answering.AnswerContent, "maybe", lambda _: content)
-    store: Any = SimpleNamespace(find=lambda _: None)
-    for law, kept in ((True, "ac"), (False, "ab")):
-        assert answering.shortlist(store, "s", 0, 20.0, law) == {(d, "linear") for d in kept}

@@ -215,25 +215,6 @@ def test_an_answer_that_rests_on_the_priors_width_says_so() -> None:
     assert widths(2.0) == []
 
 
-def test_the_priors_width_is_judged_over_all_laws() -> None:
-    """A law that takes over from another at another width leaves its damping where it was."""
-    probabilities = {"viscous@pendulum": 0.6, "viscous@linear": 0.39, "coulomb@linear": 0.01}
-    moved = {m: [s * np.log(20.0), 0.0, 0.0] for m, s in zip(probabilities, (0, 1, 0), strict=True)}
-    run = run_of(verdict(), evidence=evidence(**probabilities))
-    answer = run.cell("answer")
-
-    def stored(kind: str, *parts: object) -> object:
-        if kind != "sensitivity":
-            return answer if kind == "answer" else None
-        result = {"factors": np.array([0.1, 1.0, 10.0]), "log_evidence": np.array(moved[str(parts[2])])}
-        return SimpleNamespace(outcome="ok", arrays={**result, "trusted": np.ones(3, bool)})
-
-    run.cell = stored  # type: ignore[method-assign, assignment]
-    assert checked(run)[1] == []
-    moved["coulomb@linear"] = [np.log(2000.0), 0.0, -15.0]
-    assert "The width of the priors matters" in checked(run)[1][0]
-
-
 def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     """With the factor halved, 0.6 to 0.4 for the sum becomes 0.3 to 0.4; sums over two laws are moved together."""
     probabilities = {"viscous+coulomb": 0.6, "viscous@linear": 0.3, "viscous@pendulum": 0.1}

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import base64
-import io
-import re
-
-import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from PIL import Image
 
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.answer import answer
-from bayesdamp.report.figures.curves import contours, exponent
+from bayesdamp.report.figures.curves import contours
 from bayesdamp.report.figures.posterior import marginals
 from bayesdamp.report.figures.record import motions, thinned
-from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
+from bayesdamp.report.style import colour, dash, looks
 from bayesdamp.verdict.parts import Oscillation
 
 
@@ -131,74 +124,9 @@ def test_a_figure_is_the_same_in_every_report(tmp_path):
     assert 'width="216pt"' in (tmp_path / "a" / "x.svg").read_text()
 
 
-_THIN = ("viscous", "coulomb", "viscous+coulomb")
-
-
-def _shades(steps: int) -> Figure:
-    """A broad area of shades, and thin lines in the colours of the models."""
-    figure = Figure(figsize=(6, 3))
-    ax = figure.add_subplot()
-    ax.imshow(np.linspace(0, 1, steps)[None, :], cmap="Greens", aspect="auto", extent=(0, 1, 0, 1))
-    for i, model in enumerate(_THIN):
-        ax.plot([0, 1], [0.1 * (i + 1)] * 2, color=colour(model), lw=1.2)
-    return figure
-
-
-def _farthest(shown: Image.Image) -> int:
-    """How far, of 255, the line of a model is at most from its colour."""
-    pixels = np.asarray(shown.convert("RGB")).reshape(-1, 3).astype(int)
-    own = [np.array([round(255 * v) for v in to_rgb(colour(model))]) for model in _THIN]
-    return max(int(np.abs(pixels - ink).max(axis=1).min()) for ink in own)
-
-
-def test_few_colours_keep_those_of_thin_lines(tmp_path, monkeypatch):
-    monkeypatch.setattr("bayesdamp.report.drawing.SVG", 0)  # as a figure with very many samples
-    shown = Drawings(tmp_path).add("x", "caption", lambda: _shades(256))
-    kind, data = re.findall(r"data:image/(\w+);base64,([^\"]+)", shown)[0]
-    assert kind == "webp"
-    inside, saved = Image.open(io.BytesIO(base64.b64decode(data))), Image.open(tmp_path / "x.png")
-    assert np.array_equal(np.asarray(inside.convert("RGB")), np.asarray(saved.convert("RGB")))
-    assert _farthest(inside) <= 12
-    assert _farthest(saved.convert("RGB").quantize(4)) > 40, "the measure sees a colour that is lost"
-
-
 def test_a_figures_name_cannot_leave_the_folder(tmp_path):
     Drawings(tmp_path / "figures").add("../up/x", "caption", _draw)
     assert {p.parent.name for p in tmp_path.rglob("*.svg")} == {"figures"}
-
-
-def test_a_legend_has_as_many_columns_as_there_is_room_for():
-    """Of long names too; the control, five columns of these, does not fit."""
-    labels = ["viscous + Coulomb + quadratic (horizontal pendulum)"] * 3
-    widths = []
-    for columns in (legend_columns(labels, WIDTH, 5), 5):
-        with mpl.rc_context(RC):
-            figure = Figure(figsize=(WIDTH, 3.0))
-            ax = figure.add_subplot()
-            for label in labels:
-                ax.plot([0, 1], [0, 1], label=label)
-            legend = figure.legend(*ax.get_legend_handles_labels(), ncols=columns)
-            FigureCanvasAgg(figure).draw()
-            widths.append(legend.get_window_extent().width / figure.dpi)
-    assert widths[0] < WIDTH < widths[1]
-    assert legend_columns(["a", "b", "c"], WIDTH, 5) == 3
-
-
-def test_the_exponents_picture_marks_the_three_laws():
-    """0, 1 and 2 are lines with their names; the hill and the interval lie where the draws do."""
-    draws = np.random.default_rng(8).normal(1.7, 0.05, 400)
-    low, value, high = np.quantile(draws, [0.025, 0.5, 0.975])
-    figure = exponent(draws, (value, low, high), "The damping force grows as v^1.70", narrow=True)
-    (ax,) = figure.axes
-    assert [text.get_text() for text in ax.texts] == ["Coulomb", "viscous", "quadratic"]
-    assert [text.get_position()[0] for text in ax.texts] == [0.0, 1.0, 2.0]
-    lines = [np.asarray(line.get_xdata(), float) for line in ax.lines]
-    assert [line[0] for line in lines[:3]] == [0.0, 1.0, 2.0]
-    hill, bar, dot = lines[3:]
-    assert 1.4 < hill.min() < hill.max() < 2.0
-    assert bar.tolist() == [low, high]
-    assert dot.tolist() == [value]
-    assert ax.get_title(loc="left") == "The damping force grows as v^1.70"
 
 
 def test_the_density_of_any_coefficient_ends_at_zero():

@@ -12,7 +12,6 @@ import pytest
 from rich.console import Console
 
 from bayesdamp.report import render
-from bayesdamp.report.figures.curves import overview
 from bayesdamp.report.results.answers import answers, common_amplitude, ratio_of
 from bayesdamp.report.results.estimators import estimates_of
 from bayesdamp.report.results.run import RunFolder
@@ -68,18 +67,6 @@ def test_every_record_has_a_curve_and_a_line_that_leads_to_its_answer(folder: Pa
         assert section.count(f'href="#answer-{name}"') == 1
         assert f'id="answer-{name}"' in page
     assert "7.02 deg" in section, "in the unit that the record came in"
-
-
-@pytest.mark.parametrize("count", [3, 12])
-def test_curves_of_all_records_are_on_one_scale(count: int) -> None:
-    """Few have a colour and a name; many are grey."""
-    at = np.geomspace(0.1, 1.0, 5)
-    sizes = [0.01 * (i + 1) for i in range(count)]
-    curves = {f"r{i}": (at, *(np.full(5, f * size) for f in (1.0, 0.9, 1.1))) for i, size in enumerate(sizes)}
-    (ax,) = overview(curves, "rad").axes
-    assert [line.get_ydata()[0] for line in ax.lines] == pytest.approx([100 * size for size in sizes])
-    assert len({line.get_color() for line in ax.lines}) == (3 if count == 3 else 1)
-    assert ax.get_ylim()[1] > 100 * sizes[-2]
 
 
 def test_the_terminal_has_a_line_a_record_and_the_specimen(folder: Path) -> None:

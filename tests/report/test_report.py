@@ -6,9 +6,7 @@ import io
 import json
 import re
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
-import numpy as np
 import pytest
 from rich.console import Console
 
@@ -17,7 +15,7 @@ from bayesdamp.report.results.reading import coefficients, models_by_rank, model
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import SECTIONS, Section
 from bayesdamp.report.terminal import conclude
-from bayesdamp.store import CellResult, Store, write_json
+from bayesdamp.store import write_json
 from bayesdamp.store.folders import claim
 from tests.report.pages import Page, foreign
 
@@ -166,15 +164,6 @@ def test_a_user_s_own_term_is_a_damping_coefficient(maker):
     assert models_by_rank(run, "sim", 0) == ["viscous", "viscous+coulomb", "drag_of_my_own"]
 
 
-def test_draws_with_nan_are_not_drawn(maker):
-    folder = maker.make()
-    cell = maker.store.read("posterior/sim/0/viscous/nuts")
-    draws = cell.arrays["draws"].copy()
-    draws[0, 0, 0] = np.nan
-    maker.store.write(CellResult(cell.name, cell.key, cell.meta, {"draws": draws}))
-    assert "marginal posterior of each parameter by emcee." in Page(render(folder).read_text()).words
-
-
 def test_what_methods_found_besides(maker):
     folder = maker.make()
     words = Page(render(folder).read_text()).words
@@ -184,16 +173,6 @@ def test_what_methods_found_besides(maker):
     figures = {p.name for p in (folder / "figures").iterdir()}
     assert any(name.startswith("force-neural_ode-sim") for name in figures)
     assert any(name.startswith("eigenvalues-koopman-sim") for name in figures)
-
-
-def test_other_forms_of_damping_are_in_a_table(maker_of) -> None:
-    folder = maker_of(signals=("sim",), repeats={"sim": 1}, models=("viscous", "coulomb")).make()
-    store = Store(folder)
-    cell = store.read("mode/sim/0/viscous")
-    rivals = [{"words": f"it is {x}", "log_bayes": b} for x, b in zip("abcde", (0.0, 1.0, -1.0, -1.2, -4.0))]
-    store.write(replace(cell, meta={**cell.meta, "rivals": rivals}))
-    words = Page(render(folder).read_text()).words
-    assert "additional form ln Bayes factor probability, against none it is b 1.00 0.73" in words
 
 
 def test_what_one_has_to_know_of_the_reading_is_on_the_page_and_on_the_terminal(maker_of) -> None:

@@ -10,7 +10,6 @@ import pytest
 
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import (
-    Bound,
     DampingRatio,
     FrequencyAt,
     Grade,
@@ -83,17 +82,6 @@ def test_a_share_of_all_is_not_given_an_interval_from_nothing() -> None:
     )
     beside = replace(sole, damping="viscous+coulomb", energy=(Share("viscous", 1, 0, 1, 0.991),))
     assert energy_of(beside) == ("Energy lost: viscous 100 % (0 to 100).",)
-
-
-def test_what_the_sentence_lists_is_not_bounded_as_absent() -> None:
-    """Negative control: where the rival is hardly possible, its form is."""
-    forms = (Bound("stribeck", 0.049), Bound("structural", 0.035))
-    for p, bounded in ((0.98, False), (0.01, True)):
-        rivals = (Rival("viscous+stribeck", p),)
-        one = Verdict("rig", Grade.EXACT, False, "viscous+coulomb", 1 - p, rivals=rivals, other_forms=forms)
-        (said,) = energy_of(one)
-        assert "structural" in said
-        assert ("Stribeck" in said) is bounded
 
 
 def test_a_frequency_that_was_given_has_no_width() -> None:

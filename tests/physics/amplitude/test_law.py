@@ -8,9 +8,8 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.envelope.sums import Sum
 from bayesdamp.physics.amplitude.laws import SUMS, Law, Tabled, decay
-from bayesdamp.physics.amplitude.loss import Scale, alike, losses, scales_needed
-from bayesdamp.physics.damping import TERMS, DampingTerm, FreeParameter
-from bayesdamp.priors import Uniform
+from bayesdamp.physics.amplitude.loss import Scale, alike, losses
+from bayesdamp.physics.damping import TERMS
 
 T = np.linspace(0.0, 5.0, 101)
 RATES = {"viscous": 0.4, "coulomb": 0.02, "quadratic": 0.3}
@@ -66,34 +65,6 @@ def test_losses_are_those_of_the_terms_equations():
     }
     for name, truth in known.items():
         assert losses(TERMS.get(name), np.zeros(1), {}, scale) == pytest.approx(truth, rel=1e-6), name
-
-
-class Thinning(DampingTerm):
-    """Its velocity is 0.35 rad/s whatever the record."""
-
-    name, parameter, unit = "thinning", "c", "1/s"
-
-    @staticmethod
-    def kernel(x, v, epsilon):
-        return v / (1.0 + abs(v) / 0.35)
-
-
-class Creased(DampingTerm):
-    """Its amplitude is between 0.1 and 1 rad whatever the record."""
-
-    name, parameter, unit = "creased", "c", "1/s"
-    inferred = (FreeParameter("crease", "rad", lambda amplitude, frequency: Uniform(low=0.1, high=1.0)),)
-
-    @staticmethod
-    def kernel(x, v, epsilon, crease):
-        return v * (1.0 + (x / crease) ** 2)
-
-
-def test_which_terms_have_a_scale_of_their_own():
-    shipped = [TERMS.get(n) for n in TERMS.names() if TERMS.ships(n)]
-    assert [scales_needed(term) for term in shipped] == [(False, False)] * len(shipped)
-    assert scales_needed(Thinning()) == (True, True)
-    assert scales_needed(Creased()) == (True, False)
 
 
 def test_which_terms_lose_alike():

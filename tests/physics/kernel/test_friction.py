@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, QUANTITIES
@@ -165,61 +164,6 @@ def test_tangents_are_central_differences(order: int) -> None:
         assert np.min(np.max(np.abs(after - before) / np.max(np.abs(before), axis=0), axis=1)) > 1e-3
 
 
-def test_tangents_of_a_start_at_rest_are_those_of_the_motion_that_follows() -> None:
-    """By the start's velocity there are two, by its sign: the one towards rest is taken, and differs from the other."""
-    theta0 = -0.25
-    p = {**BASE, "theta0": theta0}
-    made, d = solver_of(), 1e-6
-    tangents = solved(made, p).tangents
-    inwards = -math.copysign(d, theta0 - p["rest_angle"])
-    plain = with_coulomb(p, TIMES)[:, 0]
-    one, other = (
-        (with_coulomb({**p, "omega0": s * inwards}, TIMES)[:, 0] - plain) / (s * inwards) for s in (1, -1)
-    )
-    assert np.max(np.abs(tangents[:, made.names.index("omega0")] - one)) < 1e-5 * np.max(np.abs(one))
-    assert np.max(np.abs(one - other)) > 0.01 * np.max(np.abs(one))
-    up, down = (with_coulomb({**p, "theta0": theta0 + s * d}, TIMES)[:, 0] for s in (1, -1))
-    assert np.max(np.abs(tangents[:, made.names.index("theta0")] - (up - down) / (2 * d))) < 1e-5
-
-
-def test_a_body_that_is_held_stays_and_depends_on_its_start_alone() -> None:
-    motion = solved(solver_of(), {**BASE, "theta0": 0.06}, tangents=ALL)
-    assert np.all(motion.y == 0.06)
-    wanted = np.zeros(motion.tangents.shape)
-    wanted[:, solver_of().names.index("theta0")] = 1.0
-    assert np.all(motion.tangents == wanted)
-
-
-def test_a_deviation_releases_a_body_that_is_held() -> None:
-    """The pull grows by 2 h: it reaches the friction at a time in closed form, and from there on the motion is SciPy's.
-    The control: with half the deviation it never does."""
-    p = {**BASE, "mu_c": 0.3, "theta0": 0.05 + 0.28 / 20.0}
-    h = np.array([0.0, 0.0, 0.2, 0.2, 0.2])
-    made = solver_of()
-    motion = solved(made, p, 0 * h, h, ALL)
-    growth = 0.5 * (0.3 / 0.28 - 1)
-    free = KNOTS[1] + growth / 0.2 * (KNOTS[2] - KNOTS[1])
-    inside = TIMES[(free < TIMES) & (free + 0.5 > TIMES)]
-
-    def slope(t: float, y: np.ndarray) -> list[float]:
-        return [y[1], 0.3 - (1 + 2 * np.interp(t, KNOTS, h)) * 20.0 * (y[0] - 0.05)]
-
-    truth = solve_ivp(
-        slope, (free, inside[-1]), (p["theta0"], 0.0), "DOP853", inside, rtol=1e-12, atol=1e-14, max_step=0.01
-    ).y[0]
-    assert np.all(truth <= p["theta0"])
-    assert np.all(motion.y[free > TIMES] == p["theta0"])
-    assert np.max(np.abs(motion.y[np.isin(TIMES, inside)] - truth)) < 1e-9
-    assert np.all(solved(made, p, 0 * h, 0.15 * h).y == p["theta0"])
-    d, k = 1e-6, made.names.index("stiffness")
-    up, down = (
-        solved(made, {**p, "stiffness": 20.0 + s * d}, 0 * h, h, NONE, tolerance=1e-13).y for s in (1, -1)
-    )
-    assert (
-        np.max(np.abs(motion.tangents[:, k] - (up - down) / (2 * d))) < 1e-4 * np.max(np.abs(up - down)) / d
-    )
-
-
 def test_windows() -> None:
     """Means of samples over an eightieth of a cycle. In a window with a turning point the acceleration jumps, and two
     points are right to a hundredth of the jump times the window's length squared."""
@@ -235,16 +179,6 @@ def test_windows() -> None:
     assert np.max(np.abs(motion.y - truth[:, 0])) > 1e-3  # control
     weights = np.random.default_rng(1).standard_normal(count)
     assert motion.pulled(weights) == pytest.approx(weights @ motion.tangents, rel=1e-9)
-
-
-def test_works_are_those_of_the_sign() -> None:
-    """Coulomb's over a path is its length, and structural damping's half the square of the displacement."""
-    made = solver_of(("coulomb", "structural"))
-    x = np.concatenate([np.linspace(0.3, -0.3, 2001), np.linspace(-0.3, 0.3, 2001)])
-    v, on = np.repeat([-1e-9, 1e-9], 2001), np.ones(2, bool)
-    found = made.works(x, v, np.gradient(x), np.zeros((1, 1)), on)[0]
-    assert found == pytest.approx([1.2, 0.18], rel=2e-3)
-    assert made.works(x, v, np.gradient(x), np.zeros((1, 1)), on, 1e-3)[0, 0] < 1e-3  # control
 
 
 def test_what_is_rounded_off_stays_so() -> None:

@@ -128,20 +128,6 @@ def test_a_term_that_is_switched_off_does_nothing() -> None:
     assert np.max(np.abs(off.y - solved(made, p).y)) > 1e-3  # control
 
 
-def test_fewer_terms_in_another_order() -> None:
-    """The same motion and tangents from a solver of two terms, the last one first."""
-    made, p = solver_of("linear", mu_q=0.0)
-    fewer = Solver(
-        ("coulomb", "viscous"), "linear", TIMES, "angle", made.amplitude, made.frequency, 0.1, KNOTS
-    )
-    assert fewer.names[:2] == ("mu_c", "zeta")
-    order = [made.names.index(name) for name in fewer.names]
-    one, other = solved(made, p, G, H, ALL), solved(fewer, p[order], G, H, ALL)
-    assert other.y == pytest.approx(one.y, abs=1e-12)
-    deviations = np.arange(p.size, one.tangents.shape[1])
-    assert other.tangents == pytest.approx(one.tangents[:, [*order, *deviations]], abs=1e-10)
-
-
 def test_an_escaping_motion_is_none() -> None:
     """Beyond √(k/−β) = 0.577 from its rest a softening spring pushes outwards."""
     for theta0, escapes in ((0.5, False), (0.6, True), (30.0, True)):

@@ -80,28 +80,6 @@ def test_the_script_is_compared_by_its_numbers():
     )
 
 
-def test_the_other_way_round_the_sentences_turn():
-    said = compared((0.02, 0.1), (0.01, 0.005))
-    assert "script is nearer to the truth in no group, bayesdamp in all simulated, family" in said
-    assert (
-        "script's intervals contain the truth more often in all simulated, family, bayesdamp's in no group"
-        in said
-    )
-    assert "an engineer" not in page(stored(), {})  # without its rows nothing is said of it
-
-
-def test_what_ours_refuses_and_others_answer_is_said():
-    made = [
-        row(f"gappy-811-{i}", OURS, 0.0, outcome="not the free decay of one oscillator") for i in range(6)
-    ]
-    made += [row(f"gappy-811-{i}", "decrement", 0.2, seconds=0.001) for i in range(5)]
-    said = page(table(*made), {})
-    assert "**gappy**: bayesdamp refused 6 of 6 records." in said
-    assert "logarithmic decrement 5 (20 %)." in said
-    assert "by these factors: logarithmic decrement 500." in said
-    assert "bayesdamp refused" not in page(stored(), {})
-
-
 def test_plots_and_page_are_written(tmp_path: Path):
     write(tmp_path, stored(), {})
     assert {p.name for p in tmp_path.iterdir()} == {"README.md", "errors.svg", "cost.svg"}
