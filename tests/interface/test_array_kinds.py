@@ -6,7 +6,6 @@ from decimal import Decimal
 from functools import partial
 
 import numpy as np
-import pytest
 
 import bayesdamp as bd
 from tests.interface.problems import TIMES, TRUTH, closed_form, not_refused
@@ -39,15 +38,3 @@ def test_no_numbers_are_refused() -> None:
         assert not_refused(calls) == []
     for kind, y in READ.items():
         assert np.array_equal(bd.signal(TIMES, y, cleaned=False).y, Y), kind
-
-
-def test_what_is_given_stays_as_it_is() -> None:
-    y = Y.copy()
-    made = bd.signal(TIMES, y, cleaned=False)
-    y[:] = 0.0
-    assert np.array_equal(made.y, Y)
-
-
-def test_the_remedy_for_dates_is_right() -> None:
-    seconds = (STAMPS - STAMPS[0]) / np.timedelta64(1, "s")
-    assert bd.signal(seconds, Y, cleaned=False).t == pytest.approx(TIMES, abs=1e-8)

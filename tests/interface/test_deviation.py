@@ -14,7 +14,6 @@ import bayesdamp as bd
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.priors import SHARED_SCALES
 from tests.interface.problems import NOISE, TRUTH, closed_form, record
-from tests.interface.test_posterior import GROUPS
 
 MODEL = bd.Model("viscous", "linear", deviation="law")
 SCALE, DRIFT = 0.5, 0.15
@@ -181,20 +180,6 @@ def test_the_sensor_is_a_floor() -> None:
     usual = fit().damping_ratio([0.25])
     assert (wide.high - wide.low)[0] > 5 * (usual.high - usual.low)[0]
     assert wide.sd_law[0] == pytest.approx(0.2 * wide.value[0], rel=0.1)
-
-
-def test_groups_are_those_of_exact_laws_and_the_deviations() -> None:
-    data = posterior().data
-    assert set(data.children) == GROUPS
-    assert data["posterior"]["zeta"].attrs["units"] == "1/s"
-    assert data["posterior"]["damping_deviation"].dims == ("chain", "draw", "knot")
-    assert data["prior"]["damping_deviation"].dims == ("chain", "draw", "knot")
-    assert "lp" not in data["sample_stats"]
-    total = data["log_likelihood"]["record"].sum("time").values
-    assert total == pytest.approx(posterior().log_likelihood, abs=1e-6)
-    predicted = data["posterior_predictive"]["record"]
-    scatter = float((predicted - predicted.mean(("chain", "draw"))).std())
-    assert scatter == pytest.approx(fit().known["noise_sd"], rel=0.05)
 
 
 def test_pointwise_densities_are_normal_ones() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
@@ -97,15 +96,6 @@ def test_saved(tmp_path: Path) -> None:
         assert read["posterior"]["zeta"].attrs["units"] == "1/s"
 
 
-def test_drawn() -> None:
-    axes = posterior().plot(names=["zeta", "noise_sd"])
-    assert len(axes) == 4
-    assert posterior().plot(axes, ["zeta", "noise_sd"]) == axes
-    with pytest.raises(bd.InputError, match="did you mean 'zeta'"):
-        posterior().plot(names=["zeda"])
-    plt.close("all")
-
-
 # Noise given all other samples, against the dense normal distribution.
 GAPS = np.array([0.1, 0.05, 0.3, 0.1, 0.02])
 CORRELATED = {"noise_sd": 0.7, "noise_time": 0.2}
@@ -142,11 +132,3 @@ def test_drawn_noise_is_white_when_whitened() -> None:
         assert stats.kstest(noise.whiten(r, gaps, p), "norm").pvalue > 1e-4, name
         wrong = noise.whiten(r, gaps, {**p, "noise_sd": 0.6})
         assert stats.kstest(wrong, "norm").pvalue < 1e-4, name
-
-
-def test_rounded_noise_has_the_scatter_of_both() -> None:
-    """Sheppard: noise and rounding add in squares; 40,000 draws tell the sd to 0.4 %, and five of that are 2 %."""
-    p = {"noise_sd": 0.7, "noise_step": 1.0}
-    r = NOISES.get("quantised").draw(np.random.default_rng(2), np.ones(39_999), p)
-    assert np.std(r) == pytest.approx(np.sqrt(0.49 + 1 / 12), rel=0.02)
-    assert abs(np.std(r) - 0.7) > 0.02

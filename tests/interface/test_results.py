@@ -67,22 +67,6 @@ def test_each_is_saved_and_loaded(results: dict[str, object], verdict: Verdict, 
         pd.testing.assert_frame_equal(again.summary(), found.summary())  # type: ignore[attr-defined]
 
 
-def test_numbers_of_a_summary_are_those_of_the_result(results: dict[str, object]) -> None:
-    signal, ahead = results["signal"], results["prediction"]
-    assert isinstance(signal, bd.Signal)
-    assert isinstance(ahead, bd.Prediction)
-    row = signal.summary().iloc[0]
-    assert row["rate"] == pytest.approx(149 / 6.0)
-    assert row["samples"] == 150
-    assert np.array_equal(ahead.summary()["value"], ahead.value)
-    model = bd.Model(
-        "viscous", noise="gaussian", priors={"viscous": bd.HalfNormal(0.5)}, known={"stiffness": 20.0}
-    )
-    table = model.summary()
-    assert "0.5" in str(table.loc["zeta", "prior"])
-    assert table.loc["stiffness", "known"] == 20.0
-
-
 def test_a_verdict_of_several_is_asked_for_by_its_record(verdict: Verdict, tmp_path: Path) -> None:
     path = tmp_path / "verdict.json"
     other = {**verdict.to_dict(), "record": "ship"}

@@ -112,17 +112,6 @@ def test_nested_sampling_agrees_with_importance() -> None:
         assert near < limit < far
 
 
-def test_the_page_has_them_and_says_what_is_not_computed() -> None:
-    page = (ran() / "report.html").read_text(encoding="utf-8")
-    assert "Results from the first half of the record alone" in page
-    assert "A third check of nested pairs" in page
-    assert "Other noise models are not computed under deviation" in page
-    assert "NUTS, with white noise, whose size is what the deviations do not explain" in page
-    assert "All these fits assume that the laws hold exactly" in page
-    assert "o model fits" not in page  # which is what exact laws say
-    assert f"sensitivity/swell/0/{SMALL}/noises" not in Store(ran()).names()
-
-
 def test_a_model_that_is_not_sampled_has_its_curve_by_weighted_draws() -> None:
     """Medians within a fifth of the sampled interval. Control: the coefficient's own interval, without
     the deviations, is narrower."""

@@ -10,8 +10,6 @@ import pytest
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.specimens import WIDE
-from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.sections.specimens import joint_sentence, population_sentence
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import JointContent
 from bayesdamp.verdict.thresholds import CAP
@@ -94,29 +92,3 @@ def test_the_population_has_a_row_for_mean_spread_and_each_specimen(run):
     assert {r["over"] for r in read_table(run / "population.csv")} == {
         "repeats of a", "repeats of b", "specimens"
     }  # fmt: skip
-
-
-def test_the_report_and_the_terminal_say_it(run):
-    page = (run / "report.html").read_text(encoding="utf-8")
-    for text in (
-        "Specimens with several records",
-        "Repeats of a",
-        "All specimens",
-        "an encoder may have an offset",
-    ):
-        assert text in page
-    made = RunFolder(run)
-    a, b = (joint_sentence(made, cell) for cell in made.cells("joint"))
-    (over,) = map(population_sentence, made.cells("population"))
-    assert a.startswith("2 records together, if every law held exactly: the records")
-    assert "the records differ in the size of their damping" in b
-    assert "the records are compatible with one damping" in a
-    assert over.startswith("3 specimens, all with viscous damping, if every law held exactly: ζ has the mean")
-
-
-def test_cells_are_done_once(run, tmp_path, monkeypatch):
-    names = Store(run).names()
-    monkeypatch.setattr("bayesdamp.pipeline.run._render", lambda folder, pool: None)
-    before = {n: Store(run).read(n).seconds for n in names}
-    assert run_study(load_study(write(tmp_path)), run, workers=1) == 0
-    assert {n: Store(run).read(n).seconds for n in names} == before

@@ -121,12 +121,3 @@ def test_a_study_with_published_figures_leads_with_its_two_tables(folder):
     # The interval of another damping, or of another truth, is not shown: Coulomb has none here.
     assert text.count(" to +") == 1
     assert page.count("Time for 2 signals together") == 1
-
-
-def test_a_study_without_published_figures_does_not(folder):
-    run = RunFolder(folder)
-    info = {**run.info, "study": {**run.study, "published": []}}
-    write_json(folder / "run.json", info)
-    page = render(folder).read_text(encoding="utf-8")
-    assert 'id="comparison"' not in page[page.index("<section") : page.index("</section>")]
-    assert "Time for 8 signals together" in page

@@ -11,9 +11,8 @@ from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.answer import answer
 from bayesdamp.report.figures.curves import contours
 from bayesdamp.report.figures.posterior import marginals
-from bayesdamp.report.figures.record import motions, thinned
+from bayesdamp.report.figures.record import thinned
 from bayesdamp.report.style import colour, dash, looks
-from bayesdamp.verdict.parts import Oscillation
 
 
 def test_thinning_keeps_the_extremes():
@@ -26,27 +25,6 @@ def test_thinning_keeps_the_extremes():
     assert values.max() == 7.0
     assert (at[0], at[-1]) == (t[0], t[-1])
     assert np.all(np.diff(at) > 0)
-
-
-def test_what_is_no_free_decay_is_drawn_with_each_oscillation_in_it() -> None:
-    """Amplitudes halve and double; an acceleration's are those of the displacement times (2πf)²."""
-    t = np.linspace(0.0, 10.0, 2001)
-    modes = [
-        Oscillation(1.0, 0.01, 0.009, 0.011, 2.0, 1.0, "mm"),
-        Oscillation(1.5, -0.01, -0.011, -0.009, 0.5, 1.0, "mm"),
-    ]
-    y = np.cos(2 * np.pi * t)
-    whole, each = motions(t, y, modes, "acceleration", "acceleration / (mm/s²)").axes
-    first, second = (np.asarray(line.get_ydata(), float) for line in each.lines)
-    np.testing.assert_allclose(first[[0, -1]], [2.0, 1.0])
-    np.testing.assert_allclose(second[[0, -1]], [0.5, 1.0])
-    edges = [np.asarray(line.get_ydata(), float) for line in whole.lines[1:]]
-    assert len(edges) == 4
-    np.testing.assert_allclose(edges[0] - edges[1], 2 * first * (2 * np.pi) ** 2, rtol=1e-9)
-    legend = each.get_legend()
-    assert legend is not None
-    assert [text.get_text() for text in legend.get_texts()] == ["1 Hz, 1 %", "1.5 Hz, -1 %"]
-    assert len(motions(t, y, modes[:1], "angle", "x", narrow=True).axes) == 2
 
 
 def test_the_record_of_an_acceleration_is_labelled_as_one() -> None:
@@ -81,17 +59,6 @@ def test_contours_enclose_their_mass():
     inside = smooth[np.searchsorted(gy, y).clip(0, 79), np.searchsorted(gx, x).clip(0, 79)]
     for level, mass in zip(levels, (0.9, 0.5), strict=True):
         assert np.mean(inside >= level) == pytest.approx(mass, abs=0.03)
-
-
-def test_every_shipped_sum_has_its_own_colour():
-    sums = [
-        "viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic", "coulomb+quadratic",
-        "viscous+coulomb+quadratic",
-    ]  # fmt: skip
-    assert len({colour(s) for s in sums}) == 7
-    assert colour("coulomb+viscous") == colour("viscous+coulomb")
-    assert colour("cubic") not in {colour(s) for s in sums}
-    assert dash("cubic")
 
 
 def _draw() -> Figure:

@@ -49,15 +49,6 @@ def test_what_is_missing_is_said(maker, missing, cells, text):
     assert text in Page(render(folder).read_text()).words
 
 
-def test_a_comparison_of_envelopes_by_an_earlier_version_is_one_line(tmp_path):
-    run = tmp_path / "old"
-    run.mkdir()
-    (run / "run.json").write_text('{"kind": "envelopes", "name": "old"}', encoding="utf-8")
-    with pytest.raises(InputError, match="compare the records again"):
-        render(run)
-    assert not (run / "report.html").exists()
-
-
 def test_a_run_of_another_version_is_one_line(maker):
     folder = maker.make()
     store = Store(folder)

@@ -43,11 +43,6 @@ def test_pairs_tell_apart_what_intervals_do_not():
     assert not ahead(errors_b, errors_a)
 
 
-def test_few_repeats_say_nothing():
-    assert math.isnan(interval({0: 1.0, 1: 2.0})[0])
-    assert not ahead({0: 1.0, 1: 1.0}, {0: 9.0, 1: 9.0})
-
-
 def test_places_are_ranges():
     """As many ahead of a method as repeats tell, and no more: the second and third are of one size."""
     some = (1.0, 1.1, 0.9, 1.05, 0.95)

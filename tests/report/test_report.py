@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from bayesdamp.report import render
-from bayesdamp.report.results.reading import coefficients, models_by_rank, models_kept
+from bayesdamp.report.results.reading import models_kept
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import SECTIONS, Section
 from bayesdamp.report.terminal import conclude
@@ -150,29 +150,6 @@ def test_many_signals_fold(maker_of):
     drawn = {p.stem for p in (folder / "figures").glob("*.svg")}
     assert "marginals-sim-5-viscous" in drawn
     assert "marginals-sim-5-coulomb" not in drawn
-
-
-def test_a_user_s_own_term_is_a_damping_coefficient(maker):
-    folder = maker.make()
-    run = RunFolder(folder)
-    run.info["damping"] = {"drag_of_my_own": {"parameter": "mu_own"}}
-    run.posteriors.extend(
-        {**row, "model": "drag_of_my_own", "parameter": "mu_own"} for row in run.posteriors[:1]
-    )
-    assert coefficients(run, "drag_of_my_own") == ["mu_own"]
-    assert coefficients(run, "viscous+coulomb") == ["zeta", "mu_c"]
-    assert models_by_rank(run, "sim", 0) == ["viscous", "viscous+coulomb", "drag_of_my_own"]
-
-
-def test_what_methods_found_besides(maker):
-    folder = maker.make()
-    words = Page(render(folder).read_text()).words
-    assert "Further results of the methods" in words
-    assert "0.05020·2θ̇ + 20.10·θ" in words
-    assert "f(v) = 0.1·v" in words
-    figures = {p.name for p in (folder / "figures").iterdir()}
-    assert any(name.startswith("force-neural_ode-sim") for name in figures)
-    assert any(name.startswith("eigenvalues-koopman-sim") for name in figures)
 
 
 def test_what_one_has_to_know_of_the_reading_is_on_the_page_and_on_the_terminal(maker_of) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from bayesdamp import formatting as fmt
-from bayesdamp.report import words
 
 
 def test_a_value_has_the_digits_of_its_error():
@@ -43,14 +42,3 @@ def test_intervals_have_the_digits_of_their_width():
 def test_durations():
     texts = {0.0: "0 ms", 3.04: "3.0 s", 59.9: "60 s", 125: "2 min 05 s", 7265: "2 h 01 min"}
     assert {seconds: fmt.duration(seconds) for seconds in texts} == texts
-
-
-def test_names_and_units():
-    assert words.model("viscous+coulomb") == "viscous + Coulomb"
-    assert words.model("my_term") == "my term"
-    assert words.axis("zeta", "1/s") == r"$\zeta$ / (1/s)"
-    assert words.axis("theta0", "rad") == r"$\theta_0$ / rad"
-    assert fmt.fixed(-0.0004, 2) == "0.00"
-    assert fmt.nats(-801.34, 0.008) == "−801.34 ± 0.01"
-    assert fmt.nats(-801.34, 0.004) == "−801.34 ± < 0.01"
-    assert fmt.nats(-5210.4) == "−5210"

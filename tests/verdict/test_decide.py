@@ -15,7 +15,6 @@ from bayesdamp.types import Ratio
 from bayesdamp.verdict import Verdict, thresholds
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.parts import (
-    Averages,
     DampingRatio,
     FrequencyAt,
     Grade,
@@ -240,17 +239,6 @@ def test_units_of_a_record_in_metres() -> None:
     assert any("rad" in r.unit for r in decided().damping_ratio)  # control
 
 
-def test_averages_that_stand_for_the_motion_are_said_and_how_far_they_are_off() -> None:
-    close, far = (decided(averages=Averages(30_000.0, error)) for error in (0.013, 0.4))
-    assert "Amplitude and phase were averaged over 30,000 cycles" in close.remarks[-1]
-    assert "by more than 0.01 of its standard deviation" in close.remarks[-1]
-    assert "too many for the equation of motion" in far.remarks[0]
-    assert "up to 0.4 of their standard deviations" in far.remarks[0]
-    back = Verdict.from_dict(json.loads(close.to_json()))
-    assert back.averages == close.averages
-    assert not any("Averaged" in text for text in decided().remarks)  # control
-
-
 def test_a_verdict_survives_json() -> None:
     """What is written reads back as the same plain values; what is not known is null."""
     why = UsedWindow(1.0, 41.0, 30.0, "after the release")
@@ -333,12 +321,6 @@ def test_a_law_that_agrees_with_the_measured_damping_stays() -> None:
         assert found.decided
         assert not found.contradicted
         assert found.sentence == decided().sentence
-
-
-def test_amplitudes_that_the_measured_curve_does_not_reach_are_not_compared() -> None:
-    wide = measured((0.0150, 0.0148, 0.0152))
-    moved = replace(wide.ratios[1], amplitude=0.12)
-    assert not decided(law_free=replace(wide, ratios=(wide.ratios[0], moved, wide.ratios[2]))).contradicted
 
 
 def test_a_frequency_that_the_restoring_law_contradicts_is_the_measured_one() -> None:

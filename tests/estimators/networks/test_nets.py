@@ -10,11 +10,10 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from torch.func import jacrev
 
 from bayesdamp.estimators import run
 from bayesdamp.estimators.networks.shooting import Shooting
-from bayesdamp.estimators.networks.training import generator, jets, layers, slopes
+from bayesdamp.estimators.networks.training import generator
 from bayesdamp.estimators.shared import checked_features
 from tests.estimators.truths import (
     EVERYTHING,
@@ -117,15 +116,6 @@ def test_the_other_cell():
     assert error(found.values["mu_q"], 0.15) < 1.0
     assert found.details["cell"] == cell
     assert 0.0 < found.stderr["mu_q"] < 0.01 * 0.15
-
-
-def test_slopes_by_hand_are_those_of_automatic_differentiation():
-    count = 2
-    random, sizes = generator(np.random.default_rng(0)), (5, 6, 4, 1)
-    weights = layers(sizes, random, bias=0.5)
-    inputs = torch.randn(7, count, 5, dtype=torch.float64, generator=random)
-    expected = jacrev(lambda w: jets(w, inputs, sizes))(weights)
-    assert torch.allclose(slopes(weights, inputs, sizes), expected, atol=1e-12)
 
 
 def test_sensitivities_through_the_solver_are_differences():

@@ -53,33 +53,6 @@ def test_no_peer_is_nearer_where_none_is():
     assert "no peer is nearer" not in page(stored(), {})
 
 
-def compared(theirs: tuple[float, float], own: tuple[float, float]) -> str:
-    """The section on the script; theirs and own: error and half width of the interval, relative."""
-    made = []
-    for i in range(20):
-        for name, (error, half) in (("script", theirs), (OURS, own)):
-            x = row(
-                f"family-811-{i}", name, error * (1 + i % 3), half=half, named="viscous", relation="right"
-            )
-            made.append(x | ({"outcome": "no", "named": ""} if name == OURS and i == 0 else {}))
-    made.append(row("family-811-20", OURS, 9.0))  # which the script was not given
-    said = page(table(*made), {})
-    return said[said.index("## A script that an engineer") : said.index("![errors]")]
-
-
-def test_the_script_is_compared_by_its_numbers():
-    said = compared((0.01, 0.005), (0.02, 0.1))
-    assert "| answered | 20 of 20 / 19 of 20 | 20 of 20 / 19 of 20 |" in said
-    assert "| coverage of the intervals | 0.00 / 1.00 | 0.00 / 1.00 |" in said
-    assert "| named outright, of these correctly | 20, 20 / 19, 19 |" in said
-    assert "| the script's error over bayesdamp's | **0.5 (0.5–0.5)** |" in said
-    assert "script is nearer to the truth in all simulated, family, bayesdamp in no group" in said
-    assert (
-        "script's intervals contain the truth more often in no group, bayesdamp's in all simulated, family"
-        in said
-    )
-
-
 def test_plots_and_page_are_written(tmp_path: Path):
     write(tmp_path, stored(), {})
     assert {p.name for p in tmp_path.iterdir()} == {"README.md", "errors.svg", "cost.svg"}
