@@ -29,24 +29,14 @@ print(json.dumps({n: k for job in jobs_of(study) for n, (k, _) in work_of(study,
 STUDY = """
 version = 1
 name = "keys"
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
+system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
+estimators = { use = ["least_squares", "sindy"] }
+models = { compare = ["viscous", "quadratic"] }
+posterior = { samplers = ["nuts", "emcee"] }
+evidence = { methods = ["importance"], referee = "never" }
 [[signal]]
 name = "one"
 simulate = { viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003 }
-[estimators]
-use = ["least_squares", "sindy"]
-[models]
-compare = ["viscous", "quadratic"]
-[posterior]
-samplers = ["nuts", "emcee"]
-[evidence]
-methods = ["importance"]
-referee = "never"
 """
 
 

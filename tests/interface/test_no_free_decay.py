@@ -119,21 +119,16 @@ def test_the_frequency_under_a_wandering_base_line_holds() -> None:
 
 STUDY = """
 version = 1
+estimators = {{ use = ["envelope"], stages = ["initial"] }}
+models = {{ compare = ["viscous"] }}
+posterior = {{ samplers = [] }}
+evidence = {{ methods = [] }}
 [system]
 restoring = "linear"
 {known}
 [[signal]]
 name = "rig"
 file = "rig.csv"
-[estimators]
-use = ["envelope"]
-stages = ["initial"]
-[models]
-compare = ["viscous"]
-[posterior]
-samplers = []
-[evidence]
-methods = []
 """
 
 

@@ -13,29 +13,17 @@ STUDY = """
 version = 1
 name = "failing"
 seed = 3
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
+system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
+estimators = { use = ["least_squares"], stages = ["initial"] }
+models = { compare = ["viscous"] }
+posterior = { samplers = ["laplace"], noise = NOISE }
+evidence = { methods = ["laplace", "importance"], referee = "never" }
 [[signal]]
 name = "good"
 simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
 [[signal]]
 name = "bad"
 simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
-[estimators]
-use = ["least_squares"]
-stages = ["initial"]
-[models]
-compare = ["viscous"]
-[posterior]
-samplers = ["laplace"]
-noise = NOISE
-[evidence]
-methods = ["laplace", "importance"]
-referee = "never"
 """
 
 

@@ -19,6 +19,10 @@ MODEL = "viscous+coulomb"
 STUDY = f"""
 version = 1
 name = "one"
+estimators = {{ use = [] }}
+models = {{ compare = ["{MODEL}"], prior = {{ coulomb = {{ prior = "halfnormal", scale = 0.02 }} }} }}
+posterior = {{ samplers = ["laplace"], chains = 2, warmup = 10, draws = 50 }}
+evidence = {{ methods = ["laplace"], referee = "never" }}
 [system]
 restoring = "linear"
 stiffness = 20.0
@@ -30,19 +34,6 @@ noise_sd = "free"
 [[signal]]
 name = "swing"
 simulate = {{ viscous = 0.05, theta0 = 0.3, omega0 = 0.0, epsilon = 0.05, duration = 6, samples = 200, noise_sd=3e-3 }}
-[estimators]
-use = []
-[models]
-compare = ["{MODEL}"]
-prior = {{ coulomb = {{ prior = "halfnormal", scale = 0.02 }} }}
-[posterior]
-samplers = ["laplace"]
-chains = 2
-warmup = 10
-draws = 50
-[evidence]
-methods = ["laplace"]
-referee = "never"
 """
 
 

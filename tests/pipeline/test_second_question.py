@@ -14,25 +14,14 @@ STUDY = """
 version = 1
 name = "two"
 seed = 3
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
+system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
+estimators = { use = ["least_squares"], stages = ["initial"] }
+models = { compare = ["viscous", "quadratic"] }
+posterior = { samplers = [] }
+evidence = { methods = ["laplace"], referee = "never" }
 [[signal]]
 name = "rig"
 simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
-[estimators]
-use = ["least_squares"]
-stages = ["initial"]
-[models]
-compare = ["viscous", "quadratic"]
-[posterior]
-samplers = []
-[evidence]
-methods = ["laplace"]
-referee = "never"
 """
 
 

@@ -16,25 +16,14 @@ STUDY = """
 version = 1
 name = "elsewhere"
 seed = 3
-[system]
-restoring = "linear"
-stiffness = "free"
-rest_angle = 0.0
-theta0 = "free"
-omega0 = "free"
+system = { restoring = "linear", stiffness = "free", rest_angle = 0.0, theta0 = "free", omega0 = "free" }
+estimators = { use = ["least_squares"] }
+models = { compare = ["viscous", "quadratic"] }
+posterior = { samplers = [], noise = ["gaussian", "student_t"] }
+evidence = { methods = ["importance"], referee = "never" }
 [[signal]]
 name = "noisy"
 simulate = { viscous = 0.08, stiffness = 20.0, theta0 = 0.3, omega0 = 0.0, duration = 12.0, samples = 300, noise_sd = 0.006 }
-[estimators]
-use = ["least_squares"]
-[models]
-compare = ["viscous", "quadratic"]
-[posterior]
-samplers = []
-noise = ["gaussian", "student_t"]
-[evidence]
-methods = ["importance"]
-referee = "never"
 """  # noqa: E501
 
 

@@ -27,27 +27,20 @@ STUDY = """
 version = 1
 name = "halves"
 seed = 5
+estimators = {{ use = ["least_squares"], stages = ["initial"] }}
+posterior = {{ samplers = ["nuts"], deviation = "law", chains = 3, draws = 3000 }}
+evidence = {{ methods = ["laplace", "importance", "nested"] }}
 [system]
 restoring = "linear"
 {known}
+[models]
+compare = ["viscous", "viscous+coulomb"]
+prior = {{ viscous = {{ prior = "halfnormal", scale = 0.2 }}, coulomb = {{ prior = "halfnormal", scale = 0.005 }} }}
 [[signal]]
 name = "swell"
 file = "swell.csv"
 start = 0.0
 stop = 20.0
-[estimators]
-use = ["least_squares"]
-stages = ["initial"]
-[models]
-compare = ["viscous", "viscous+coulomb"]
-prior = {{ viscous = {{ prior = "halfnormal", scale = 0.2 }}, coulomb = {{ prior = "halfnormal", scale = 0.005 }} }}
-[posterior]
-samplers = ["nuts"]
-deviation = "law"
-chains = 3
-draws = 3000
-[evidence]
-methods = ["laplace", "importance", "nested"]
 """
 
 

@@ -33,6 +33,10 @@ STUDY = """
 version = 1
 name = "drift"
 seed = 5
+estimators = {{ use = ["least_squares"], stages = ["initial"] }}
+models = {{ compare = ["viscous"], prior = {{ viscous = {{ prior = "halfnormal", scale = {scale} }} }} }}
+posterior = {{ samplers = {samplers}, deviation = "{deviation}", chains = 2, draws = 1400 }}
+evidence = {{ methods = ["laplace", "importance", "bridge"], referee = "never" }}
 [system]
 restoring = "linear"
 {known}
@@ -41,20 +45,6 @@ name = "drift"
 file = "drift.csv"
 start = 0.0
 stop = 20.0
-[estimators]
-use = ["least_squares"]
-stages = ["initial"]
-[models]
-compare = ["viscous"]
-prior = {{ viscous = {{ prior = "halfnormal", scale = {scale} }} }}
-[posterior]
-samplers = {samplers}
-deviation = "{deviation}"
-chains = 2
-draws = 1400
-[evidence]
-methods = ["laplace", "importance", "bridge"]
-referee = "never"
 """
 
 

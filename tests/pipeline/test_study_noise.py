@@ -19,25 +19,14 @@ STUDY = """
 version = 1
 name = "noises"
 seed = 5
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
+system = {{ restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }}
+estimators = {{ use = ["least_squares"] }}
+models = {{ compare = ["viscous"] }}
+posterior = {{ samplers = ["laplace"], noise = {noise}, draws = 500 }}
+evidence = {{ methods = [] }}
 [[signal]]
 name = "noisy"
 simulate = {{ viscous = 0.05, duration = 10.0, samples = 200, noise_sd = 0.003 }}
-[estimators]
-use = ["least_squares"]
-[models]
-compare = ["viscous"]
-[posterior]
-samplers = ["laplace"]
-noise = {noise}
-draws = 500
-[evidence]
-methods = []
 """
 
 
@@ -93,6 +82,10 @@ FRICTION = """
 version = 1
 name = "friction"
 seed = 5
+estimators = {{ use = [] }}
+models = {{ compare = ["coulomb", "viscous+coulomb"] }}
+posterior = {{ samplers = [], noise = ["gaussian", "student_t"] }}
+evidence = {{ methods = ["laplace"], referee = "never" }}
 [system]
 restoring = "linear"
 stiffness = "free"
@@ -105,16 +98,6 @@ name = "sharp"
 file = "sharp.csv"
 time = "t"
 angle = "x"
-[estimators]
-use = []
-[models]
-compare = ["coulomb", "viscous+coulomb"]
-[posterior]
-samplers = []
-noise = ["gaussian", "student_t"]
-[evidence]
-methods = ["laplace"]
-referee = "never"
 """
 
 

@@ -21,6 +21,10 @@ STUDY = """
 version = 1
 name = "pair"
 seed = 5
+estimators = {{ use = ["least_squares"], stages = ["initial"] }}
+models = {{ compare = ["viscous"], prior = {{ viscous = {{ prior = "halfnormal", scale = {scale} }} }} }}
+posterior = {{ samplers = [], deviation = "{deviation}" }}
+evidence = {{ methods = ["laplace"], referee = "never" }}
 [system]
 restoring = "linear"
 stiffness = {stiffness}
@@ -28,18 +32,6 @@ rest_angle = 0.0
 omega0 = 0.0
 theta0 = "free"
 {signals}
-[estimators]
-use = ["least_squares"]
-stages = ["initial"]
-[models]
-compare = ["viscous"]
-prior = {{ viscous = {{ prior = "halfnormal", scale = {scale} }} }}
-[posterior]
-samplers = []
-deviation = "{deviation}"
-[evidence]
-methods = ["laplace"]
-referee = "never"
 """
 SIGNAL = """
 [[signal]]

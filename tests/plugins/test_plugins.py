@@ -25,27 +25,15 @@ STUDY = """
 version = 1
 name = "own"
 seed = 3
-[plugins]
-modules = ["cubic_drag.py", "soft_spring.py"]
-[system]
-restoring = "soft_spring"
-stiffness = "free"
-rest_angle = 0.0
-theta0 = 0.6
-omega0 = 0.0
+plugins = { modules = ["cubic_drag.py", "soft_spring.py"] }
+system = { restoring = "soft_spring", stiffness = "free", rest_angle = 0.0, theta0 = 0.6, omega0 = 0.0 }
+estimators = { use = ["least_squares"], stages = ["initial"] }
+models = { compare = ["viscous", "cubic_drag"] }
+posterior = { samplers = [] }
+evidence = { methods = ["laplace"], referee = "never" }
 [[signal]]
 name = "rig"
 simulate = { cubic_drag = 0.08, stiffness = 20.0, duration = 10.0, samples = 300, noise_sd = 0.003 }
-[estimators]
-use = ["least_squares"]
-stages = ["initial"]
-[models]
-compare = ["viscous", "cubic_drag"]
-[posterior]
-samplers = []
-[evidence]
-methods = ["laplace"]
-referee = "never"
 """
 
 
@@ -234,26 +222,15 @@ SHORT = """
 version = 1
 name = "short"
 seed = 3
-[plugins]
-modules = ["own.py"]
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
+plugins = { modules = ["own.py"] }
+system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
+estimators = { use = ["least_squares", "own"], stages = ["initial"] }
+models = { compare = ["viscous", "quadratic"] }
+posterior = { samplers = [] }
+evidence = { methods = [] }
 [[signal]]
 name = "rig"
 simulate = { viscous = 0.05, duration = 10.0, samples = 200, noise_sd = 0.003 }
-[estimators]
-use = ["least_squares", "own"]
-stages = ["initial"]
-[models]
-compare = ["viscous", "quadratic"]
-[posterior]
-samplers = []
-[evidence]
-methods = []
 """
 
 
