@@ -27,7 +27,7 @@ def azp() -> ModuleType:
     return arviz_plots
 
 
-@pytest.mark.parametrize("laws", list(DRAWN))
+@pytest.mark.parametrize("laws", ["law", pytest.param("exact", marks=pytest.mark.slow)])
 def test_drawn_as_it_is(azp: ModuleType, laws: str) -> None:
     data = DRAWN[laws]().data
     for name in PLOTS:

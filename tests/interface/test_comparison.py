@@ -69,7 +69,8 @@ def test_a_term_without_a_kernel_costs_its_own_sums_alone() -> None:
 def test_records_of_one_specimen_share_a_damping() -> None:
     made = case("family", 33, 0)
     other = case("family", 33, 0)
-    both = bd.compare([made.signal, other.signal], repeats=True, restoring=[made.restoring], name="rig")
+    how = {"damping": ["viscous", "coulomb"], "restoring": [made.restoring]}
+    both = bd.compare([made.signal, other.signal], repeats=True, name="rig", **how)  # type: ignore[arg-type]
     assert both.verdict.damping == "viscous"
     assert both.verdict.record == "rig"
     assert len(both.records) == 2

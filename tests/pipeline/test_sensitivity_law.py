@@ -14,8 +14,6 @@ from scipy.stats import gaussian_kde
 from bayesdamp.config import load_study
 from bayesdamp.inference.evidence.savage_dickey import FARTHEST
 from bayesdamp.pipeline import run_study
-from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.pipeline.candidates.posteriors import weighted_curves
 from bayesdamp.store import Store, read_table
 from tests.interface.test_deviation import KNOWN
 from tests.pipeline.test_study_deviation import swelling
@@ -29,7 +27,7 @@ name = "halves"
 seed = 5
 estimators = {{ use = ["least_squares"], stages = ["initial"] }}
 posterior = {{ samplers = ["nuts"], deviation = "law", chains = 3, draws = 3000 }}
-evidence = {{ methods = ["laplace", "importance", "nested"] }}
+evidence = {{ methods = ["laplace", "importance"] }}
 [system]
 restoring = "linear"
 {known}
@@ -91,30 +89,3 @@ def test_halves_of_the_record_make_its_evidence() -> None:
         assert abs(made - weighed(other, "importance")["log_evidence"]) > 0.1
         assert half["start"] == pytest.approx(10.0, abs=0.1)
         assert half["rms"] < 2 * half["expected"]
-
-
-def test_nested_sampling_agrees_with_importance() -> None:
-    """Within four standard errors. Control: the other model's is farther off."""
-    for model, other in ((SMALL, LARGE), (LARGE, SMALL)):
-        nested = weighed(model, "nested")
-        assert (nested["outcome"], nested["deviation"]) == ("ok", "law")
-        near, far = (
-            abs(nested["log_evidence"] - weighed(m, "importance")["log_evidence"]) for m in (model, other)
-        )
-        limit = 4 * float(np.hypot(nested["stderr"], weighed(model, "importance")["stderr"]))
-        assert near < limit < far
-
-
-def test_a_model_that_is_not_sampled_has_its_curve_by_weighted_draws() -> None:
-    """Medians within a fifth of the sampled interval. Control: the coefficient's own interval, without
-    the deviations, is narrower."""
-    study = load_study(ran().parent / "halves.toml")
-    branch = Branch(study, study.signals[0], 0, SMALL, Store(ran()))
-    found, drawn = weighted_curves(branch, 1), Store(ran()).read(f"posterior/swell/0/{SMALL}/nuts").arrays
-    assert found["amplitudes"] == pytest.approx(drawn["amplitudes"])
-    low, _, high = drawn["curve/equivalent_ratio"]
-    for one, other in zip(found["curve/equivalent_ratio"], drawn["curve/equivalent_ratio"], strict=True):
-        assert np.max(np.abs(one - other) / (high - low)) < 0.2
-    zeta = Store(ran()).read(f"posterior/swell/0/{SMALL}/nuts").arrays["draws"][..., 0]
-    alone = np.ptp(np.quantile(zeta, (0.025, 0.975))) / np.sqrt(KNOWN["stiffness"])
-    assert alone < 0.8 * np.median(high - low)

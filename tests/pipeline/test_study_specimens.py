@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,6 @@ from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.specimens import WIDE
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import JointContent
-from bayesdamp.verdict.thresholds import CAP
 from tests.pipeline.test_specimens import write
 
 pytestmark = pytest.mark.slow
@@ -34,47 +32,12 @@ def joint(run: Path, specimen: str) -> JointContent:
     return JointContent.of(Store(run).read(f"joint/{specimen}"))
 
 
-def test_repeats_are_joined_as_in_the_verdict(run):
-    (row,) = rows(run, specimen="a", record="", parameter="zeta")
-    alone = [rows(run, specimen="a", record=n, parameter="zeta")[0] for n in ("a1", "a2")]
-    assert row["outcome"] == "ok"
-    assert row["shared"] == "damping"
-    # Four posterior sds: a false alarm once in 16,000 seeds.
-    assert abs(row["mean"] - 0.05) < 4 * row["sd"]
-    for one in alone:
-        assert abs(one["mean"] - 0.05) < 4 * one["sd"]
-        assert one["sd"] < row["sd"], "the specimen's own has the spread between its records"
-    assert not rows(run, specimen="a", parameter="theta0")
-    verdicts = json.loads((run / "verdict.json").read_text(encoding="utf-8"))
-    (verdict,) = [v for v in verdicts if v["record"] == "a"]
-    content = joint(run, "a")
-    assert verdict["damping"] == content.best
-    assert verdict["probability"] == min(content.candidates["viscous"].probability, CAP)
-    assert verdict["spread"]["value"] == content.spread["median"]
-    assert (verdict["spread"]["low"], verdict["spread"]["high"]) == (
-        content.spread["q2.5"], content.spread["q97.5"]
-    )  # fmt: skip
-
-
 def test_records_that_differ_are_said_to_differ(run):
     assert joint(run, "b").differ
     assert joint(run, "b").no_spread < -20
     # Negative control of each other: those of a are compatible.
     assert not joint(run, "a").differ
     assert joint(run, "a").no_spread > 0
-
-
-def test_the_spread_of_repeats_is_in_the_unit_of_the_coefficient(run):
-    found = [r for r in read_table(run / "population.csv") if r["over"] == "repeats of b"]
-    assert [(r["what"], r["of"]) for r in found] == [
-        ("mean", ""), ("spread", ""), ("own value", "b1"), ("own value", "b2")
-    ]  # fmt: skip
-    mean, spread, *own = found
-    assert mean["median"] == pytest.approx(rows(run, specimen="b", record="")[0]["median"])
-    relative = joint(run, "b").spread["median"]
-    assert spread["median"] == pytest.approx(relative * mean["median"], rel=0.1)
-    for row, truth in zip(own, (0.06, 0.09), strict=True):
-        assert abs(row["mean"] - truth) < 4 * row["sd"]
 
 
 def test_the_population_has_a_row_for_mean_spread_and_each_specimen(run):

@@ -15,7 +15,7 @@ from validation.contest.page import page, write
 from validation.contest.records import closed_form
 from validation.contest.reply import Reply
 from validation.contest.roster import OURS
-from validation.rows import rounded, write_frame, write_row
+from validation.rows import rounded, write_row
 
 
 def stored():
@@ -97,25 +97,6 @@ def test_it_goes_on_where_it_was_cut_off(tmp_path: Path, capsys: pytest.CaptureF
     assert again.startswith(first)
     assert len(again.splitlines()) == 3
     assert "measured records are omitted: Run_1-10_no_magnet.csv is missing" in capsys.readouterr().err
-
-
-def test_rows_of_others_are_taken_over_where_the_truth_is_the_same(tmp_path: Path):
-    """Negative control: not where the record's truth is another, and not the peer's own."""
-    old, new = tmp_path / "old", tmp_path / "new"
-    command = ["--count", "2", "--measured", str(tmp_path)]
-    assert main([*command, "--peers", "decrement", "half_power", "--out", str(old)]) == 0
-    changed = rows.read(old / "rows.csv")
-    changed.loc[changed["group"] == "discrepant", "ratio_2"] *= 1.1
-    changed.loc[changed["peer"] == "decrement", "value_1"] = 0.5
-    write_frame(old / "rows.csv", changed)
-    kept = ["--kept", str(old / "rows.csv"), "--rows", str(tmp_path / "work.csv")]
-    assert main([*command, "--peers", "decrement", "--out", str(new), *kept]) == 0
-    found = rows.read(new / "rows.csv")
-    assert list(zip(found["group"], found["peer"], strict=True)) == [
-        ("family", "decrement"), ("family", "half_power"), ("discrepant", "decrement"),
-    ]  # fmt: skip
-    assert 0.5 not in set(found["value_1"])
-    assert found["value_1"][1] == changed.loc[changed["peer"] == "half_power", "value_1"].iloc[0]
 
 
 def test_a_wrong_option_is_one_line(capsys: pytest.CaptureFixture[str]):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from bayesdamp.interface.answer import answer
 from bayesdamp.types import OK
 from validation.reports import light
 from validation.reports.contradictions import contradictions, true_ratio
-from validation.reports.light import Drawn, log_weights, oscillation, page, probabilities
+from validation.reports.light import Drawn, log_weights, oscillation, probabilities
 from validation.rows import read_rows
 from validation.truth.motion import solved
 from validation.truth.oscillator import Oscillator
@@ -28,16 +27,6 @@ def test_the_motion_has_the_ratio_and_the_fall_that_were_drawn() -> None:
         stop = float(made.decay()[0][-1])
         turns = np.abs(solved(oscillator, made.size, made.frequency, stop).turns)
         assert turns[-1] == pytest.approx(made.size / made.fall, rel=0.03)
-
-
-def test_the_information_does_not_depend_on_the_ratio() -> None:
-    """Samples over the noise's variance, of the same draw at ratios ten times apart."""
-    found = []
-    for ratio in (2e-2, 2e-3):
-        made = Drawn("viscous", ratio, 0.0, 0.02, 6.0, 20.0, 0.01)
-        signal, noise = oscillation(made, np.random.default_rng(1))
-        found.append(signal.t.size / noise**2)
-    assert found[0] == pytest.approx(found[1], rel=0.01)
 
 
 def test_stored_weights_give_the_probabilities_of_the_verdict() -> None:
@@ -70,28 +59,3 @@ def test_a_run_goes_on_where_it_was_cut_off(tmp_path: Path, monkeypatch: pytest.
     ]
     light.shipped(folder / "rows.csv", light.COLUMNS, wrong)
     assert len(contradictions(folder)) == 2
-
-
-def row(number: int, p: float, right: bool, logs: str, decade: float = 1e-2) -> dict[str, str]:
-    return {
-        **dict.fromkeys(light.COLUMNS, ""), "record": f"{decade:g}-{number}", "kind": "oscillation",
-        "decade": f"{decade:g}", "outcome": OK, "p_truth": str(p if right else 1 - p), "p_first": str(p),
-        "decided": str(int(p >= 0.95)), "right": str(int(right)), "holds": "1", "seconds": "1", "logs": logs,
-    }  # fmt: skip
-
-
-def test_the_page_counts() -> None:
-    """Three records in the bin of 0.9 to 0.95, two of them right; names that other odds change."""
-    near = f"viscous:0 viscous+coulomb:{math.log(0.04 / 0.96):.3f}"  # 0.96; at twice the odds 0.923
-    sums = f"viscous:{math.log(0.08 / 0.92):.3f} viscous+coulomb:0"  # 0.92; at twice the odds 0.958, at half 0.852
-    even = "viscous:-0.3 viscous+coulomb:0"  # at half the odds viscous leads
-    rows = [
-        row(0, 0.96, True, near), row(1, 0.92, True, sums), row(2, 0.93, True, sums), row(3, 0.94, False, sums),
-        row(4, 0.57, True, even),
-    ]  # fmt: skip
-    text = page([*rows, {**row(5, 0.5, True, even), "outcome": "No oscillation."}])
-    assert "| 0.01 | oscillations | 6 | 1 |" in text
-    assert "| 0.9 to 0.95 | 3 | 0.930 | 0.67 (" in text
-    assert "| 0.25 | 0 of 5 | 1 | 3 | 0 |" in text
-    assert "| 0.0625 | 1 of 5 | 0 | 0 | 0 |" in text
-    assert "Without an answer: No oscillation." in text

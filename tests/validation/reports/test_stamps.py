@@ -5,13 +5,10 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
-from validation.answers import COLUMNS
 from validation.reports import RECIPES, Recipe, Stamp, digest, stamps
 from validation.reports.__main__ import main
-from validation.reports.deviation import page
 from validation.reports.stamps import is_fresh, stamped
 
 ROOT = Path(__file__).parents[3]
@@ -96,24 +93,3 @@ def test_reports_are_fresh(recipe: Recipe):
     said = stamps(ROOT / "reports")
     assert recipe.name in said
     assert is_fresh(recipe, said[recipe.name], ROOT)
-
-
-def test_the_page_of_answers_has_a_line_for_each_group():
-    row = dict.fromkeys(COLUMNS) | {
-        "case": "family-5-0", "kind": "family", "oversample": 1, "mode": "auto", "damping": "viscous", "outcome": "ok",
-        "decided": True, "named": "viscous", "relation": "right", "grade": "exact", "seconds": 1.0,
-        "probability": 0.99, "true_probability": 0.99,
-    }  # fmt: skip
-    for i in "123":
-        row |= {
-            f"amplitude_{i}": 1.0,
-            f"ratio_{i}": 0.01,
-            f"value_{i}": 0.01,
-            f"low_{i}": 0.009,
-            f"high_{i}": 0.011,
-        }
-    other = row | {"case": "family-5-1", "relation": "other", "ratio_1": 0.02}
-    made = page(pd.DataFrame([row, other], columns=list(COLUMNS)))
-    assert "Seed 5:" in made
-    line = next(x for x in made.splitlines() if x.startswith("| family/auto"))
-    assert "1.00 (0.34–1.00) | 0.50" in line
