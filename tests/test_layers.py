@@ -226,14 +226,10 @@ def folders_of(graph: dict[str, set[str]]) -> dict[str, set[str]]:
     return grouped
 
 
-def test_no_circle() -> None:
-    sources = {name: path.read_text(encoding="utf-8") for name, path in modules()}
-    assert circles(graph_of(sources)) == []
-
-
-def test_no_circle_between_folders() -> None:
-    sources = {name: path.read_text(encoding="utf-8") for name, path in modules()}
-    assert circles(folders_of(graph_of(sources))) == []
+def test_no_circle_of_modules_nor_of_folders() -> None:
+    graph = graph_of({name: path.read_text(encoding="utf-8") for name, path in modules()})
+    assert circles(graph) == []
+    assert circles(folders_of(graph)) == []
 
 
 def test_a_circle_is_seen() -> None:
