@@ -42,7 +42,7 @@ def test_two_processes_make_the_rows_of_one(tmp_path: Path) -> None:
     rows = []
     for workers in ("1", "2"):
         out = tmp_path / f"{workers}.csv"
-        arguments = ["--count", "3", "--answer", f"{HERE}by_envelope", "--out", str(out)]
+        arguments = ["--count", "2", "--answer", f"{HERE}by_envelope", "--out", str(out)]
         assert main([*arguments, "--workers", workers]) == 0
         rows.append(read_frame(out, COLUMNS).sort_values("case", ignore_index=True).drop(columns="seconds"))
     pd.testing.assert_frame_equal(*rows)

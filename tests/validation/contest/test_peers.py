@@ -149,6 +149,7 @@ def test_the_script_says_why_it_has_no_answer():
         assert "value_1" not in row
 
 
+@pytest.mark.slow
 def test_the_script_holds_the_truth_about_as_often_as_it_says_where_its_model_is_right():
     clean, hits = closed_form(RATIO, cycles=8.0), 0
     for seed in range(40):
