@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -25,15 +24,6 @@ def test_a_loss_is_shown_and_a_gain_or_a_little_less_is_not(tmp_path: Path) -> N
     assert losses({"new": 1.0}, before(tmp_path)) == []
 
 
-def test_the_page_has_tables_a_picture_and_the_machine(tmp_path: Path) -> None:
-    write(ledger(one=10.0), tmp_path)
-    page = (tmp_path / "README.md").read_text(encoding="utf-8")
-    assert "## Seconds" in page
-    assert "| odeint | 1 |" in page
-    assert (tmp_path / "ratios.png").stat().st_size > 1000
-    assert json.loads((tmp_path / "machine.json").read_text(encoding="utf-8"))["machine"]["python"]
-
-
 def test_what_was_not_measured_again_is_kept(tmp_path: Path) -> None:
     write(ledger(one=10.0, other=3.0), tmp_path)
     write(ledger(one=11.0), tmp_path)
@@ -46,25 +36,6 @@ def test_what_was_not_measured_again_is_kept(tmp_path: Path) -> None:
     page = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert f"## Seconds\n{FROM_BEFORE}| solver | s |" in page
     assert "## Others\n| solver |" in page
-
-
-def test_a_run_that_was_not_whole_is_said_to_be_none(tmp_path: Path) -> None:
-    every = ("test_a.py", "test_b.py")
-    write(ledger(one=10.0), tmp_path, every, every)
-    assert "measured all of it" in (tmp_path / "README.md").read_text(encoding="utf-8")
-    write(ledger(one=10.0), tmp_path, every[:1], every)
-    page = (tmp_path / "README.md").read_text(encoding="utf-8")
-    assert "not a whole one: test_b.py did not run" in page
-    assert "measured all of it" not in page
-
-
-def test_a_run_that_writes_as_it_goes_is_compared_with_the_run_before(tmp_path: Path) -> None:
-    """Control: without the ratios from before it would be compared with itself."""
-    write(ledger(one=10.0), tmp_path)
-    earlier = before(tmp_path)
-    assert write(ledger(one=7.0), tmp_path, earlier=earlier) == ["one: 7, was 10 (-30 %)"]
-    assert write(ledger(one=7.0, two=1.0), tmp_path, earlier=earlier) == ["one: 7, was 10 (-30 %)"]
-    assert write(ledger(one=7.0, two=1.0), tmp_path) == []
 
 
 def test_a_measurement_beside_itself_is_no_ratio(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -133,9 +133,8 @@ def test_no_import_goes_backward() -> None:
     assert not faults, "\n".join(faults)
 
 
-@pytest.mark.parametrize(
-    ("module", "source"),
-    [
+def test_a_backward_import_is_seen() -> None:
+    cases = [
         ("bayesdamp.physics.oscillator", "from bayesdamp.records.oscillation.features import features"),
         ("bayesdamp.physics.oscillator", "def f():\n    import bayesdamp.pipeline"),
         ("bayesdamp.records.read", "from bayesdamp import estimators"),
@@ -155,24 +154,21 @@ def test_no_import_goes_backward() -> None:
         ("bayesdamp.interface.fit", "from bayesdamp.pipeline.run import run_study"),
         ("bayesdamp.cli.commands.claims", "def f():\n    import validation.reports"),
         ("bayesdamp.inference.model.target", "from bayesdamp.interface.model import Model"),
-    ],
-)
-def test_a_backward_import_is_seen(module: str, source: str) -> None:
-    assert len(backward(source, module)) == 1
+    ]
+    for module, source in cases:
+        assert len(backward(source, module)) == 1, (module, source)
 
 
-@pytest.mark.parametrize(
-    ("module", "source"),
-    [
+def test_a_forward_import_passes() -> None:
+    cases = [
         ("bayesdamp.pipeline", "from bayesdamp.inference.model.target import make_target"),
         ("bayesdamp.config.load", "from bayesdamp.estimators import ESTIMATORS"),
         ("validation.run", "from bayesdamp.machine.processes import processes"),
         ("bayesdamp.estimators.methods.pinn", "from ..shared import known"),
         ("bayesdamp.inference.model.target", "from bayesdamp import __version__\nimport numpy"),
-    ],
-)
-def test_a_forward_import_passes(module: str, source: str) -> None:
-    assert not backward(source, module)
+    ]
+    for module, source in cases:
+        assert not backward(source, module)
 
 
 def test_a_module_without_a_layer_is_refused() -> None:
@@ -230,14 +226,10 @@ def folders_of(graph: dict[str, set[str]]) -> dict[str, set[str]]:
     return grouped
 
 
-def test_no_circle() -> None:
-    sources = {name: path.read_text(encoding="utf-8") for name, path in modules()}
-    assert circles(graph_of(sources)) == []
-
-
-def test_no_circle_between_folders() -> None:
-    sources = {name: path.read_text(encoding="utf-8") for name, path in modules()}
-    assert circles(folders_of(graph_of(sources))) == []
+def test_no_circle_of_modules_nor_of_folders() -> None:
+    graph = graph_of({name: path.read_text(encoding="utf-8") for name, path in modules()})
+    assert circles(graph) == []
+    assert circles(folders_of(graph)) == []
 
 
 def test_a_circle_is_seen() -> None:

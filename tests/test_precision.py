@@ -28,8 +28,3 @@ def test_without_the_package_they_are_not():
 
 def test_the_commands_are_known_without_jax():
     assert said("import sys, bayesdamp.cli; print('jax' in sys.modules)") == "False\n"
-
-
-def test_the_columns_are_known_without_jax():
-    """`compare` reads them before it starts its processes, which load it beside each other."""
-    assert said("import sys, bayesdamp.records.record; print('jax' in sys.modules)") == "False\n"

@@ -8,17 +8,15 @@ from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.units import UNITS, quantity_unit
 
 
-@pytest.mark.parametrize(
-    ("name", "amount", "base"),
-    [
+def test_how_much_of_a_unit_is_one_of_its_base():
+    cases = [
         *(("deg", 57.29577951308232, "rad"), ("mrad", 1000.0, "rad"), ("rpm", 9.549296585513721, "rad")),
         *(("mm", 1000.0, "m"), ("in", 39.37007874015748, "m"), ("ft", 3.280839895013123, "m")),
         *(("g", 0.10197162129779283, "m"), ("mV", 1000.0, "V"), ("px", 1.0, "px")),
-    ],
-)
-def test_how_much_of_a_unit_is_one_of_its_base(name, amount, base):
-    assert UNITS[name].scale == pytest.approx(amount, rel=1e-12)
-    assert UNITS[name].base == base
+    ]
+    for name, amount, base in cases:
+        assert UNITS[name].scale == pytest.approx(amount, rel=1e-12)
+        assert UNITS[name].base == base
 
 
 def test_every_base_is_a_unit_of_itself():

@@ -8,8 +8,6 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "bayesdamp"
 
@@ -82,28 +80,26 @@ def pages() -> list[Path]:
     return [ROOT / "README.md", *sorted(path for path in found if not made & set(path.parents))]
 
 
-@pytest.mark.parametrize("path", pages(), ids=lambda p: p.name)
-def test_the_pages_do_too(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    if path.suffix == ".ipynb":
-        cells = (cell["source"] for cell in json.loads(text)["cells"] if cell["cell_type"] == "markdown")
-        text = "".join("".join(lines) for lines in cells)
-    assert not own_words(text)
+def test_the_pages_do_too() -> None:
+    for path in pages():
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".ipynb":
+            cells = (cell["source"] for cell in json.loads(text)["cells"] if cell["cell_type"] == "markdown")
+            text = "".join("".join(lines) for lines in cells)
+        assert not own_words(text), path
 
 
-@pytest.mark.parametrize(
-    ("text", "count"),
-    [
+def test_own_words_are_seen() -> None:
+    """The negative control: each is found, and what only looks alike is not."""
+    cases = [
         ("the next is 12 nats behind the best", 1),
         ("no candidate fits; 3 cells failed: a/b", 2),
         ("Refined values agree, and the refined estimate is best", 2),
         ("`combined` and `referee` are keys, `refined estimate` is a method", 0),
         ("2 rows with an empty cell left out; candidate terms of a library; the seed of the noise", 0),
-    ],
-)
-def test_own_words_are_seen(text: str, count: int) -> None:
-    """The negative control: each is found, and what only looks alike is not."""
-    assert len(own_words(text)) == count
+    ]
+    for text, count in cases:
+        assert len(own_words(text)) == count
 
 
 def test_prose_is_told_from_docstrings() -> None:

@@ -37,7 +37,6 @@ def per_cent(parameter: str, samples: int, free: tuple[str, ...] = (), **more: o
         ("zeta", 1000, 0.264, 0.471),
         ("mu_c", 1000, 0.538, 1.075),
         ("mu_q", 1000, 0.529, 0.957),
-        ("mu_c", 5000, 0.240, 0.481),
     ],
 )
 def test_bounds_of_the_papers_pendulum(parameter, samples, known, unknown):
@@ -72,17 +71,6 @@ def test_a_viscous_oscillator_in_closed_form():
     assert other["zeta"] != pytest.approx(bound["zeta"], rel=0.05)
 
 
-def test_it_scales_with_the_noise_and_the_number_of_samples():
-    known = {"stiffness": 25.0, "rest_angle": 0.0, "theta0": 0.4, "omega0": 0.0}
-    problem = Problem(("viscous",), System("linear", known))
-    p = {**known, "zeta": 0.08}
-    times = np.linspace(0.0, 8.0, 1000)
-    one = cramer_rao(problem, p, times, 0.01)["zeta"]
-    assert cramer_rao(problem, p, times, 0.02)["zeta"] == pytest.approx(2 * one, rel=1e-12)
-    repeated = np.repeat(times, 4)
-    assert cramer_rao(problem, p, repeated, 0.01)["zeta"] == pytest.approx(one / 2, rel=1e-6)
-
-
 def test_what_the_record_does_not_tell_has_no_bound():
     """The velocity of a linear oscillator does not know where it is."""
     known = {"stiffness": 25.0, "omega0": 0.0}
@@ -94,16 +82,12 @@ def test_what_the_record_does_not_tell_has_no_bound():
     assert all(math.isfinite(b) for b in cramer_rao(problem, p, np.linspace(0.0, 8.0, 300), 0.01).values())
 
 
-@pytest.mark.parametrize(
-    ("change", "noise", "quantity", "says"),
-    [
-        ({}, 0.0, "angle", "must be positive"),
-        ({}, 0.01, "jerk", "is none of"),
-        ({"theta0": None}, 0.01, "angle", "'theta0' is missing"),
-    ],
-)
-def test_misuse_raises(change, noise, quantity, says):
+def test_misuse_raises():
     known = {"stiffness": 25.0, "rest_angle": 0.0, "theta0": 0.4, "omega0": 0.0}
-    p = {name: value for name, value in {**known, "zeta": 0.08, **change}.items() if value is not None}
-    with pytest.raises(ValueError, match=says):
-        cramer_rao(Problem(("viscous",), System("linear", known)), p, np.linspace(0, 8, 100), noise, quantity)
+    problem, t = Problem(("viscous",), System("linear", known)), np.linspace(0, 8, 100)
+    with pytest.raises(ValueError, match="must be positive"):
+        cramer_rao(problem, {**known, "zeta": 0.08}, t, 0.0)
+    with pytest.raises(ValueError, match="is none of"):
+        cramer_rao(problem, {**known, "zeta": 0.08}, t, 0.01, "jerk")
+    with pytest.raises(ValueError, match="'zeta' is missing"):
+        cramer_rao(problem, known, t, 0.01)

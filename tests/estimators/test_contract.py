@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import inspect
-from functools import cache
 
 import numpy as np
 import pytest
@@ -22,27 +20,20 @@ def noisy():
     return pendulum({"zeta": 0.05}, noise=0.003, samples=1000, free=("stiffness",))
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_shape_of_a_plugin(name):
-    estimator = ESTIMATORS.get(name)
-    assert isinstance(estimator, Estimator)
-    assert estimator.name == name
-    assert issubclass(estimator.options, Options)
-    assert estimator.options() == parse_options(name, None)
-    assert not inspect.isabstract(type(estimator))
-
-
-@pytest.fixture(scope="module")
-def estimates(noisy):
-    """Both stages by method, each run once. Not to be changed by a test."""
-    return cache(lambda name: run(name, *noisy, options=SHORT.get(name), seed=[7, 1]))
+def test_shape_of_a_plugin():
+    for name in NAMES:
+        estimator = ESTIMATORS.get(name)
+        assert isinstance(estimator, Estimator)
+        assert estimator.name == name
+        assert issubclass(estimator.options, Options)
+        assert estimator.options() == parse_options(name, None)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_seed_record_and_what_is_known_decide_and_nothing_else(name, noisy, estimates):
+def test_seed_record_and_what_is_known_decide_and_nothing_else(name, noisy):
     """A record's name and provenance, where a truth could hide, change nothing, nor do global random numbers."""
     signal, problem = noisy
-    first = estimates(name)
+    first = run(name, signal, problem, options=SHORT.get(name), seed=[7, 1])
     marked = dataclasses.replace(signal, name="zeta=9", provenance=Provenance(more={"truth": {"zeta": 9.0}}))
     np.random.seed(99)
     before = np.random.get_state()[1].copy()  # pyright: ignore
@@ -57,11 +48,7 @@ def test_seed_record_and_what_is_known_decide_and_nothing_else(name, noisy, esti
     other = pendulum({"zeta": 0.05}, noise=0.003, samples=1000, free=("stiffness",), seed=9)
     (changed,) = run(name, *other, options=SHORT.get(name), stages=["initial"], seed=[7, 1])
     assert changed.values != again[0].values
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_values_are_finite_named_and_timed(name, estimates):
-    for estimate, stage in zip(estimates(name), ("initial", "refined"), strict=True):
+    for estimate, stage in zip(first, ("initial", "refined"), strict=True):
         assert isinstance(estimate, Estimate)
         assert (estimate.estimator, estimate.stage) == (name, stage)
         assert set(estimate.values) <= {"zeta", "stiffness"}
@@ -73,28 +60,28 @@ def test_values_are_finite_named_and_timed(name, estimates):
         assert estimate.seconds > 0
         assert estimate.evaluations > 0
     # Where a network's training was cut short too: five times the Cramér–Rao bound.
-    assert abs(estimate.values["zeta"] / 0.05 - 1) < 0.024
-    assert estimate.outcome == "ok"
+    assert abs(first[1].values["zeta"] / 0.05 - 1) < 0.024
+    assert first[1].outcome == "ok"
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize(
-    "y",
-    [
-        np.zeros(500),
-        np.linspace(0.3, 0.0, 500),
-        np.cos(2 * np.pi * np.linspace(0, 160, 500)),
-        np.random.default_rng(0).normal(size=500),
-        np.array([0.3, 0.1, -0.2]),
-    ],
-    ids=["constant", "ramp", "three samples a period", "noise", "three samples"],
-)
-def test_an_impossible_record_is_refused_in_a_sentence(name, y):
+IMPOSSIBLE = {
+    "constant": np.zeros(500),
+    "ramp": np.linspace(0.3, 0.0, 500),
+    "three samples a period": np.cos(2 * np.pi * np.linspace(0, 160, 500)),
+    "noise": np.random.default_rng(0).normal(size=500),
+    "three samples": np.array([0.3, 0.1, -0.2]),
+}
+
+
+@pytest.mark.parametrize("kind", IMPOSSIBLE)
+def test_an_impossible_record_is_refused_in_a_sentence(kind):
+    y = IMPOSSIBLE[kind]
     signal = Signal(np.linspace(0.0, 10.0, y.size), y)
     problem = pendulum({"zeta": 0.05}, samples=10)[1]
-    for estimate in run(name, signal, problem, options=SHORT.get(name), seed=1):
-        assert len(estimate.outcome.split()) > 3
-        assert estimate.values == {}
+    for name in NAMES:
+        for estimate in run(name, signal, problem, options=SHORT.get(name), seed=1):
+            assert len(estimate.outcome.split()) > 3, name
+            assert estimate.values == {}, name
 
 
 def test_topological_refuses_sums():
@@ -157,13 +144,6 @@ def stub():
 
     yield add
     ESTIMATORS.remove("stub")
-
-
-def test_a_new_estimator_is_one_class(stub, noisy):
-    stub()
-    initial, refined = run("stub", *noisy, seed=1)
-    assert initial.values == {"zeta": 0.06}
-    assert refined.values["zeta"] == pytest.approx(0.05, rel=0.02)
 
 
 def test_a_refusal_is_an_outcome_and_any_other_error_is_not(stub, noisy):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
-from bayesdamp.estimators.methods.koopman import Observables, decompose
 from tests.estimators.truths import PAPER, damped_cosine, error, pendulum
 
 
@@ -30,17 +29,6 @@ def test_the_generator_has_the_oscillators_eigenvalues():
     assert abs(nearest(estimate, -0.3 + 1j * 5.0) - (-0.3 + 1j * 5.0)) > 0.1
 
 
-def test_a_linear_map_comes_back():
-    rng = np.random.default_rng(2)
-    generator = np.array([[-0.1, 2.0], [-2.0, -0.3]])
-    values, vectors = np.linalg.eig(0.05 * generator)
-    step = (vectors @ np.diag(np.exp(values)) @ np.linalg.inv(vectors)).real
-    before = rng.normal(size=(50, 2))
-    found = decompose(Observables(before, before @ step.T, np.empty((50, 0)), np.empty(50), 0.05), 1e-9)
-    back = (found.directions @ found.generator.T @ found.back).T
-    assert back == pytest.approx(generator, abs=1e-10)
-
-
 @pytest.mark.parametrize("damping", PAPER, ids=lambda d: next(iter(d)))
 def test_papers_pendulum_clean_and_noisy(damping):
     ((parameter, truth),) = damping.items()
@@ -55,8 +43,3 @@ def test_the_lag_is_an_option():
     short, long = (initial(signal, problem, lag=lag) for lag in (0.01, 0.04))
     assert long.details["lag"] > 3 * short.details["lag"]
     assert error(long.values["zeta"], 0.05) < 1.0
-
-
-def test_another_damping_is_no_good_fit():
-    signal, problem = pendulum({"mu_c": 0.06}, model=("viscous",))
-    assert run("koopman", signal, problem, stages=["refined"], seed=1)[0].outcome != "ok"

@@ -20,11 +20,3 @@ def test_white_noise(samples):
     """A median of n values is within 1.2/√n of itself: four such here."""
     assert noise_level(noisy(samples, 0.01)) == pytest.approx(0.01, rel=5 / np.sqrt(min(samples, WHOLE)))
     assert noise_level(noisy(samples, 0.02)) != pytest.approx(0.01, rel=0.5)
-
-
-def test_of_very_many_samples_parts_from_all_over_the_record_say_it():
-    """Noise that is three times as large in the second half: the median of both, as of all samples, not of one end."""
-    n = 3 * WHOLE
-    steps = np.where(np.arange(n) < n // 2, 0.01, 0.03)
-    draws = np.abs(steps * np.random.default_rng(4).standard_normal(n))
-    assert noise_level(noisy(n, steps)) == pytest.approx(1.4826 * np.median(draws), rel=0.03)

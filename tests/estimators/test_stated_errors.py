@@ -29,7 +29,7 @@ def scores(method: str, count: int) -> np.ndarray:
     return np.array([(one.values["zeta"] - RATE) / one.stderr["zeta"] for one in found])
 
 
-@pytest.mark.parametrize("method", ["least_squares", "sindy"])
+@pytest.mark.parametrize("method", ["least_squares", pytest.param("sindy", marks=pytest.mark.slow)])
 def test_stated_errors_are_those_that_are_made(method: str):
     """Their mean square over 20 records; χ²'s range of 99.8 %, and 9 % for the replicas."""
     assert 0.25 < float(np.mean(scores(method, 20) ** 2)) < 2.6

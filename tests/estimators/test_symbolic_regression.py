@@ -9,7 +9,7 @@ import pytest
 
 from bayesdamp.estimators import run
 from bayesdamp.estimators.expressions import Expression, front
-from tests.estimators.truths import EVERYTHING, PAPER, error, pendulum
+from tests.estimators.truths import PAPER, error, pendulum
 
 V = np.linspace(-1.5, 1.5, 301)
 LAW = {"zeta": "f(v) = 0.1·v", "mu_c": "tanh(", "mu_q": "f(v) = 0.05·|v|·v"}
@@ -18,20 +18,6 @@ PUBLISHED = {"zeta": 0.1545, "mu_c": 0.3871, "mu_q": 0.0679}
 
 def initial(signal, problem, **options):
     return run("symbolic_regression", signal, problem, options=options, stages=["initial"], seed=1)[0]
-
-
-def test_expressions_are_simplified_as_they_are_made():
-    v = Expression.variable(1.0)
-    assert str(v.scaled(2.0) + v.scaled(-0.5)) == "1.5·v"
-    assert str(v.scaled(-3.0).apply("abs") * v.scaled(2.0)) == "6·|v|·v"
-    assert v.apply("abs") * v.apply("abs") == v * v
-    assert str(v.scaled(-4.0).apply("tanh").scaled(0.5)) == "−0.5·tanh(4·v)"
-    assert (v + v.scaled(-1.0)).terms == ()
-    assert str(Expression.constant(-2.0).apply("abs")) == "2"
-    assert v.scaled(1e-5).apply("tanh", 1.5e-5) == v.scaled(1e-5)
-    assert v.scaled(4.0).apply("tanh").widths() == [0.25]
-    assert v.depends
-    assert not Expression.constant(2.0).apply("tanh").depends
 
 
 def test_expressions_keep_their_values():
@@ -87,15 +73,11 @@ def test_it_finds_the_width_of_frictions_switch():
     assert found.details["epsilon_found"] == pytest.approx(0.1, rel=0.01)
 
 
-def test_a_sum_of_three_with_everything_else_known_or_not():
+def test_a_sum_of_three():
     damping = {"zeta": 0.05, "mu_c": 0.03, "mu_q": 0.05}
     found = initial(*pendulum(damping))
     for parameter, truth in damping.items():
         assert error(found.values[parameter], truth) < 1.0
-    found = initial(*pendulum({"mu_c": 0.03}, free=EVERYTHING))
-    assert error(found.values["mu_c"], 0.03) < 1.0
-    assert error(found.values["stiffness"], 20.0) < 0.1
-    assert error(found.values["gravity"], 1.0) < 1.0
 
 
 def test_another_damping_is_seen_and_is_no_good_fit():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
-from bayesdamp.estimators.methods.topological import sublevel_pairs
 from tests.estimators.truths import PAPER, error, pendulum
 
 PRINTED = {"zeta": (0.011167, 77.67), "mu_c": (0.0085, 71.7), "mu_q": (2.40, 4700.0)}
@@ -31,26 +30,12 @@ def test_as_printed_gives_what_the_printed_equations_give(damping):
     assert error(value(damping, "published"), truth) < 1.0
 
 
-def test_the_printed_viscous_error_is_a_unit():
-    """77.6 % is 1 − 1/√k: times ω_n the printed equation is right."""
-    for k in (15.0, 40.0):
-        assert value({"zeta": 0.05}, "as_printed", k=k) * np.sqrt(k) == pytest.approx(0.05, rel=3e-3)
-
-
 def test_repeated_values_are_one_plateau():
     signal, problem = pendulum({"zeta": 0.05})
     step = 0.002
     quantised = type(signal)(signal.t, step * np.round(signal.y / step), step=step)
     (estimate,) = run("topological", quantised, problem, stages=["initial"], seed=1)
     assert error(estimate.values["zeta"], 0.05) < 5.0
-
-
-def test_pairs_of_a_decaying_cosine_are_its_cycles():
-    t = np.linspace(0.0, 10.0, 2001)
-    v, p, born = sublevel_pairs(t, np.exp(-0.1 * t) * np.cos(2 * np.pi * t), 1.0)
-    assert v.size == p.size == 9  # the first minimum is the component that never dies
-    assert np.diff(born) == pytest.approx(np.ones(8), abs=0.01)
-    assert (p - v) == pytest.approx(np.exp(-0.1 * np.arange(1, 10)) * (1 + np.exp(-0.05)), rel=1e-3)
 
 
 def test_noise_above_the_decay_is_refused():

@@ -19,6 +19,7 @@ SHORT = {
     "pinn": {"rounds": 25, "width": 10, "collocation": 200},
     "neural_ode": {"rounds": 5, "width": 4, "steps": 24},
     "rnn": {"records": 128, "epochs": 4, "units": 8},
+    "symbolic_regression": {"population": 100, "generations": 10, "searches": 1},
 }
 """Options of a short training, for what does not depend on accuracy; the other methods need none."""
 QUICK = [name for name in names_for_all() if name not in NETS]

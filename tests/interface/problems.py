@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -21,6 +22,20 @@ def closed_form(t: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
     omega = np.sqrt(p["stiffness"] - zeta**2)
     wave = away * np.cos(omega * t) + (p["omega0"] + zeta * away) / omega * np.sin(omega * t)
     return p["rest_angle"] + np.exp(-zeta * t) * wave
+
+
+def not_refused(cases: Iterable[tuple[Callable[[], object], str]]) -> list[str]:
+    """Return the calls that do not raise a one-line `InputError` with the pattern in it, and what they do instead."""
+    failures = []
+    for call, pattern in cases:
+        try:
+            call()
+        except bd.InputError as error:
+            if not re.search(pattern, str(error)) or "\n" in str(error):
+                failures.append(f"{pattern}: {error}")
+        else:
+            failures.append(f"{pattern}: nothing is raised")
+    return failures
 
 
 @lru_cache

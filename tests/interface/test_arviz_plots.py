@@ -11,13 +11,11 @@ from types import ModuleType
 import arviz_stats as az
 import pytest
 
-import bayesdamp as bd
 from tests.interface import test_deviation
 from tests.interface.problems import posterior
 
 PLOTS = (
-    "plot_trace", "plot_dist", "plot_ppc_dist", "plot_forest", "plot_prior_posterior", "plot_rank", "plot_ess",
-    "plot_loo_pit",
+    "plot_dist", "plot_ppc_dist", "plot_prior_posterior", "plot_rank", "plot_loo_pit",
 )  # fmt: skip
 DRAWN = {"exact": posterior, "law": test_deviation.posterior}
 
@@ -29,16 +27,15 @@ def azp() -> ModuleType:
     return arviz_plots
 
 
-@pytest.mark.parametrize("laws", list(DRAWN))
-@pytest.mark.parametrize("name", PLOTS)
-def test_drawn_as_it_is(azp: ModuleType, name: str, laws: str) -> None:
-    drawn = getattr(azp, name)(DRAWN[laws]().data, backend="none")
-    assert "zeta" in str(drawn.viz) or "record" in str(drawn.viz)
-
-
-@pytest.mark.parametrize("laws", list(DRAWN))
-def test_leave_one_out_is_drawn(azp: ModuleType, laws: str) -> None:
-    assert azp.plot_khat(az.loo(DRAWN[laws]().data, pointwise=True), backend="none") is not None
+@pytest.mark.parametrize("laws", ["law", pytest.param("exact", marks=pytest.mark.slow)])
+def test_drawn_as_it_is(azp: ModuleType, laws: str) -> None:
+    data = DRAWN[laws]().data
+    for name in PLOTS:
+        drawn = getattr(azp, name)(data, backend="none")
+        assert "zeta" in str(drawn.viz) or "record" in str(drawn.viz), name
+    loo = az.loo(data, pointwise=True)
+    assert 3 < loo.p < 10  # a regular model of six parameters: about six effective ones, within four sds
+    assert azp.plot_khat(loo, backend="none") is not None
 
 
 def test_without_a_group_there_is_no_plot(azp: ModuleType) -> None:
@@ -49,9 +46,8 @@ def test_without_a_group_there_is_no_plot(azp: ModuleType) -> None:
         azp.plot_ppc_dist(tree, backend="none")
 
 
-@pytest.mark.parametrize("laws", list(DRAWN))
-def test_summaries_are_ours(laws: str) -> None:
-    post: bd.Posterior = DRAWN[laws]()
+def test_summaries_are_ours() -> None:
+    post = posterior()
     theirs = az.summary(post.data, round_to="none")
     ours = post.summary(derived=False)
     for name in post.names:

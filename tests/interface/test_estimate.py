@@ -44,19 +44,3 @@ def test_a_method_that_cannot_says_so() -> None:
     assert not found.initial.values
     with pytest.raises(bd.Refusal):
         found.plot()
-
-
-def test_an_option_that_it_has_not() -> None:
-    with pytest.raises(bd.InputError, match="has no option 'ranks'"):
-        bd.estimate(record(), "koopman", MODEL, options={"ranks": 3})
-
-
-def test_drawn_in_the_unit_that_the_record_came_in() -> None:
-    t = np.linspace(0.0, 6.0, 300)
-    noise = 0.1 * np.random.default_rng(0).standard_normal(t.size)
-    signal = bd.signal(t, 17.0 * np.exp(-0.05 * t) * np.cos(4.47 * t) + noise, unit="deg", cleaned=False)
-    ax = bd.estimate(signal, "koopman", MODEL).plot()
-    assert "deg" in ax.get_ylabel()
-    for line in ax.lines:
-        assert np.ptp(np.asarray(line.get_ydata(), float)) == pytest.approx(33.0, abs=2.0)
-    plt.close("all")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,15 +50,3 @@ def test_of_draws_and_of_a_fit() -> None:
     one, other = bd.evidence(posterior(), "bridge"), bd.evidence(fit(), "importance")
     assert one.outcome == other.outcome == "ok"
     assert abs(one.log_evidence - other.log_evidence) < 5 * math.hypot(one.stderr, other.stderr)
-
-
-def test_saved_and_shown(tmp_path: Path) -> None:
-    found = bd.evidence(fit(), "laplace")
-    assert bd.Evidence.load(found.save(tmp_path / "evidence")).log_evidence == found.log_evidence
-    assert "by laplace" in repr(found)
-    assert "log evidence" in found._repr_html_()
-
-
-def test_only_of_a_fit_or_its_draws() -> None:
-    with pytest.raises(bd.InputError, match="must be a Posterior or a Fit"):
-        bd.evidence(record())  # type: ignore[arg-type]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -10,7 +12,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 import bayesdamp as bd
-from tests.interface.problems import MODEL, NOISE, TIMES, TRUTH, closed_form, fit, record
+from tests.interface.problems import MODEL, NOISE, TIMES, TRUTH, closed_form, fit, not_refused, record
 
 
 def information_sds() -> dict[str, float]:
@@ -29,10 +31,7 @@ def test_the_truth_is_within_its_error() -> None:
     assert fit().outcome == "ok"
     away = {n: abs(fit().values[n] - v) / fit().sd[n] for n, v in TRUTH.items()}
     assert max(away.values()) < 4
-
-
-def test_another_truth_is_not() -> None:
-    """The negative control."""
+    # The negative control.
     assert abs(fit().values["zeta"] - 1.2 * TRUTH["zeta"]) > 8 * fit().sd["zeta"]
 
 
@@ -69,53 +68,26 @@ def test_beyond_the_record(quantity: str) -> None:
         assert not np.all(np.abs(found.value - closed_form(t, {**TRUTH, "zeta": 0.06})) < 4 * found.sd)
 
 
-@pytest.mark.parametrize(
-    "t", [2, 1.5, np.arange(5), [], range(3), [[3.0, 1.0], [2.0, 1.0]], [-1.0, 0.0, 7.0]], ids=str
-)
-def test_times_of_any_kind(t: ArrayLike) -> None:
+def test_times_of_any_kind() -> None:
     """Numbers, whole numbers, any order and shape, and before the record, where the motion is followed backwards."""
     p = {n: fit().values[n] for n in TRUTH}
-    found = fit().predict(t)
-    assert found.t == pytest.approx(np.ravel(t))
-    assert found.value == pytest.approx(closed_form(found.t, p), abs=1e-5)
-    assert found.sd.shape == found.t.shape
+    kinds: list[ArrayLike] = [2, [], range(3), [[3.0, 1.0], [2.0, 1.0]], [-1.0, 0.0, 7.0]]
+    for t in kinds:
+        found = fit().predict(t)
+        assert found.t == pytest.approx(np.ravel(t))
+        assert found.value == pytest.approx(closed_form(found.t, p), abs=1e-5)
+        assert found.sd.shape == found.t.shape
     before, h = np.array([-0.7]), 1e-6
     slope = (closed_form(before + h, p) - closed_form(before - h, p)) / (2 * h)
     assert fit().predict(before, "velocity").value == pytest.approx(slope, abs=1e-4)
 
 
 def test_the_noise_is_chosen_where_it_is_asked_for() -> None:
-    heavy = bd.simulate(
-        {"viscous": 0.05},
-        stiffness=20.0,
-        duration=6.0,
-        samples=150,
-        noise_sd=0.003,
-        noise="student_t",
-        noise_dof=2.0,
-        seed=4,
-    )
+    noise = {"noise_sd": 0.003, "noise": "student_t", "noise_dof": 2.0, "seed": 4}
+    heavy = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=150, **noise)  # type: ignore[arg-type]
     model = bd.Model("viscous", noise=("gaussian", "student_t"))
     assert bd.fit(heavy, model).noise == "student_t"
     assert bd.fit(record(), model).noise == "gaussian"
-
-
-def test_saved(tmp_path: Path) -> None:
-    again = bd.Fit.load(fit().save(tmp_path / "fit"))
-    assert (again.values, again.sd, again.known) == (fit().values, fit().sd, fit().known)
-    assert again.log_posterior == fit().log_posterior
-    assert np.array_equal(again.residuals, fit().residuals)
-    assert repr(again) == repr(fit())
-
-
-def test_shown_and_drawn() -> None:
-    assert "zeta" in repr(fit())
-    assert ">zeta</td>" in fit()._repr_html_()
-    assert list(fit().summary().columns) == ["value", "sd", "low", "high", "unit", "prior"]
-    above, below = fit().plot(until=10.0)
-    assert below.get_xlabel() == "time / s"
-    assert fit().plot((above, below)) == (above, below)
-    plt.close("all")
 
 
 def test_axes_are_taken_as_a_user_has_them() -> None:
@@ -125,15 +97,9 @@ def test_axes_are_taken_as_a_user_has_them() -> None:
     (alone,) = fit().plot(four[1, 1], until=10.0)  # the record with the fit, without the residuals
     assert alone is four[1, 1]
     assert (alone.get_xlabel(), len(alone.lines)) == ("time / s", 3)
-    for given, said in (
-        (four, "ax has 4 axes; it must have 2"),
-        (figure, "holds a Figure; it must be matplotlib's axes"),
-        ([four[0, 0], "below"], "holds a str"),
-    ):
-        with pytest.raises(bd.InputError, match=said):
-            fit().plot(given)  # type: ignore[arg-type]
-    with pytest.raises(bd.InputError, match="ax has 2 axes; it must have 1"):
-        record().plot(tuple(four[0]))  # type: ignore[arg-type]
+    wrong = {"ax has 4 axes; it must have 2": four, "holds a Figure; it must be matplotlib's axes": figure}
+    assert not_refused((partial(fit().plot, given), said) for said, given in wrong.items()) == []
+    assert not_refused([(lambda: record().plot(tuple(four[0])), "ax has 2 axes; it must have 1")]) == []  # type: ignore[arg-type]
     plt.close("all")
 
 
@@ -168,29 +134,22 @@ def test_without_an_oscillation_the_outcome_says_so() -> None:
     assert bd.estimate(bd.signal(TIMES, noise, cleaned=False), "koopman", MODEL).outcome != "ok"
 
 
-@pytest.mark.parametrize(
-    ("attempt", "line"),
-    [
-        (lambda: bd.fit("rig.csv", MODEL), "signal is str; it must be a Signal"),  # type: ignore[arg-type]
-        (lambda: bd.fit(record(), "viscous"), "model is str; it must be a Model"),  # type: ignore[arg-type]
-        (lambda: bd.fit(record(), MODEL, start={"zet": 1.0}), "did you mean 'zeta'"),
-        (lambda: bd.sample(record()), "must be a Fit"),  # type: ignore[arg-type]
-        (lambda: bd.sample(fit(), "nut"), "did you mean 'nuts'"),
-        (lambda: bd.sample(fit(), draws=1), "draws is 1; it must be a whole number, 10 or more"),
-        (lambda: bd.evidence(fit(), "brige"), "did you mean 'bridge'"),
-        (lambda: bd.estimate(record(), "kopman", MODEL), "did you mean 'koopman'"),
-        (lambda: fit().predict([np.nan]), "t must be finite times"),
-        (lambda: fit().predict(["one"]), "t is text"),
-        (lambda: fit().predict([1.0], "angel"), "did you mean 'angle'"),
-        (
-            lambda: bd.fit(
-                bd.signal(TIMES, record().y, unit="mm", cleaned=False), bd.Model("viscous", "pendulum")
-            ),
-            "a translation, which pendulum does not describe; restoring can be duffing, linear",
-        ),
-    ],
-)
-def test_misuse_is_one_line(attempt, line: str) -> None:
-    with pytest.raises(bd.InputError, match=line) as error:
-        attempt()
-    assert "\n" not in str(error.value)
+WRONG: dict[str, Callable[[], object]] = {
+    "model is str; it must be a Model": lambda: bd.fit(record(), "viscous"),  # type: ignore[arg-type]
+    "did you mean 'zeta'": lambda: bd.fit(record(), MODEL, start={"zet": 1.0}),
+    "must be a Fit": lambda: bd.sample(record()),  # type: ignore[arg-type]
+    "must be a Posterior or a Fit": lambda: bd.evidence(record()),  # type: ignore[arg-type]
+    "did you mean 'nuts'": lambda: bd.sample(fit(), "nut"),
+    "draws is 1; it must be a whole number, 10 or more": lambda: bd.sample(fit(), draws=1),
+    "did you mean 'bridge'": lambda: bd.evidence(fit(), "brige"),
+    "did you mean 'koopman'": lambda: bd.estimate(record(), "kopman", MODEL),
+    "t must be finite times": lambda: fit().predict([np.nan]),
+    "did you mean 'angle'": lambda: fit().predict([1.0], "angel"),
+    "a translation, which pendulum does not describe; restoring can be duffing, linear": lambda: bd.fit(
+        bd.signal(TIMES, record().y, unit="mm", cleaned=False), bd.Model("viscous", "pendulum")
+    ),
+}
+
+
+def test_misuse_is_one_line() -> None:
+    assert not_refused((call, line) for line, call in WRONG.items()) == []

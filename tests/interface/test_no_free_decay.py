@@ -17,7 +17,7 @@ from bayesdamp.store.contents import RecordContent
 from bayesdamp.types import Signal
 from bayesdamp.verdict.parts import Grade, MotionKind
 from bayesdamp.verdict.types import Verdict
-from tests.records.oscillation.test_modes import OMEGA, shaken, sum_of
+from tests.records.oscillation.test_modes import OMEGA, sum_of
 
 
 def test_beats_are_said_with_their_sizes_and_kept_in_json() -> None:
@@ -31,13 +31,6 @@ def test_beats_are_said_with_their_sizes_and_kept_in_json() -> None:
     assert verdict.sentence.startswith("Not the free decay of one oscillator: two oscillations beat")
     again = Verdict.from_dict(verdict.to_dict())
     assert again == verdict or repr(again) == repr(verdict)
-
-
-def test_velocities_give_amplitudes_of_the_displacement() -> None:
-    t, x = sum_of((0.3, 1.0, 0.01), (0.1, 2.7, 0.01), noise=0.0)
-    v = np.gradient(x, t) + 0.01 * np.random.default_rng(2).standard_normal(t.size)
-    modes = answer(Signal(t, v, "velocity")).verdict.modes
-    assert sorted(m.first for m in modes) == pytest.approx([0.1, 0.3], rel=0.05)
 
 
 def test_a_small_second_mode_is_a_remark_and_no_more() -> None:
@@ -72,19 +65,9 @@ def test_where_no_decay_is_seen_the_loss_is_bounded() -> None:
     assert "damping ratio is below" in verdict.sentence
 
 
-def test_ambient_vibration_is_told_from_a_decay() -> None:
-    t, y = shaken(0.01, 200, 8)
-    verdict = answer(Signal(t, y)).verdict
-    assert verdict.motion is MotionKind.EXCITED
-    assert verdict.sentence.startswith("Not the free decay of one oscillator: at 1")
-    again = Verdict.from_dict(verdict.to_dict())
-    assert repr(again) == repr(verdict)
-    assert verdict.remarks == ()
-
-
-@pytest.mark.parametrize(("multiple", "share"), [(3.0, 0.1), (2.95, 0.2)])
-def test_a_second_mode_near_a_harmonic_is_named(multiple: float, share: float) -> None:
+def test_a_second_mode_near_a_harmonic_is_named() -> None:
     """It decays like a nonlinear oscillator's harmonic, and bends every law that is fitted to the record."""
+    multiple, share = 3.0, 0.1
     t, y = sum_of((0.3, 1.0, 0.015), (0.3 * share, multiple, 0.015), noise=0.0003)
     verdict = answer(Signal(t, y), restoring=["linear", "duffing"], sample=False).verdict
     assert verdict.motion is MotionKind.TWO_MODES
@@ -111,13 +94,9 @@ def test_the_frequency_of_a_velocity_record_does_not_wait_for_the_rest_angle() -
     """A pendulum's gyroscope record, by an independent solver, from 0.6 rad: nothing in it tells where it rests."""
     t = np.linspace(0, 40, 4000)
     found = solve_ivp(
-        lambda _, s: [s[1], -12 * np.sin(s[0]) - 0.06 * s[1]],
-        (0, 40),
-        [0.6, 0.0],
-        t_eval=t,
-        rtol=1e-9,
-        atol=1e-11,
-    )
+        lambda _, s: [s[1], -12 * np.sin(s[0]) - 0.06 * s[1]], (0, 40), [0.6, 0.0],
+        t_eval=t, rtol=1e-9, atol=1e-11,
+    )  # fmt: skip
     v = found.y[1] + 0.002 * np.random.default_rng(4).standard_normal(t.size)
     verdict = answer(Signal(t, v, "velocity"), restoring=["pendulum"], sample=False).verdict
     f, true = verdict.frequency, 12**0.5 / (2 * np.pi)
@@ -126,11 +105,10 @@ def test_the_frequency_of_a_velocity_record_does_not_wait_for_the_rest_angle() -
     assert f.high - f.low < 2e-3 * true
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_the_frequency_under_a_wandering_base_line_holds(seed: int) -> None:
+def test_the_frequency_under_a_wandering_base_line_holds() -> None:
     """Of a linear spring: what is read as another spring's law must not move the frequency of small oscillations."""
     t, zeta, omega = np.arange(0, 25, 0.01), 0.01, 2 * np.pi * 1.37
-    rng = np.random.default_rng([9, seed])
+    rng = np.random.default_rng([9, 0])
     wander = gaussian_filter1d(rng.standard_normal(t.size), 150)
     y = np.exp(-zeta * omega * t) * np.cos(omega * np.sqrt(1 - zeta**2) * t)
     y += 0.05 * wander / wander.std() + 0.002 * rng.standard_normal(t.size)
@@ -141,21 +119,16 @@ def test_the_frequency_under_a_wandering_base_line_holds(seed: int) -> None:
 
 STUDY = """
 version = 1
+estimators = {{ use = ["envelope"], stages = ["initial"] }}
+models = {{ compare = ["viscous"] }}
+posterior = {{ samplers = [] }}
+evidence = {{ methods = [] }}
 [system]
 restoring = "linear"
 {known}
 [[signal]]
 name = "rig"
 file = "rig.csv"
-[estimators]
-use = ["envelope"]
-stages = ["initial"]
-[models]
-compare = ["viscous"]
-[posterior]
-samplers = []
-[evidence]
-methods = []
 """
 
 
@@ -181,16 +154,8 @@ def test_a_study_without_a_verdict_says_what_is_wrong_with_a_record(
     grows: bool,
 ) -> None:
     monkeypatch.setattr("bayesdamp.pipeline.run._render", lambda out, _: (out / "report.html").write_text(""))
-    words = [
-        "study",
-        str(study_of(tmp_path, rate)),
-        "--out",
-        str(tmp_path / "out"),
-        "--workers",
-        "1",
-        "--quick",
-    ]
-    assert main(words) == 0
+    study, out = str(study_of(tmp_path, rate)), str(tmp_path / "out")
+    assert main(["study", study, "--out", out, "--workers", "1", "--quick"]) == 0
     said = capsys.readouterr().out
     assert "Beware: line 62 has 3 cells where the table has 2:" in said
     assert ("rig: Not the free decay of one oscillator: its oscillation at 0.6366" in said) == grows
@@ -199,11 +164,9 @@ def test_a_study_without_a_verdict_says_what_is_wrong_with_a_record(
     assert any("grows from 5.7" in text for text in content.anomalies) == grows
 
 
-@pytest.mark.parametrize("known", ["stiffness = -16.0", "stiffness = -16.0\nrest_angle = 0.0"])
-def test_a_spring_that_pushes_away_is_wrong_input(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], known: str
-) -> None:
+def test_a_spring_that_pushes_away_is_wrong_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Negative control: of the other sign the study is read."""
+    known = "stiffness = -16.0"
     path = study_of(tmp_path, 0.012, known)
     assert main(["study", str(path), "--out", str(tmp_path / "out")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
@@ -211,10 +174,3 @@ def test_a_spring_that_pushes_away_is_wrong_input(
     assert "the law linear then has no stable equilibrium" in line
     assert not (tmp_path / "out").exists()
     assert main(["check", str(study_of(tmp_path, 0.012, known.replace("-", "")))]) == 0
-
-
-def test_nor_is_one_a_model_in_python() -> None:
-    t, y = sum_of((0.1, 1.0, 0.012))
-    model = bd.Model("viscous", "linear", noise="gaussian", known={"stiffness": -16.0, "rest_angle": 0.0})
-    with pytest.raises(bd.InputError, match="has no stable equilibrium"):
-        bd.estimate(bd.signal(t, y), "envelope", model)

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 
 from bayesdamp.interface.answer import answer
 from bayesdamp.types import Signal
-from bayesdamp.units import UNITS
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.units import in_unit
 
 OMEGA = 2 * np.pi * 1.1
 FIRST = 0.015
@@ -44,11 +39,3 @@ def test_a_damping_that_is_one_throughout_has_none() -> None:
     found = verdict_on(FIRST)
     assert found.over_law is None
     assert "times the law's" not in found.sentence
-
-
-def test_the_amplitude_is_in_the_records_unit() -> None:
-    found = verdict_on(0.04)
-    assert found.over_law is not None
-    shown = in_unit(replace(found), UNITS["deg"])
-    assert shown.over_law is not None
-    assert shown.over_law.amplitude == pytest.approx(np.degrees(found.over_law.amplitude))

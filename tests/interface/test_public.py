@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import ast
-import inspect
 import subprocess
 import sys
 from pathlib import Path
-
-import pytest
 
 import bayesdamp as bd
 
@@ -37,18 +34,6 @@ def test_type_checkers_see_the_same_names_in_the_same_places() -> None:
     assert set(bd.__all__) == {*bd._HOME, "__version__"}
 
 
-def test_no_other_name() -> None:
-    with pytest.raises(AttributeError, match="no attribute 'fits'"):
-        _ = bd.fits  # type: ignore[attr-defined]
-
-
-def test_it_says_that_it_is_typed() -> None:
-    assert Path(bd.__file__).with_name("py.typed").is_file()
-    assert '"py.typed"' in (Path(__file__).resolve().parents[2] / "pyproject.toml").read_text(
-        encoding="utf-8"
-    )
-
-
 def said(code: str) -> str:
     return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
 
@@ -66,9 +51,3 @@ def test_using_a_name_does() -> None:
     assert {"numpy", "scipy"} <= set(ast.literal_eval(loaded))
     for idle in ("jax", "pandas", "xarray", "matplotlib", "torch"):
         assert idle not in loaded
-
-
-def test_a_trajectory_keeps_its_name() -> None:
-    from bayesdamp.physics.trajectories import simulate
-
-    assert inspect.unwrap(bd.trajectory) is simulate

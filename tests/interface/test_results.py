@@ -67,31 +67,6 @@ def test_each_is_saved_and_loaded(results: dict[str, object], verdict: Verdict, 
         pd.testing.assert_frame_equal(again.summary(), found.summary())  # type: ignore[attr-defined]
 
 
-def test_numbers_of_a_summary_are_those_of_the_result(results: dict[str, object]) -> None:
-    signal, ahead = results["signal"], results["prediction"]
-    assert isinstance(signal, bd.Signal)
-    assert isinstance(ahead, bd.Prediction)
-    row = signal.summary().iloc[0]
-    assert row["rate"] == pytest.approx(149 / 6.0)
-    assert row["samples"] == 150
-    assert np.array_equal(ahead.summary()["value"], ahead.value)
-    model = bd.Model(
-        "viscous", noise="gaussian", priors={"viscous": bd.HalfNormal(0.5)}, known={"stiffness": 20.0}
-    )
-    table = model.summary()
-    assert "0.5" in str(table.loc["zeta", "prior"])
-    assert table.loc["stiffness", "known"] == 20.0
-
-
-def test_a_prediction_is_drawn_with_its_band(results: dict[str, object]) -> None:
-    ahead = results["prediction"]
-    assert isinstance(ahead, bd.Prediction)
-    ax = ahead.plot()
-    assert np.array_equal(np.asarray(ax.lines[0].get_ydata()), ahead.value)
-    assert "rad" in ax.get_ylabel()
-    assert len(ax.collections) == 1
-
-
 def test_a_verdict_of_several_is_asked_for_by_its_record(verdict: Verdict, tmp_path: Path) -> None:
     path = tmp_path / "verdict.json"
     other = {**verdict.to_dict(), "record": "ship"}
@@ -101,7 +76,7 @@ def test_a_verdict_of_several_is_asked_for_by_its_record(verdict: Verdict, tmp_p
         bd.load(path)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "3", '{"record": 1}', '[{"grade": "no"}]'])
+@pytest.mark.parametrize("text", ["", '[{"grade": "no"}]'])
 def test_what_is_no_verdict_is_said_in_one_line(text: str, tmp_path: Path) -> None:
     path = tmp_path / "broken.json"
     path.write_text(text, encoding="utf-8")

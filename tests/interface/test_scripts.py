@@ -34,7 +34,10 @@ WRITTEN = {
 }
 
 
-@pytest.mark.parametrize("name", NAMES)
+SLOW = ("own_prior", "study")
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in NAMES])
 def test_it_runs(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -30,26 +30,18 @@ def test_table_covers_every_law_and_sum():
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("model", SUMS)
-def test_every_law_and_damping(model, law):
-    p = parameters(model, law)
-    y = simulate(Oscillator(tuple(model.split("+")), law), p, TIMES)
-    assert np.max(np.abs(y - trajectory(law, p, TIMES)[:, 0])) < LIMIT
+def test_every_law_and_damping(law):
+    for model in SUMS if law == "linear" else SUMS[-1:]:
+        p = parameters(model, law)
+        y = simulate(Oscillator(tuple(model.split("+")), law), p, TIMES)
+        assert np.max(np.abs(y - trajectory(law, p, TIMES)[:, 0])) < LIMIT, model
 
 
 PEAK = 0.3 * 20**0.5
 """Peak velocity of the paper's pendulum, rad/s."""
 
 
-@pytest.mark.parametrize(
-    ("model", "share"),
-    [
-        ("coulomb", 0.02),
-        ("coulomb", 0.002),
-        ("viscous+coulomb+quadratic", 0.05),
-        ("viscous+coulomb+quadratic", 0.002),
-    ],
-)
+@pytest.mark.parametrize(("model", "share"), [("coulomb", 0.02), ("viscous+coulomb+quadratic", 0.002)])
 def test_sharp_friction(model, share):
     """ε down to 0.2 % of the peak velocity, and friction strong enough to stop the pendulum."""
     p = parameters(model, "horizontal_pendulum", epsilon=share * PEAK, mu_c=0.2)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from scipy.special import ellipe, ellipk
 
-from bayesdamp.physics.orbit import BEYOND, PHI, Cycle, cycle
+from bayesdamp.physics.orbit import Cycle, cycle
 from bayesdamp.physics.oscillator import Oscillator
 from tests.physics.independent import trajectory
 
@@ -43,7 +41,7 @@ def test_work_of_friction_and_drag_in_the_linear_law():
     assert float(found.lost) == pytest.approx(8 / 3 * 0.05 * K * A**3, rel=1e-12)
 
 
-@pytest.mark.parametrize("amplitude", [0.1, 1.5, 2.9])
+@pytest.mark.parametrize("amplitude", [0.1, 2.9])
 def test_gravity_pendulum_against_elliptic_integrals(amplitude):
     p = {"rest_angle": 0.4, "zeta": 0.05, "mu_q": 0.1}
     found = of(("viscous", "quadratic"), "pendulum", amplitude, 0.4, **p)
@@ -85,25 +83,3 @@ def test_what_has_no_such_motion_is_nan():
     for found in (over, escapes, unstable):
         assert math.isnan(float(found.lost))
     assert math.isfinite(float(of(("viscous",), "duffing", 0.4, rest_angle=0.0, cubic=-80.0, zeta=0.1).lost))
-
-
-def test_two_processes_have_the_same_numbers_to_the_last_bit():
-    """What is computed as a module is imported must not hang on chance; negative control: another number of nodes."""
-    line = "from bayesdamp.physics import orbit; {}; print(*(x.tobytes().hex() for x in orbit._rule()))"
-
-    def printed(before: str) -> str:
-        return subprocess.run(
-            [sys.executable, "-c", line.format(before)], capture_output=True, text=True, check=True
-        ).stdout
-
-    assert printed("pass") == printed("pass")
-    assert printed("pass") != printed("orbit.NODES = 31")
-
-
-def test_what_is_beyond_a_node():
-    """The matrix integrates polynomials from each node to π/2 exactly; of a degree past the nodes' it does not."""
-    for degree in (0, 1, 5, 31):
-        exact = ((np.pi / 2) ** (degree + 1) - PHI ** (degree + 1)) / (degree + 1)
-        np.testing.assert_allclose(BEYOND @ PHI**degree, exact, rtol=1e-11, atol=1e-11 * abs(exact).max())
-    exact = ((np.pi / 2) ** 81 - PHI**81) / 81
-    assert np.max(np.abs(BEYOND @ PHI**80 / exact - 1)) > 1e-6

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.stats import norm
 
 from bayesdamp.inference.curves.weighted import resampled
-from bayesdamp.pipeline.candidates import averaging
 from bayesdamp.pipeline.candidates.averaging import average_curves, probabilities
 from bayesdamp.pipeline.candidates.posteriors import SPREAD
-from bayesdamp.store import CellResult
-from bayesdamp.store.contents import AverageContent
-from bayesdamp.types import Evidence, Refusal
+from bayesdamp.types import Evidence
 
 
 def quantiles(mean: float, sd: float) -> np.ndarray:
@@ -44,43 +38,6 @@ def test_probabilities_are_of_evidence_alone():
     found = probabilities({"a": Evidence("a", "m", -1000.0), "b": Evidence("b", "m", -1000.0 + np.log(3))})
     assert found == pytest.approx({"a": 0.25, "b": 0.75})
     assert probabilities({"a": Evidence("a", "m")}) == {}
-
-
-@pytest.mark.parametrize(
-    ("left", "said"), [(0.02, "ok"), (0.1, "not applicable: the models with draws have 0.90")]
-)
-def test_the_average_is_over_what_has_draws_if_that_is_nearly_all(monkeypatch, left, said) -> None:
-    found = {"a": Evidence("a", "m", np.log(1 - left)), "b": Evidence("b", "m", np.log(left))}
-    monkeypatch.setattr(averaging, "evidence_by_method", lambda *_: {"m": found})
-
-    def find(name: str) -> CellResult | None:
-        if name != "posterior/s/0/a/nuts":
-            return None
-        return CellResult(
-            name, "", {}, {"amplitudes": np.arange(2.0), "spread/equivalent_ratio": quantiles(1.0, 0.1)}
-        )
-
-    monkeypatch.setattr(averaging, "Branch", lambda *_: None)
-    monkeypatch.setattr(averaging, "weighted_curves", lambda *_: {})
-    exact = SimpleNamespace(deviation="none")
-    study = SimpleNamespace(seed=1, compare=lambda spec: ("a", "b"), posterior=exact)
-    asked: Any = study, SimpleNamespace(name="s"), SimpleNamespace(find=find), "averaged/s/0"
-    if said == "ok":
-        content = averaging.compute_average(*asked).content
-        assert isinstance(content, AverageContent)
-        assert content.covered == pytest.approx(0.98)
-    else:
-        with pytest.raises(Refusal, match=f"^{said}"):
-            averaging.compute_average(*asked)
-    # With weighted draws of the other it is over both.
-    own = {"amplitudes": np.arange(2.0), "spread/equivalent_ratio": quantiles(3.0, 0.1)}
-    monkeypatch.setattr(averaging, "weighted_curves", lambda *_: own)
-    both = averaging.compute_average(*asked)
-    assert isinstance(both.content, AverageContent)
-    assert both.content.weighed == ("b",)
-    assert both.content.covered == pytest.approx(1.0)
-    assert (both.arrays["curve/equivalent_ratio"][2, 0] > 2.5) == (left > 0.025)
-    np.testing.assert_allclose(both.arrays["median/b"], [3.0, 13.0], atol=1e-9)
 
 
 def test_draws_are_chosen_by_their_weights():

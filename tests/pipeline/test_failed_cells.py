@@ -13,29 +13,17 @@ STUDY = """
 version = 1
 name = "failing"
 seed = 3
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
+system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
+estimators = { use = ["least_squares"], stages = ["initial"] }
+models = { compare = ["viscous"] }
+posterior = { samplers = ["laplace"], noise = NOISE }
+evidence = { methods = ["laplace", "importance"], referee = "never" }
 [[signal]]
 name = "good"
 simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
 [[signal]]
 name = "bad"
 simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
-[estimators]
-use = ["least_squares"]
-stages = ["initial"]
-[models]
-compare = ["viscous"]
-[posterior]
-samplers = ["laplace"]
-noise = NOISE
-[evidence]
-methods = ["laplace", "importance"]
-referee = "never"
 """
 
 
@@ -46,7 +34,7 @@ def study(tmp_path, monkeypatch, request):
     return load_study(tmp_path / "s.toml")
 
 
-@pytest.mark.parametrize("study", ['"gaussian"', '["gaussian", "student_t"]'], indirect=True)
+@pytest.mark.parametrize("study", ['["gaussian", "student_t"]'], indirect=True)
 def test_a_failed_record(study, tmp_path, monkeypatch, capsys):
     whole = records.simulated
 
@@ -81,6 +69,7 @@ def test_a_failed_mode(study, tmp_path, monkeypatch):
         raise ArithmeticError("made to fail")
 
     monkeypatch.setattr(cells, "compute_mode", failing)
+    monkeypatch.setattr("bayesdamp.pipeline.run._render", lambda *_: None)
     assert run_study(study, tmp_path / "out", workers=1) == 3
     store = Store(tmp_path / "out")
     assert store.read("mode/good/0/viscous").outcome == "failed: ArithmeticError: made to fail"

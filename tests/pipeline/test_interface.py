@@ -7,7 +7,6 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import numpy as np
-import pytest
 
 import bayesdamp as bd
 from bayesdamp.config import Study, load_study
@@ -15,12 +14,15 @@ from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.tasks import cell_seed
 from bayesdamp.store import Store
-from bayesdamp.types import Refusal
 
 MODEL = "viscous+coulomb"
 STUDY = f"""
 version = 1
 name = "one"
+estimators = {{ use = [] }}
+models = {{ compare = ["{MODEL}"], prior = {{ coulomb = {{ prior = "halfnormal", scale = 0.02 }} }} }}
+posterior = {{ samplers = ["laplace"], chains = 2, warmup = 10, draws = 50 }}
+evidence = {{ methods = ["laplace"], referee = "never" }}
 [system]
 restoring = "linear"
 stiffness = 20.0
@@ -32,19 +34,6 @@ noise_sd = "free"
 [[signal]]
 name = "swing"
 simulate = {{ viscous = 0.05, theta0 = 0.3, omega0 = 0.0, epsilon = 0.05, duration = 6, samples = 200, noise_sd=3e-3 }}
-[estimators]
-use = []
-[models]
-compare = ["{MODEL}"]
-prior = {{ coulomb = {{ prior = "halfnormal", scale = 0.02 }} }}
-[posterior]
-samplers = ["laplace"]
-chains = 2
-warmup = 10
-draws = 50
-[evidence]
-methods = ["laplace"]
-referee = "never"
 """
 
 
@@ -104,11 +93,3 @@ def test_a_cubic_spring_and_cubic_damping_are_told_apart(tmp_path) -> None:
     assert model.known["cubic"] == 1.0
     assert model.priors["mu_3"] == bd.HalfNormal(0.02)
     assert "cubic" not in model.priors
-
-
-def test_an_impossible_known_value_is_refused(tmp_path) -> None:
-    _, branch = ran()
-    study = load(tmp_path, STUDY.replace('noise_sd = "free"', "noise_sd = 0.0"))
-    other = Branch(study, study.signals[0], 0, MODEL, branch.store)
-    with pytest.raises(Refusal, match="known 'noise_sd' is"):
-        other.specify("none")

@@ -11,14 +11,10 @@ import pytest
 from bayesdamp.inference.deviation.specimen import OtherForm, weigh_specimen
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.specimens import (
-    WIDE,
     Specimen,
     coefficients_of,
     compute_joint,
-    find_likeliest,
-    location_scale,
 )
-from bayesdamp.priors import HalfNormal, SharedHalfNormal
 from bayesdamp.report.sections.specimens import joint_sentence
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import JointContent
@@ -124,13 +120,3 @@ def test_other_forms_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_one_answer_is_not_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(Refusal, match="fewer than two"):
         compute_joint(specimen(monkeypatch, weighed_run(0.05, 0.001)))
-
-
-def test_the_likeliest_candidate_is_of_the_likeliest_damping() -> None:
-    assert find_likeliest({"viscous@a": 0.3, "viscous@b": 0.25, "coulomb@a": 0.4}) == "viscous@a"
-
-
-def test_the_prior_of_a_population_is_not_narrow_about_its_values() -> None:
-    shared = SharedHalfNormal(per_ratio=1.0)
-    assert location_scale([shared, shared], [1e-6, 0.05]) == pytest.approx(WIDE * 0.05)
-    assert location_scale([HalfNormal(0.2), HalfNormal(0.8)], [1e-6, 0.05]) == pytest.approx(0.4)

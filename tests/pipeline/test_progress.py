@@ -34,13 +34,6 @@ def test_a_bar_on_a_terminal() -> None:
     assert "40/100" in out.getvalue()
 
 
-def test_a_quiet_console_says_nothing() -> None:
-    out = io.StringIO()
-    with p.progress_on(Console(file=out, quiet=True)) as shown:
-        shown.begin("estimating", [Job("a", 0, "viscous")])
-    assert out.getvalue() == ""
-
-
 def test_every_job_of_a_study_has_words() -> None:
     study = load_study(shipped_folder() / "quickstart.toml")
     words = {job.part: p.words_of(study, [job]) for job in jobs_of(study)}

@@ -14,38 +14,31 @@ from scipy.stats import gaussian_kde
 from bayesdamp.config import load_study
 from bayesdamp.inference.evidence.savage_dickey import FARTHEST
 from bayesdamp.pipeline import run_study
-from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.pipeline.candidates.posteriors import weighted_curves
 from bayesdamp.store import Store, read_table
 from tests.interface.test_deviation import KNOWN
 from tests.pipeline.test_study_deviation import swelling
+
+pytestmark = pytest.mark.slow
 
 SMALL, LARGE = "viscous", "viscous+coulomb"
 STUDY = """
 version = 1
 name = "halves"
 seed = 5
+estimators = {{ use = ["least_squares"], stages = ["initial"] }}
+posterior = {{ samplers = ["nuts"], deviation = "law", chains = 3, draws = 3000 }}
+evidence = {{ methods = ["laplace", "importance"] }}
 [system]
 restoring = "linear"
 {known}
+[models]
+compare = ["viscous", "viscous+coulomb"]
+prior = {{ viscous = {{ prior = "halfnormal", scale = 0.2 }}, coulomb = {{ prior = "halfnormal", scale = 0.005 }} }}
 [[signal]]
 name = "swell"
 file = "swell.csv"
 start = 0.0
 stop = 20.0
-[estimators]
-use = ["least_squares"]
-stages = ["initial"]
-[models]
-compare = ["viscous", "viscous+coulomb"]
-prior = {{ viscous = {{ prior = "halfnormal", scale = 0.2 }}, coulomb = {{ prior = "halfnormal", scale = 0.005 }} }}
-[posterior]
-samplers = ["nuts"]
-deviation = "law"
-chains = 3
-draws = 3000
-[evidence]
-methods = ["laplace", "importance", "nested"]
 """
 
 
@@ -96,41 +89,3 @@ def test_halves_of_the_record_make_its_evidence() -> None:
         assert abs(made - weighed(other, "importance")["log_evidence"]) > 0.1
         assert half["start"] == pytest.approx(10.0, abs=0.1)
         assert half["rms"] < 2 * half["expected"]
-
-
-def test_nested_sampling_agrees_with_importance() -> None:
-    """Within four standard errors. Control: the other model's is farther off."""
-    for model, other in ((SMALL, LARGE), (LARGE, SMALL)):
-        nested = weighed(model, "nested")
-        assert (nested["outcome"], nested["deviation"]) == ("ok", "law")
-        near, far = (
-            abs(nested["log_evidence"] - weighed(m, "importance")["log_evidence"]) for m in (model, other)
-        )
-        limit = 4 * float(np.hypot(nested["stderr"], weighed(model, "importance")["stderr"]))
-        assert near < limit < far
-
-
-def test_the_page_has_them_and_says_what_is_not_computed() -> None:
-    page = (ran() / "report.html").read_text(encoding="utf-8")
-    assert "Results from the first half of the record alone" in page
-    assert "A third check of nested pairs" in page
-    assert "Other noise models are not computed under deviation" in page
-    assert "NUTS, with white noise, whose size is what the deviations do not explain" in page
-    assert "All these fits assume that the laws hold exactly" in page
-    assert "o model fits" not in page  # which is what exact laws say
-    assert f"sensitivity/swell/0/{SMALL}/noises" not in Store(ran()).names()
-
-
-def test_a_model_that_is_not_sampled_has_its_curve_by_weighted_draws() -> None:
-    """Medians within a fifth of the sampled interval. Control: the coefficient's own interval, without
-    the deviations, is narrower."""
-    study = load_study(ran().parent / "halves.toml")
-    branch = Branch(study, study.signals[0], 0, SMALL, Store(ran()))
-    found, drawn = weighted_curves(branch, 1), Store(ran()).read(f"posterior/swell/0/{SMALL}/nuts").arrays
-    assert found["amplitudes"] == pytest.approx(drawn["amplitudes"])
-    low, _, high = drawn["curve/equivalent_ratio"]
-    for one, other in zip(found["curve/equivalent_ratio"], drawn["curve/equivalent_ratio"], strict=True):
-        assert np.max(np.abs(one - other) / (high - low)) < 0.2
-    zeta = Store(ran()).read(f"posterior/swell/0/{SMALL}/nuts").arrays["draws"][..., 0]
-    alone = np.ptp(np.quantile(zeta, (0.025, 0.975))) / np.sqrt(KNOWN["stiffness"])
-    assert alone < 0.8 * np.median(high - low)

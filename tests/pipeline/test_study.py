@@ -25,26 +25,21 @@ SMALL = """
 version = 1
 name = "small"
 seed = 3
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
+system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
+estimators = { use = ["least_squares"] }
+models = { compare = ["viscous", "quadratic"] }
+posterior = { warmup = 200, draws = 500 }
 [[signal]]
 name = "noisy"
 simulate = { viscous = 0.05, duration = 10.0, samples = 400, noise_sd = 0.003 }
 [[signal]]
 name = "clean"
 simulate = { viscous = 0.05, duration = 10.0, samples = 400, noise_sd = 0.0 }
-[estimators]
-use = ["least_squares"]
-[models]
-compare = ["viscous", "quadratic"]
-[posterior]
-warmup = 200
-draws = 500
 """
+
+
+WEIGHED = "samplers = [] }\nevidence = { methods = ['laplace'], referee = 'never' }"
+QUICK = SMALL.replace("warmup = 200, draws = 500 }", WEIGHED)
 
 
 def write(folder: Path, text: str = SMALL) -> Path:
@@ -62,6 +57,11 @@ def run(tmp_path_factory) -> Path:
     return folder / "out"
 
 
+def noisy_rows(run: Path) -> list[dict]:
+    rows = read_table(run / "posteriors.csv")
+    return [r for r in rows if (r["signal"], r["model"]) == ("noisy", "viscous")]
+
+
 def test_all_files_are_there(run):
     for name in ("estimates.csv", "posteriors.csv", "evidence.csv", "fits.csv", "run.json", "report.html"):
         assert (run / name).stat().st_size > 0
@@ -70,9 +70,7 @@ def test_all_files_are_there(run):
 
 
 def test_truth_is_inside_and_the_right_model_first(run):
-    rows = [
-        r for r in read_table(run / "posteriors.csv") if r["signal"] == "noisy" and r["model"] == "viscous"
-    ]
+    rows = noisy_rows(run)
     zeta = {r["sampler"]: r for r in rows if r["parameter"] == "zeta"}
     assert set(zeta) == {"nuts", "emcee", "smc"}
     smc = zeta.pop("smc")
@@ -121,9 +119,7 @@ def test_weighted_draws_give_the_curves_that_sampling_gives(run, tmp_path):
 
 
 def test_samplers_agree_within_monte_carlo_error(run):
-    rows = [
-        r for r in read_table(run / "posteriors.csv") if r["signal"] == "noisy" and r["model"] == "viscous"
-    ]
+    rows = noisy_rows(run)
     for name in ("zeta", "noise_sd"):
         a, b = (
             next(r for r in rows if r["sampler"] == s and r["parameter"] == name) for s in ("nuts", "emcee")
@@ -137,12 +133,9 @@ def test_a_record_without_noise_has_no_posterior_and_is_no_failure(run):
     rows = [r for r in read_table(run / "posteriors.csv") if r["signal"] == "clean"]
     assert rows
     assert all(r["outcome"].startswith("not applicable") for r in rows)
-    estimates = [
-        r for r in read_table(run / "estimates.csv") if r["signal"] == "clean" and r["model"] == "viscous"
-    ]
-    assert all(
-        r["error_pct"] < 1e-4 for r in estimates if r["parameter"] == "zeta" and r["stage"] == "refined"
-    )
+    at = {"signal": "clean", "model": "viscous", "parameter": "zeta", "stage": "refined"}
+    errors = [r["error_pct"] for r in read_table(run / "estimates.csv") if at.items() <= r.items()]
+    assert 0 < len(errors) == sum(e < 1e-4 for e in errors)
 
 
 def test_step_errors_are_within_the_budget(run):
@@ -173,15 +166,10 @@ def _equal(a: object, b: object) -> bool:
 
 def test_same_seed_same_tables_also_after_losing_some_cells(run, tmp_path):
     """A run in another folder, its store seeded with half of the cells, ends with the same tables."""
-    import shutil
-
     out = tmp_path / "out"
     shutil.copytree(run, out)
-    lost = [
-        n
-        for n in Store(out).names()
-        if n.startswith(("mode/noisy/0/viscous", "posterior/noisy/0/viscous/emcee"))
-    ]
+    gone = ("mode/noisy/0/viscous", "posterior/noisy/0/viscous/emcee")
+    lost = [n for n in Store(out).names() if n.startswith(gone)]
     kept = (out / "cells" / "signal" / "noisy" / "0.npz").stat().st_mtime_ns
     for name in lost:
         (out / "cells" / f"{name}.npz").unlink()
@@ -196,33 +184,10 @@ def test_same_seed_same_tables_also_after_losing_some_cells(run, tmp_path):
             assert all(_equal(old[k], new[k]) for k in old), (name, old, new)
 
 
-def test_another_seed_gives_another_record(run, tmp_path):
-    text = (
-        SMALL.replace("seed = 3", "seed = 4")
-        .replace("samplers", "#")
-        .replace("[posterior]", "[posterior]\nsamplers = []")
-    )
-    text = text + "\n[evidence]\nmethods = []\n"
-    run_study(load_study(write(tmp_path, text)), tmp_path / "out", workers=1)
-    a = Store(run).read("signal/noisy/0").arrays["y"]
-    b = Store(tmp_path / "out").read("signal/noisy/0").arrays["y"]
-    assert np.std(a - b) > 0.003
-    assert not any(n.startswith(("mode", "posterior", "evidence")) for n in Store(tmp_path / "out").names())
-
-
 def test_killed_in_the_middle_it_resumes(tmp_path):
-    file = write(tmp_path, SMALL.replace('"least_squares"', '"least_squares", "envelope"'))
-    command = [
-        sys.executable,
-        "-m",
-        "bayesdamp.cli",
-        "study",
-        str(file),
-        "--out",
-        str(tmp_path / "out"),
-        "--workers",
-        "1",
-    ]
+    file = write(tmp_path, QUICK.replace('"least_squares"', '"least_squares", "envelope"'))
+    out = str(tmp_path / "out")
+    command = [sys.executable, "-m", "bayesdamp.cli", "study", str(file), "--out", out, "--workers", "1"]
     first = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 300
     while not list((tmp_path / "out").glob("cells/mode/noisy/0/*.npz")) and first.poll() is None:
@@ -237,34 +202,14 @@ def test_killed_in_the_middle_it_resumes(tmp_path):
     assert (tmp_path / "out" / "report.html").exists()
 
 
-def test_a_fault_in_one_cell_is_named_and_the_rest_goes_on(tmp_path, monkeypatch, capsys):
-    from bayesdamp.inference.evidence import EVIDENCES
-
-    monkeypatch.delenv("BAYESDAMP_DEBUG", raising=False)
-
-    def broken(*_args, **_kwargs):
-        raise ArithmeticError("made to fail")
-
-    monkeypatch.setattr(type(EVIDENCES.get("importance")), "evidence", broken)
-    text = SMALL.replace("[posterior]", "[posterior]\nsamplers = []").replace(
-        'compare = ["viscous", "quadratic"]', 'compare = ["viscous"]'
-    )
-    text += '[evidence]\nmethods = ["importance"]\nreferee = "never"\n'
-    status = run_study(load_study(write(tmp_path, text)), tmp_path / "out", workers=1)
-    assert status == 3
-    assert (
-        "evidence/noisy/0/viscous/importance: failed: ArithmeticError: made to fail"
-        in capsys.readouterr().err.replace("\n", " ")
-    )
-    assert read_table(tmp_path / "out" / "fits.csv")
-
-
 def test_a_simulated_record_without_an_oscillation_is_refused_and_the_rest_goes_on(tmp_path):
-    text = SMALL.replace('name = "clean"', 'name = "short"').replace(
+    text = QUICK.replace('name = "clean"', 'name = "short"').replace(
         "duration = 10.0, samples = 400, noise_sd = 0.0 }",
         "duration = 0.3, samples = 400, noise_sd = 0.003 }",
     )
-    text = text.replace("warmup = 200\ndraws = 500", 'samplers = ["emcee"]\nwarmup = 20\ndraws = 50')
+    text = text.replace("samplers = []", 'samplers = ["laplace"]').replace(
+        '"viscous", "quadratic"', '"viscous"'
+    )
     assert run_study(load_study(write(tmp_path, text)), tmp_path / "out", workers=1) == 0
     for table in ("estimates.csv", "posteriors.csv", "evidence.csv"):
         rows = read_table(tmp_path / "out" / table)
@@ -291,16 +236,10 @@ print(sorted({name.partition(".")[0] for name in sys.modules} & {"torch", "pysin
 """
 
 
-@pytest.mark.parametrize(
-    ("use", "loaded"), [('"least_squares", "envelope"', "[]"), ('"least_squares", "sindy"', "['pysindy']")]
-)
-def test_a_study_imports_what_its_methods_need_and_no_more(tmp_path, use, loaded):
-    text = SMALL.partition("[posterior]")[0].replace('"least_squares"', use)
-    file = write(tmp_path, text + "[posterior]\nsamplers = []\n[evidence]\nmethods = []\n")
-    done = subprocess.run(
-        [sys.executable, "-c", IMPORTS, str(file), str(tmp_path / "out")],
-        capture_output=True,
-        text=True,
-        check=True,
+def test_a_study_imports_what_its_methods_need_and_no_more(tmp_path):
+    file = write(
+        tmp_path, QUICK.replace('"least_squares"', '"least_squares", "sindy"').replace("['laplace']", "[]")
     )
-    assert done.stdout.strip() == loaded
+    command = [sys.executable, "-c", IMPORTS, str(file), str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "['pysindy']"

@@ -16,25 +16,14 @@ STUDY = """
 version = 1
 name = "fast"
 seed = 5
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
-inertia = 0.7
+system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0, inertia = 0.7 }
+estimators = { use = ["least_squares"] }
+models = { compare = ["viscous"] }
+posterior = { samplers = ["laplace", "kalman", "refusing"], draws = 500 }
+evidence = { methods = [] }
 [[signal]]
 name = "noisy"
 simulate = { viscous = 0.05, duration = 10.0, samples = 200, noise_sd = 0.003 }
-[estimators]
-use = ["least_squares"]
-[models]
-compare = ["viscous"]
-[posterior]
-samplers = ["laplace", "kalman", "refusing"]
-draws = 500
-[evidence]
-methods = []
 """
 
 

@@ -33,6 +33,10 @@ STUDY = """
 version = 1
 name = "drift"
 seed = 5
+estimators = {{ use = ["least_squares"], stages = ["initial"] }}
+models = {{ compare = ["viscous"], prior = {{ viscous = {{ prior = "halfnormal", scale = {scale} }} }} }}
+posterior = {{ samplers = {samplers}, deviation = "{deviation}", chains = 2, draws = 1400 }}
+evidence = {{ methods = ["laplace", "importance", "bridge"], referee = "never" }}
 [system]
 restoring = "linear"
 {known}
@@ -41,20 +45,6 @@ name = "drift"
 file = "drift.csv"
 start = 0.0
 stop = 20.0
-[estimators]
-use = ["least_squares"]
-stages = ["initial"]
-[models]
-compare = ["viscous"]
-prior = {{ viscous = {{ prior = "halfnormal", scale = {scale} }} }}
-[posterior]
-samplers = {samplers}
-deviation = "{deviation}"
-chains = 2
-draws = 1400
-[evidence]
-methods = ["laplace", "importance", "bridge"]
-referee = "never"
 """
 
 
@@ -116,6 +106,7 @@ def test_evidence_is_that_of_the_same_density() -> None:
     assert total - exact["importance"]["log_evidence"] > 5
 
 
+@pytest.mark.slow
 def test_the_page_says_whether_chains_confirm() -> None:
     """Controls: a folder of the same name whose laws held exactly says something else, and so does one whose answer is
     rather another form than what the chains sampled."""
@@ -132,6 +123,7 @@ def checked(folder: Path) -> str:
     return " ".join(check.text for check in Checks(RunFolder(folder), "drift").all())
 
 
+@pytest.mark.slow
 def test_auto_says_which_likelihood_each_row_has() -> None:
     """Of a measured record the answer's draws have the deviations, the chains not."""
     folder = ran("auto", '["nuts", "laplace"]', swells=True)
@@ -143,6 +135,7 @@ def test_auto_says_which_likelihood_each_row_has() -> None:
     }
 
 
+@pytest.mark.slow
 def test_what_takes_laws_to_hold_exactly_says_so(tmp_path: Path) -> None:
     rows = read_table(ran("law", '["kalman", "emcee"]') / "posteriors.csv")
     refused = [r["outcome"] for r in rows if r["sampler"] == "kalman"]

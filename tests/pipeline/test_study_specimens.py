@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -10,11 +9,8 @@ import pytest
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.specimens import WIDE
-from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.sections.specimens import joint_sentence, population_sentence
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import JointContent
-from bayesdamp.verdict.thresholds import CAP
 from tests.pipeline.test_specimens import write
 
 pytestmark = pytest.mark.slow
@@ -36,47 +32,12 @@ def joint(run: Path, specimen: str) -> JointContent:
     return JointContent.of(Store(run).read(f"joint/{specimen}"))
 
 
-def test_repeats_are_joined_as_in_the_verdict(run):
-    (row,) = rows(run, specimen="a", record="", parameter="zeta")
-    alone = [rows(run, specimen="a", record=n, parameter="zeta")[0] for n in ("a1", "a2")]
-    assert row["outcome"] == "ok"
-    assert row["shared"] == "damping"
-    # Four posterior sds: a false alarm once in 16,000 seeds.
-    assert abs(row["mean"] - 0.05) < 4 * row["sd"]
-    for one in alone:
-        assert abs(one["mean"] - 0.05) < 4 * one["sd"]
-        assert one["sd"] < row["sd"], "the specimen's own has the spread between its records"
-    assert not rows(run, specimen="a", parameter="theta0")
-    verdicts = json.loads((run / "verdict.json").read_text(encoding="utf-8"))
-    (verdict,) = [v for v in verdicts if v["record"] == "a"]
-    content = joint(run, "a")
-    assert verdict["damping"] == content.best
-    assert verdict["probability"] == min(content.candidates["viscous"].probability, CAP)
-    assert verdict["spread"]["value"] == content.spread["median"]
-    assert (verdict["spread"]["low"], verdict["spread"]["high"]) == (
-        content.spread["q2.5"], content.spread["q97.5"]
-    )  # fmt: skip
-
-
 def test_records_that_differ_are_said_to_differ(run):
     assert joint(run, "b").differ
     assert joint(run, "b").no_spread < -20
     # Negative control of each other: those of a are compatible.
     assert not joint(run, "a").differ
     assert joint(run, "a").no_spread > 0
-
-
-def test_the_spread_of_repeats_is_in_the_unit_of_the_coefficient(run):
-    found = [r for r in read_table(run / "population.csv") if r["over"] == "repeats of b"]
-    assert [(r["what"], r["of"]) for r in found] == [
-        ("mean", ""), ("spread", ""), ("own value", "b1"), ("own value", "b2")
-    ]  # fmt: skip
-    mean, spread, *own = found
-    assert mean["median"] == pytest.approx(rows(run, specimen="b", record="")[0]["median"])
-    relative = joint(run, "b").spread["median"]
-    assert spread["median"] == pytest.approx(relative * mean["median"], rel=0.1)
-    for row, truth in zip(own, (0.06, 0.09), strict=True):
-        assert abs(row["mean"] - truth) < 4 * row["sd"]
 
 
 def test_the_population_has_a_row_for_mean_spread_and_each_specimen(run):
@@ -94,29 +55,3 @@ def test_the_population_has_a_row_for_mean_spread_and_each_specimen(run):
     assert {r["over"] for r in read_table(run / "population.csv")} == {
         "repeats of a", "repeats of b", "specimens"
     }  # fmt: skip
-
-
-def test_the_report_and_the_terminal_say_it(run):
-    page = (run / "report.html").read_text(encoding="utf-8")
-    for text in (
-        "Specimens with several records",
-        "Repeats of a",
-        "All specimens",
-        "an encoder may have an offset",
-    ):
-        assert text in page
-    made = RunFolder(run)
-    a, b = (joint_sentence(made, cell) for cell in made.cells("joint"))
-    (over,) = map(population_sentence, made.cells("population"))
-    assert a.startswith("2 records together, if every law held exactly: the records")
-    assert "the records differ in the size of their damping" in b
-    assert "the records are compatible with one damping" in a
-    assert over.startswith("3 specimens, all with viscous damping, if every law held exactly: ζ has the mean")
-
-
-def test_cells_are_done_once(run, tmp_path, monkeypatch):
-    names = Store(run).names()
-    monkeypatch.setattr("bayesdamp.pipeline.run._render", lambda folder, pool: None)
-    before = {n: Store(run).read(n).seconds for n in names}
-    assert run_study(load_study(write(tmp_path)), run, workers=1) == 0
-    assert {n: Store(run).read(n).seconds for n in names} == before

@@ -11,16 +11,20 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
-from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.sections.specimens import joint_sentence
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import JointContent
 from tests.inference.deviation.drifts import CASES, SCALE, STIFFNESS, signals
+
+pytestmark = pytest.mark.slow
 
 STUDY = """
 version = 1
 name = "pair"
 seed = 5
+estimators = {{ use = ["least_squares"], stages = ["initial"] }}
+models = {{ compare = ["viscous"], prior = {{ viscous = {{ prior = "halfnormal", scale = {scale} }} }} }}
+posterior = {{ samplers = [], deviation = "{deviation}" }}
+evidence = {{ methods = ["laplace"], referee = "never" }}
 [system]
 restoring = "linear"
 stiffness = {stiffness}
@@ -28,18 +32,6 @@ rest_angle = 0.0
 omega0 = 0.0
 theta0 = "free"
 {signals}
-[estimators]
-use = ["least_squares"]
-stages = ["initial"]
-[models]
-compare = ["viscous"]
-prior = {{ viscous = {{ prior = "halfnormal", scale = {scale} }} }}
-[posterior]
-samplers = []
-deviation = "{deviation}"
-[evidence]
-methods = ["laplace"]
-referee = "never"
 """
 SIGNAL = """
 [[signal]]
@@ -106,24 +98,3 @@ def test_two_dampings_are_two() -> None:
         r for r in read_table(ran("law") / "population.csv") if r["of"] == "two1" and "repeats" in r["over"]
     ]
     assert abs(own["mean"] - 0.1) < 4 * own["sd"]
-
-
-def test_the_page_says_under_which_assumption() -> None:
-    law, exact = (
-        joint_sentence(run, run.cells("joint")[0]) for run in (RunFolder(ran(d)) for d in ("law", "none"))
-    )
-    assert "2 records together, with laws that hold approximately and deviations of each record" in law
-    assert "2 records together, if every law held exactly" in exact
-    assert "does not fit" not in law
-    page = (ran("law") / "report.html").read_text(encoding="utf-8")
-    assert "The sizes of these deviations are common to all records" in page
-    assert "Every law is assumed to hold exactly" not in page
-    assert "The joint fit takes the noise" not in page, "the study asks for Gaussian noise"
-    assert "<h3>rep</h3>" in page
-    assert "Summed over the restoring laws" not in page, "there is one"
-    assert "0.71176 Hz (specified)" in page.split("<h3>rep</h3>")[1][:600]
-    spread = {
-        d: [r for r in read_table(ran(d) / "population.csv") if r["what"] == "spread"]
-        for d in ("law", "none")
-    }
-    assert len(spread["law"]) == len(spread["none"])

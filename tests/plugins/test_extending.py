@@ -23,28 +23,15 @@ STUDY = """
 version = 1
 name = "extended"
 seed = 3
-[plugins]
-modules = [FILES]
-[system]
-restoring = "soft_spring"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
+plugins = { modules = [FILES] }
+system = { restoring = "soft_spring", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
+estimators = { use = ["half_life"], stages = ["initial"] }
+models = { compare = ["viscous", "cubic_drag", "thinning", "rubbing"] }
+posterior = { samplers = ["at_the_mode"], noise = "logistic" }
+evidence = { methods = ["unit_information"], referee = "never" }
 [[signal]]
 name = "rig"
 simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
-[estimators]
-use = ["half_life"]
-stages = ["initial"]
-[models]
-compare = ["viscous", "cubic_drag", "thinning", "rubbing"]
-[posterior]
-samplers = ["at_the_mode"]
-noise = "logistic"
-[evidence]
-methods = ["unit_information"]
-referee = "never"
 """
 
 

@@ -19,26 +19,15 @@ STUDY = """
 version = 1
 name = "quiet"
 seed = 5
-[plugins]
-modules = ["quiet_sampler.py"]
-[system]
-restoring = "linear"
-stiffness = "free"
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
+plugins = { modules = ["quiet_sampler.py"] }
+system = { restoring = "linear", stiffness = "free", rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
+estimators = { use = [] }
+models = { compare = ["viscous"] }
+posterior = { samplers = ["nuts", "independence", "apart"], noise = "gaussian" }
+evidence = { methods = [] }
 [[signal]]
 name = "rig"
 simulate = { viscous = 0.1, stiffness = 20.0, duration = 10.0, samples = 200, noise_sd = 0.003 }
-[estimators]
-use = []
-[models]
-compare = ["viscous"]
-[posterior]
-samplers = ["nuts", "independence", "apart"]
-noise = "gaussian"
-[evidence]
-methods = []
 """
 FALSE_ALARM = 4.0
 """Monte Carlo errors by which two samplers' means may differ: once in 16,000 seeds."""

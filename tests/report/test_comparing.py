@@ -10,10 +10,7 @@ import pytest
 
 from bayesdamp.report import render
 from bayesdamp.report.results.estimators import (
-    CATEGORIES,
-    category_of,
     compare_estimators,
-    printed_error,
     true_models,
 )
 from bayesdamp.report.results.run import RunFolder
@@ -80,19 +77,6 @@ def test_errors_are_those_under_the_model_of_the_truth(folder):
     assert true_models(RunFolder(folder))["coulomb-half"] == "coulomb"
 
 
-@pytest.mark.parametrize(
-    ("printed", "number"), [("~0", 0.0), ("77.6", 77.6), ("0.0004", 0.0004), ("", math.nan)]
-)
-def test_printed_errors(printed, number):
-    assert printed_error(printed) == pytest.approx(number, nan_ok=True)
-
-
-def test_categories_are_the_papers():
-    assert [len(v) for v in CATEGORIES.values()] == [3, 6, 2]
-    assert category_of("koopman") == "classical"
-    assert category_of("mine") == "others"
-
-
 def test_series_follow_one_factor(folder):
     result = series(RunFolder(folder))
     assert [(s.model, s.factor) for s in result] == [("viscous", "noise"), ("coulomb", "noise")]
@@ -137,12 +121,3 @@ def test_a_study_with_published_figures_leads_with_its_two_tables(folder):
     # The interval of another damping, or of another truth, is not shown: Coulomb has none here.
     assert text.count(" to +") == 1
     assert page.count("Time for 2 signals together") == 1
-
-
-def test_a_study_without_published_figures_does_not(folder):
-    run = RunFolder(folder)
-    info = {**run.info, "study": {**run.study, "published": []}}
-    write_json(folder / "run.json", info)
-    page = render(folder).read_text(encoding="utf-8")
-    assert 'id="comparison"' not in page[page.index("<section") : page.index("</section>")]
-    assert "Time for 8 signals together" in page

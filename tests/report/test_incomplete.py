@@ -9,9 +9,6 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.report import render
-from bayesdamp.report.results.checks import Checks
-from bayesdamp.report.results.reading import ranking
-from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.store.folders import claim
 from bayesdamp.types import InputError
@@ -35,16 +32,8 @@ def without(folder: Path, *kinds: str) -> None:
     ("missing", "cells", "text"),
     [
         (["estimates.csv"], ["estimate"], "No estimator ran in this study."),
-        (["posteriors.csv"], ["posterior"], "No posterior was sampled in this study."),
         (["evidence.csv"], ["evidence"], "No verdict on the damping: no evidence was computed."),
-        (["fits.csv"], ["mode"], "No model was fitted in this study."),
         ([], ["signal"], "The record is not in this folder."),
-        ([], ["mode"], "No fit of viscous + Coulomb is stored."),
-        (
-            [],
-            ["posterior", "estimate", "evidence", "mode", "signal"],
-            "Probability of viscous among the compared damping models, other forms left out: 0.80",
-        ),
         (
             ["estimates.csv", "posteriors.csv", "evidence.csv", "fits.csv"],
             ["posterior", "estimate", "evidence", "mode"],
@@ -58,15 +47,6 @@ def test_what_is_missing_is_said(maker, missing, cells, text):
         (folder / name).unlink()
     without(folder, *cells)
     assert text in Page(render(folder).read_text()).words
-
-
-def test_a_comparison_of_envelopes_by_an_earlier_version_is_one_line(tmp_path):
-    run = tmp_path / "old"
-    run.mkdir()
-    (run / "run.json").write_text('{"kind": "envelopes", "name": "old"}', encoding="utf-8")
-    with pytest.raises(InputError, match="compare the records again"):
-        render(run)
-    assert not (run / "report.html").exists()
 
 
 def test_a_run_of_another_version_is_one_line(maker):
@@ -104,23 +84,6 @@ def test_poor_evidence_is_not_to_be_believed(maker):
     (folder / "evidence.csv").write_text(text)
     words = Page(render(folder).read_text()).words
     assert "The evidence of viscous (bridge sampling): not settled." in words
-
-
-def test_methods_that_disagree_are_named(maker):
-    folder = maker.make()
-    run = RunFolder(folder)
-    agreed = ranking(run, "sim", 0)
-    assert agreed
-    assert {next(iter(p)) for p in agreed.shares.values()} == {"viscous"}
-    for row in run.evidence:
-        if row["method"] == "importance":
-            row["probability"] = 1 - row["probability"]
-    ranked = ranking(run, "sim", 0)
-    assert ranked
-    assert ranked.method == "bridge"
-    assert next(iter(ranked.shares["importance"])) == "viscous+coulomb"
-    text = [check.text for check in Checks(run, "sim").all() if check.fails]
-    assert any(sentence.startswith("Importance sampling ranks viscous + Coulomb first") for sentence in text)
 
 
 def test_a_folder_that_is_no_run(tmp_path):

@@ -12,8 +12,7 @@ import pytest
 from rich.console import Console
 
 from bayesdamp.report import render
-from bayesdamp.report.figures.curves import overview
-from bayesdamp.report.results.answers import answers, common_amplitude, ratio_of, short_names
+from bayesdamp.report.results.answers import answers, common_amplitude, ratio_of
 from bayesdamp.report.results.estimators import estimates_of
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections.estimates import inside
@@ -41,13 +40,8 @@ def folder(tmp_path: Path, sketchy: None) -> Path:
     t = np.linspace(0, 5, 50)
     for name, size in SIZES.items():
         arrays = {"amplitude": a, "ratio": np.full(20, size), "low": np.full(20, 0.9 * size), "t": t}
-        arrays |= {
-            "work/viscous": a**2,
-            "high": np.full(20, 1.1 * size),
-            "record": np.cos(t),
-            "fit": np.cos(t),
-            "residual": 0 * t,
-        }
+        arrays |= {"work/viscous": a**2, "high": np.full(20, 1.1 * size)}
+        arrays |= {"record": np.cos(t), "fit": np.cos(t), "residual": 0 * t}
         weighed = {
             "damping": "viscous",
             "restoring": "linear",
@@ -75,26 +69,6 @@ def test_every_record_has_a_curve_and_a_line_that_leads_to_its_answer(folder: Pa
     assert "7.02 deg" in section, "in the unit that the record came in"
 
 
-@pytest.mark.parametrize("count", [3, 12])
-def test_curves_of_all_records_are_on_one_scale(count: int) -> None:
-    """Few have a colour and a name; many are grey."""
-    at = np.geomspace(0.1, 1.0, 5)
-    sizes = [0.01 * (i + 1) for i in range(count)]
-    curves = {f"r{i}": (at, *(np.full(5, f * size) for f in (1.0, 0.9, 1.1))) for i, size in enumerate(sizes)}
-    (ax,) = overview(curves, "rad").axes
-    assert [line.get_ydata()[0] for line in ax.lines] == pytest.approx([100 * size for size in sizes])
-    assert len({line.get_color() for line in ax.lines}) == (3 if count == 3 else 1)
-    assert ax.get_ylim()[1] > 100 * sizes[-2]
-
-
-def test_two_records_need_no_overview(folder: Path) -> None:
-    info = RunFolder(folder).info
-    (folder / "cells" / "answer" / "rig_run_3").rename(folder / "elsewhere")
-    write_json(folder / "run.json", {**info, "signals": {n: info["signals"][n] for n in list(SIZES)[:2]}})
-    (folder / "verdict.json").unlink()  # no specimen
-    assert 'id="overview"' not in render(folder).read_text(encoding="utf-8")
-
-
 def test_the_terminal_has_a_line_a_record_and_the_specimen(folder: Path) -> None:
     out = io.StringIO()
     conclude(folder, Console(file=out, width=120))
@@ -115,12 +89,6 @@ def test_a_first_record_without_a_damping_ratio_has_its_line(folder: Path) -> No
     conclude(folder, Console(file=out, width=120))
     assert re.search(r"^ *1 +not a free decay", out.getvalue(), re.MULTILINE), out.getvalue()
     assert "7.02 deg" in out.getvalue().replace("\n", " "), "in the unit of those that have one"
-
-
-def test_names_are_shown_without_what_all_begin_with() -> None:
-    assert list(short_names(list(SIZES)).values()) == ["1", "2", "3"]
-    assert short_names(["a", "b"]) == {"a": "a", "b": "b"}
-    assert short_names(["rig_", "rig_2"])["rig_2"] == "rig_2", "no name may become empty"
 
 
 def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Path) -> None:

@@ -16,7 +16,7 @@ def errors(sd: float, count: int, rng: np.random.Generator = RNG) -> dict[int, f
     return dict(enumerate(sd * np.abs(rng.standard_normal(count))))
 
 
-@pytest.mark.parametrize("count", [5, 10, 50])
+@pytest.mark.parametrize("count", [5, 50])
 def test_intervals_hold_the_true_size(count: int):
     """Of 1,000 sets of normal errors 95 % would; Tukey's t is somewhat short for five. Chance of a false alarm 1e-4."""
     rng = np.random.default_rng(count)
@@ -41,11 +41,6 @@ def test_pairs_tell_apart_what_intervals_do_not():
     assert interval(errors_a)[1] > interval(errors_b)[0]
     assert ahead(errors_a, errors_b)
     assert not ahead(errors_b, errors_a)
-
-
-def test_few_repeats_say_nothing():
-    assert math.isnan(interval({0: 1.0, 1: 2.0})[0])
-    assert not ahead({0: 1.0, 1: 1.0}, {0: 9.0, 1: 9.0})
 
 
 def test_places_are_ranges():

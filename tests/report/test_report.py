@@ -6,20 +6,16 @@ import io
 import json
 import re
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from rich.console import Console
 
 from bayesdamp.report import render
-from bayesdamp.report.results.reading import coefficients, models_by_rank, models_kept
+from bayesdamp.report.results.reading import models_kept
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.sections import SECTIONS, Section, is_drawn
-from bayesdamp.report.sections.asked import _sentences
+from bayesdamp.report.sections import SECTIONS, Section
 from bayesdamp.report.terminal import conclude
-from bayesdamp.store import CellResult, Store, write_json
+from bayesdamp.store import write_json
 from bayesdamp.store.folders import claim
 from tests.report.pages import Page, foreign
 
@@ -35,17 +31,11 @@ def test_the_page_loads_nothing(page):
     assert foreign(page) == []
 
 
-@pytest.mark.parametrize(
-    "html",
-    [
-        "<p><img src='https://example.org/x.png'></p>",
-        "<style>@import 'x.css';</style>",
-        "<p style='background: url(x.png)'></p>",
-        "<script src='figures/x.js'></script>",
-    ],
-)
-def test_the_check_for_foreign_loads_sees_them(html):
-    assert foreign(html)
+def test_the_check_for_foreign_loads_sees_them():
+    assert foreign("<p><img src='https://example.org/x.png'></p>")
+    assert foreign("<style>@import 'x.css';</style>")
+    assert foreign("<p style='background: url(x.png)'></p>")
+    assert foreign("<script src='figures/x.js'></script>")
 
 
 def test_every_section_is_there_in_order(page):
@@ -105,22 +95,17 @@ def test_a_second_report_is_the_same(maker_type, tmp_path):
     assert before == {p: p.stat().st_mtime_ns for p in (folder / "cells").rglob("*.npz")}
 
 
-@pytest.mark.parametrize("name", SECTIONS.names())
-def test_contract_of_a_section(name, whole_run, tmp_path, sketchy):
-    section = SECTIONS.get(name)
-    assert isinstance(section, Section)
-    assert section.name == name
-    assert section.title
+def test_contract_of_a_section(whole_run, tmp_path, sketchy):
     claim(tmp_path)
     write_json(tmp_path / "run.json", {})
-    for run in (RunFolder(whole_run), RunFolder(tmp_path)):
-        if section.applies(run):
-            Page(section.render(run))
-
-
-def test_sections_have_different_orders():
-    orders = sorted(SECTIONS.get(name).order for name in SECTIONS.names())
-    assert orders == sorted(set(orders))
+    sections = [SECTIONS.get(name) for name in SECTIONS.names()]
+    for section in sections:
+        assert isinstance(section, Section)
+        assert section.title
+        for run in (RunFolder(whole_run), RunFolder(tmp_path)):
+            if section.applies(run):
+                Page(section.render(run))
+    assert len({section.order for section in sections}) == len(sections)
 
 
 class Extra(Section):
@@ -167,54 +152,6 @@ def test_many_signals_fold(maker_of):
     assert "marginals-sim-5-coulomb" not in drawn
 
 
-def test_one_model_is_no_comparison(maker_of):
-    html = render(maker_of(signals=["sim"], models=("viscous",)).make()).read_text()
-    assert "no other model was compared." in html
-    assert "only the best model of each is drawn" not in html
-
-
-def test_a_user_s_own_term_is_a_damping_coefficient(maker):
-    folder = maker.make()
-    run = RunFolder(folder)
-    run.info["damping"] = {"drag_of_my_own": {"parameter": "mu_own"}}
-    run.posteriors.extend(
-        {**row, "model": "drag_of_my_own", "parameter": "mu_own"} for row in run.posteriors[:1]
-    )
-    assert coefficients(run, "drag_of_my_own") == ["mu_own"]
-    assert coefficients(run, "viscous+coulomb") == ["zeta", "mu_c"]
-    assert models_by_rank(run, "sim", 0) == ["viscous", "viscous+coulomb", "drag_of_my_own"]
-
-
-def test_draws_with_nan_are_not_drawn(maker):
-    folder = maker.make()
-    cell = maker.store.read("posterior/sim/0/viscous/nuts")
-    draws = cell.arrays["draws"].copy()
-    draws[0, 0, 0] = np.nan
-    maker.store.write(CellResult(cell.name, cell.key, cell.meta, {"draws": draws}))
-    assert "marginal posterior of each parameter by emcee." in Page(render(folder).read_text()).words
-
-
-def test_what_methods_found_besides(maker):
-    folder = maker.make()
-    words = Page(render(folder).read_text()).words
-    assert "Further results of the methods" in words
-    assert "0.05020·2θ̇ + 20.10·θ" in words
-    assert "f(v) = 0.1·v" in words
-    figures = {p.name for p in (folder / "figures").iterdir()}
-    assert any(name.startswith("force-neural_ode-sim") for name in figures)
-    assert any(name.startswith("eigenvalues-koopman-sim") for name in figures)
-
-
-def test_other_forms_of_damping_are_in_a_table(maker_of) -> None:
-    folder = maker_of(signals=("sim",), repeats={"sim": 1}, models=("viscous", "coulomb")).make()
-    store = Store(folder)
-    cell = store.read("mode/sim/0/viscous")
-    rivals = [{"words": f"it is {x}", "log_bayes": b} for x, b in zip("abcde", (0.0, 1.0, -1.0, -1.2, -4.0))]
-    store.write(replace(cell, meta={**cell.meta, "rivals": rivals}))
-    words = Page(render(folder).read_text()).words
-    assert "additional form ln Bayes factor probability, against none it is b 1.00 0.73" in words
-
-
 def test_what_one_has_to_know_of_the_reading_is_on_the_page_and_on_the_terminal(maker_of) -> None:
     folder = maker_of(signals=("bench",), repeats={"bench": 1}, models=("viscous+coulomb", "viscous")).make()
     warning = "it swings by 80 turns to either side."
@@ -256,29 +193,3 @@ def test_sections_drawn_elsewhere_are_the_same_report(maker_of) -> None:
     with ThreadPoolExecutor(1) as pool:
         assert render(folder, pool).read_text() == here
     assert {path.name for path in (folder / "figures").iterdir()} == figures
-
-
-def test_the_likeliest_four_of_few_signals_are_drawn_and_the_best_of_many(maker_of) -> None:
-    few, many = (
-        RunFolder(maker_of(signals=[f"sim{i}" for i in range(n)], repeats={}, models=("viscous",)).make())
-        for n in (4, 5)
-    )
-    assert [is_drawn(few, place) for place in range(6)] == [True] * 4 + [False] * 2
-    assert [is_drawn(many, place) for place in range(6)] == [True] + [False] * 5
-
-
-def test_what_was_asked_names_dampings_and_laws_once() -> None:
-    run = SimpleNamespace(
-        models=["viscous", "coulomb", "viscous@linear", "coulomb@linear", "viscous@duffing"],
-        info={},
-        under_law=False,
-        signals=[],
-        cells=lambda *_: [],
-        about=lambda name: {"restoring": ["linear", "duffing"]},
-    )
-    system = {"restoring": "linear", "known": {}, "free": {"cubic": None}}
-    first, second, *_ = _sentences(run, {"signals": [{"name": "a", "system": system}]})  # type: ignore[arg-type]
-    assert first == "2 damping models were compared: viscous and Coulomb."
-    assert second == "Restoring force: linear or Duffing."
-    run.about = lambda name: {"restoring": ["linear"]}
-    assert "Unknown" in _sentences(run, {"signals": [{"name": "a", "system": system}]})[1]  # type: ignore[arg-type]

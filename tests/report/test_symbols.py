@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_symbol
@@ -39,17 +37,6 @@ def test_all_that_ship_say_it():
     assert words.axis("zeta", "1/s") == r"$\zeta$ / (1/s)"
 
 
-def test_a_term_of_ones_own(tmp_path):
-    (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
-    assert words.symbol("c_sticky").text == "c_sticky"
-    use(read_modules([tmp_path / "own.py"]))
-    try:
-        assert words.symbol("c_sticky").text == "cₛ"
-    finally:
-        use(())
-    assert parameter_symbol("c_sticky") is None
-
-
 def test_a_term_without_a_symbol_is_named_by_its_own_parameter_and_words(tmp_path):
     """Negative control: once it is forgotten, nothing is said of it."""
     plain = OWN.replace("    symbol = Symbol(", '    words = "sticky seal"\n    unused = (')
@@ -63,11 +50,6 @@ def test_a_term_without_a_symbol_is_named_by_its_own_parameter_and_words(tmp_pat
         use(())
     assert words.symbol("c_sticky").meaning == "parameter"
     assert words.model("viscous+sticky") == "viscous + sticky"
-
-
-@pytest.mark.parametrize("name", ["noise_sd", "half_life"])
-def test_what_is_no_parameter_of_the_oscillator(name):
-    assert parameter_symbol(name) is None
 
 
 def test_indices_are_set_and_marks_of_html_stay_text():

@@ -26,11 +26,11 @@ def oscillator_of(made: Case) -> Oscillator:
     return Oscillator(made.restoring, law, damping, made.parameters["epsilon"])
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_sum_meets_every_law(kind: str) -> None:
-    sums = [s for s in SUMS if kind not in odd.COULOMB or "coulomb" in s]
-    pairs = {in_turn(kind, number) for number in range(4 * len(sums))}
-    assert pairs == {(s, law) for s in sums for law in LAWS}
+def test_every_sum_meets_every_law() -> None:
+    for kind in KINDS:
+        sums = [s for s in SUMS if kind not in odd.COULOMB or "coulomb" in s]
+        pairs = {in_turn(kind, number) for number in range(4 * len(sums))}
+        assert pairs == {(s, law) for s in sums for law in LAWS}
 
 
 def test_the_family_keeps_its_rules() -> None:
@@ -53,7 +53,7 @@ def test_the_family_keeps_its_rules() -> None:
         assert made.signal.provenance == Provenance()
 
 
-@pytest.mark.parametrize("number", [0, 4, 10])
+@pytest.mark.parametrize("number", [0, 10])
 def test_a_record_is_its_motion_with_white_noise_of_its_size(number: int) -> None:
     """Released at rest or not, the motion from the stated start misses it by noise: its variance is within 5 sd."""
     made = case(FAMILY, 5, number)
@@ -78,7 +78,7 @@ def test_cases_come_from_their_seed() -> None:
     assert copy.ratio(made.amplitudes[1]) == made.ratio(made.amplitudes[1])
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["family", "jitter"])
 def test_ten_times_the_samples_are_of_the_same_motion(kind: str) -> None:
     made, dense = case(kind, 1, 3), case(kind, 1, 3, oversample=10)
     assert dense.name == made.name + "-x10"
@@ -90,7 +90,7 @@ def test_ten_times_the_samples_are_of_the_same_motion(kind: str) -> None:
     assert np.std(apart) == pytest.approx(np.sqrt(2) * made.noise_sd, rel=5 / np.sqrt(2 * apart.size))
 
 
-@pytest.mark.parametrize(("seed", "number"), [(3, 29), (4, 15)])
+@pytest.mark.parametrize(("seed", "number"), [(3, 29), pytest.param(4, 15, marks=pytest.mark.slow)])
 def test_nats_are_those_of_least_squares_on_the_true_motion(seed: int, number: int) -> None:
     """Coulomb friction's only full rival is viscous and quadratic: fitted here by SciPy alone to the noise-free record.
 
@@ -204,19 +204,19 @@ def test_a_stiffening_spring_has_its_potential() -> None:
     assert made.potential(0.2) == pytest.approx(quad(made.spring, 0.0, 0.2)[0])
 
 
-@pytest.mark.parametrize("kind", odd.KINDS)
-def test_discrepant_records_name_their_family_part(kind: str) -> None:
-    for made in (case(kind, 4, number) for number in range(3)):
-        terms = made.damping.split("+")
-        assert set(terms) <= set(made.shares)
-        extra = 1 - sum(made.shares[t] for t in terms)
-        if kind in odd.TAKING:
-            assert 0.1 < extra < 0.35
-        else:
-            assert abs(extra) < 0.15
-        assert min(made.shares[t] for t in terms) >= 0.15
-        if kind in odd.COULOMB:
-            assert "coulomb" in terms
+def test_discrepant_records_name_their_family_part() -> None:
+    for kind in odd.KINDS:
+        for made in (case(kind, 4, number) for number in range(2)):
+            terms = made.damping.split("+")
+            assert set(terms) <= set(made.shares)
+            extra = 1 - sum(made.shares[t] for t in terms)
+            if kind in odd.TAKING:
+                assert 0.1 < extra < 0.35
+            else:
+                assert abs(extra) < 0.15
+            assert min(made.shares[t] for t in terms) >= 0.15
+            if kind in odd.COULOMB:
+                assert "coulomb" in terms
 
 
 def test_an_unknown_kind_is_refused() -> None:

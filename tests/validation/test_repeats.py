@@ -84,12 +84,6 @@ def test_a_sum_that_the_other_half_rules_out_is_seen() -> None:
     assert named_possible([agreement("b", replace(other, decided=True), "a", one)]) == (1, 2)
 
 
-def test_answers_at_different_amplitudes_are_a_fault() -> None:
-    one, other = (Said(True, "viscous", 0.9, "exact", (At(a, 0.01, 0.009, 0.011),)) for a in (0.1, 0.2))
-    with pytest.raises(ValueError, match="different amplitudes"):
-        agreement("a", one, "b", other)
-
-
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_the_range_of_amplitudes_is_the_envelopes(noise: float) -> None:
     """Half a period, 0.45 s, within the record; noise of 0.01 moves the sine through 67 samples by 0.0017."""

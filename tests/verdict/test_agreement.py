@@ -11,25 +11,12 @@ from bayesdamp.verdict.types import Verdict
 
 
 def verdict(value: float = 0.02, damping: str = "viscous", decided: bool = True) -> Verdict:
-    ratio = DampingRatio(
-        amplitude=0.1,
-        unit="rad",
-        value=value,
-        sd_noise=1e-4,
-        sd_law=0.0,
-        low=value - 1.96e-4,
-        high=value + 1.96e-4,
-    )
+    ratio = DampingRatio(0.1, "rad", value, 1e-4, 0.0, value - 1.96e-4, value + 1.96e-4)
     return replace(Verdict("a", Grade.EXACT, decided, damping, 0.9), damping_ratio=(ratio,))
 
 
-def test_the_same_damping_and_ratio_confirm() -> None:
-    found = agreement(verdict(), verdict(0.02 + 0.9 * MOVED * 1e-4))
-    assert found.same
-    assert found.confirms
-
-
 def test_a_ratio_that_moved_does_not_confirm_and_has_its_size() -> None:
+    assert agreement(verdict(), verdict(0.02 + 0.9 * MOVED * 1e-4)).confirms
     found = agreement(verdict(), verdict(0.0203))
     assert found.same
     assert not found.confirms

@@ -69,20 +69,16 @@ def test_an_envelope_and_a_motion_have_one_schema(envelope: Verdict, tmp_path: P
     assert (rows[0]["quality_factor"], rows[1]["restoring"]) == ("", "")
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
+def test_another_shape_is_seen(envelope: Verdict) -> None:
+    """The negative control; the first is what an envelope's object once had."""
+    cases = [
         ({"terms": {"viscous": 0.9}}, "verdict.terms: unknown"),
         ({"probability": "0.9"}, "verdict.probability: '0.9' is no float"),
-        ({"decided": 1}, "verdict.decided: 1 is no bool"),
         ({"damping": None}, "verdict.damping: null"),
         ({"rate": {"value": 0.1}}, "verdict.rate.low: missing"),
-        ({"decay_rate": [{"amplitude": "x"}]}, "verdict.decay_rate[0].amplitude: 'x' is no float"),
-    ],
-)
-def test_another_shape_is_seen(envelope: Verdict, change: dict[str, Any], said: str) -> None:
-    """The negative control; the first is what an envelope's object once had."""
-    assert said in faults(Verdict, {**envelope.to_dict(), **change})
+    ]
+    for change, said in cases:
+        assert said in faults(Verdict, {**envelope.to_dict(), **change})
 
 
 def test_other_terms_have_columns_too(envelope: Verdict, tmp_path: Path) -> None:

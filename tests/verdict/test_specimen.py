@@ -258,8 +258,3 @@ def test_the_worst_grade_and_the_largest_deviation_are_the_specimens() -> None:
         ("viscous", 0.6, 0.5, 0.7),
         ("quadratic", 0.4, 0.3, 0.5),
     ]
-
-
-def test_no_record_is_a_fault() -> None:
-    with pytest.raises(ValueError, match="needs a record"):
-        specimen("rig", [])

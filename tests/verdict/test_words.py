@@ -8,10 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayesdamp.physics.damping import TERMS, DampingTerm, words_of
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import (
-    Bound,
     DampingRatio,
     FrequencyAt,
     Grade,
@@ -48,28 +46,26 @@ def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> Non
     assert in_unit(refused, UNITS["deg"]).sentence == "Nothing was weighed."
 
 
-@pytest.mark.parametrize(
-    ("interval", "said"),
-    [
+def test_the_exponent_in_words():
+    """With ± where the interval is even; a law is named where the interval is narrow and holds it alone."""
+    cases = [
         ((1.02, 0.99, 1.05), "grows as v^(1.020 ± 0.030), which is viscous"),
         ((0.01, 0.0, 0.2), "grows as v^0.01 (0 to 0.20), which is Coulomb"),
         ((1.5, 1.3, 1.7), "grows as v^(1.50 ± 0.20)"),
         ((1.0, 0.4, 1.6), "grows as v^(1.00 ± 0.60)"),
-    ],
-)
-def test_the_exponent_in_words(interval, said):
-    """With ± where the interval is even; a law is named where the interval is narrow and holds it alone."""
-    found = loses_like(Interval(*interval))
-    assert found == said
+    ]
+    for interval, said in cases:
+        found = loses_like(Interval(*interval))
+        assert found == said
 
 
-@pytest.mark.parametrize("damping", ["eddy", "eddy+viscous", "structural"])
-def test_an_exponent_near_coulombs_does_not_call_another_law_coulomb(damping: str) -> None:
+def test_an_exponent_near_coulombs_does_not_call_another_law_coulomb() -> None:
     """Control: it does where the sum named is of the three laws."""
-    e = Interval(0.07, 0.0, 0.38)
-    assert loses_like(e, damping) == "grows as v^0.07 (0 to 0.38), near the v^0 of Coulomb damping"
-    assert loses_like(e, "viscous+coulomb").endswith(", which is Coulomb")
-    assert loses_like(Interval(1.5, 1.3, 1.7), damping) == "grows as v^(1.50 ± 0.20)"
+    for damping in ["eddy", "eddy+viscous", "structural"]:
+        e = Interval(0.07, 0.0, 0.38)
+        assert loses_like(e, damping) == "grows as v^0.07 (0 to 0.38), near the v^0 of Coulomb damping"
+        assert loses_like(e, "viscous+coulomb").endswith(", which is Coulomb")
+        assert loses_like(Interval(1.5, 1.3, 1.7), damping) == "grows as v^(1.50 ± 0.20)"
 
 
 def test_a_share_of_all_is_not_given_an_interval_from_nothing() -> None:
@@ -88,31 +84,6 @@ def test_a_share_of_all_is_not_given_an_interval_from_nothing() -> None:
     assert energy_of(beside) == ("Energy lost: viscous 100 % (0 to 100).",)
 
 
-def test_a_terms_words_have_no_article_before_damping(monkeypatch) -> None:
-    class Brake(DampingTerm):
-        name, parameter, unit, words = "brake_in_words", "c_brake_in_words", "1/s", "an eddy-current brake"
-
-        @staticmethod
-        def kernel(x, v, epsilon):
-            return v
-
-    monkeypatch.setattr(TERMS, "names", lambda: ["brake_in_words"])
-    monkeypatch.setattr(TERMS, "get", lambda _: Brake())
-    one = Verdict("rig", Grade.EXACT, True, "brake_in_words", 0.99)
-    assert sentence(one).startswith("Eddy-current brake damping (probability")
-
-
-def test_what_the_sentence_lists_is_not_bounded_as_absent() -> None:
-    """Negative control: where the rival is hardly possible, its form is."""
-    forms = (Bound("stribeck", 0.049), Bound("structural", 0.035))
-    for p, bounded in ((0.98, False), (0.01, True)):
-        rivals = (Rival("viscous+stribeck", p),)
-        one = Verdict("rig", Grade.EXACT, False, "viscous+coulomb", 1 - p, rivals=rivals, other_forms=forms)
-        (said,) = energy_of(one)
-        assert "structural" in said
-        assert ("Stribeck" in said) is bounded
-
-
 def test_a_frequency_that_was_given_has_no_width() -> None:
     """Negative control: one that was found has."""
     one = Verdict(
@@ -124,18 +95,16 @@ def test_a_frequency_that_was_given_has_no_width() -> None:
     assert "0.712650 ± 0.000050 Hz" in sentence(found)
 
 
-@pytest.mark.parametrize(
-    ("ratio", "said"),
-    [
+def test_quality_of_what_may_lose_nothing() -> None:
+    cases = [
         ((0.01, 0.008, 0.0125), "50 (40 to 62)"),
         ((0.01, 0.0, 0.0125), "50 (above 40)"),
         ((0.0, 0.0, 1e-16), "–"),
         ((-0.01, -0.02, -0.005), "–"),
-    ],
-)
-def test_quality_of_what_may_lose_nothing(ratio, said) -> None:
-    value, low, high = ratio
-    assert quality_of(DampingRatio(0.2, "rad", value, 1e-4, 1e-4, low, high)) == said
+    ]
+    for ratio, said in cases:
+        value, low, high = ratio
+        assert quality_of(DampingRatio(0.2, "rad", value, 1e-4, 1e-4, low, high)) == said
 
 
 def test_a_record_of_which_most_is_not_explained_is_said_so_first() -> None:
@@ -167,14 +136,6 @@ def test_shares_are_not_said_without_the_form_that_is_as_likely() -> None:
     assert "with probability 0.78" not in energy_of(sums)[0]
 
 
-def test_no_limit_is_said_to_be_nothing() -> None:
-    """Control: one that rounds to something is said as it is."""
-    forms = (Bound("cubic", 1e-7), Bound("structural", 0.035))
-    (said,) = energy_of(Verdict("a", Grade.EXACT, True, "viscous", 0.99, other_forms=forms))
-    assert f"{words_of('cubic')} 0.1 %" in said
-    assert f"{words_of('structural')} 3.5 %" in said
-
-
 def test_oscillations_that_are_seen_are_in_the_records_unit() -> None:
     mode = Oscillation(1.1, 0.01, 0.009, 0.011, 0.2, 0.1, "rad")
     over, at = OverLaw(0.2, "rad", 2.0, 1.5, 2.5), FrequencyAt(0.2, "rad", 1.1, 1.0, 1.2)
@@ -201,15 +162,13 @@ def test_oscillations_that_are_seen_are_in_the_records_unit() -> None:
     assert "from 11 to 5.7 deg" in shown.sentence
 
 
-@pytest.mark.parametrize(
-    ("ratio", "said"),
-    [
+def test_what_stays_loses_no_more_than_its_rate_allows() -> None:
+    """A rate below 0 is 0 and its error."""
+    cases = [
         ((1e-4, 5e-5, 1.5e-4), "damping ratio is below 0.015 % (95 %), Q above 3,300."),
         ((-1e-4, -1.5e-4, -5e-5), "damping ratio is below 0.005 % (95 %), Q above 10,000."),
-    ],
-)
-def test_what_stays_loses_no_more_than_its_rate_allows(ratio, said) -> None:
-    """A rate below 0 is 0 and its error."""
-    mode = Oscillation(1.1, *ratio, 0.2, 0.2, "rad")
-    one = Verdict("a", Grade.NO_FREE_DECAY, False, "", math.nan, motion=MotionKind.STEADY, modes=(mode,))
-    assert sentence(one).endswith(said)
+    ]
+    for ratio, said in cases:
+        mode = Oscillation(1.1, *ratio, 0.2, 0.2, "rad")
+        one = Verdict("a", Grade.NO_FREE_DECAY, False, "", math.nan, motion=MotionKind.STEADY, modes=(mode,))
+        assert sentence(one).endswith(said)

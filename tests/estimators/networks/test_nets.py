@@ -6,26 +6,20 @@ Trainings are short where accuracy does not matter. Records with noise have fixe
 from __future__ import annotations
 
 import dataclasses
-from itertools import pairwise
 
 import numpy as np
 import pytest
 import torch
-from torch.func import jacrev
 
 from bayesdamp.estimators import run
 from bayesdamp.estimators.networks.shooting import Shooting
-from bayesdamp.estimators.networks.training import gauss_newton, generator, jets, layers, slopes
+from bayesdamp.estimators.networks.training import generator
 from bayesdamp.estimators.shared import checked_features
-from bayesdamp.types import OK, Signal
 from tests.estimators.truths import (
     EVERYTHING,
     INITIAL,
-    NETS,
     PAPER,
     SHORT,
-    damped_cosine,
-    dry_friction,
     error,
     pendulum,
 )
@@ -41,9 +35,9 @@ def noisy():
     return pendulum({"zeta": 0.05}, noise=0.003, samples=1000, free=("stiffness",))
 
 
-@pytest.mark.parametrize("name", NETS)
-def test_the_seed_is_all_the_chance_there_is(name, noisy):
+def test_the_seed_is_all_the_chance_there_is(noisy):
     """torch's own random numbers and settings are neither used nor moved."""
+    name = "pinn"
     signal, problem = noisy
     first = initial(name, signal, problem, **SHORT[name])
     torch.manual_seed(99)
@@ -57,8 +51,9 @@ def test_the_seed_is_all_the_chance_there_is(name, noisy):
     assert initial(name, signal, problem, seed=2, **SHORT[name]).values != first.values
 
 
-@pytest.mark.parametrize("name", NETS)
-@pytest.mark.parametrize("damping", PAPER, ids=lambda d: next(iter(d)))
+@pytest.mark.parametrize(
+    ("name", "damping"), list(zip(("pinn", "rnn", "neural_ode"), PAPER, strict=True)), ids=str
+)
 def test_papers_pendulum(name, damping):
     ((parameter, truth),) = damping.items()
     options = {"records": 256, "epochs": 20} if name == "rnn" else {}
@@ -66,34 +61,11 @@ def test_papers_pendulum(name, damping):
     assert error(found.values[parameter], truth) < INITIAL[name] / 4  # an order below what is asked for
     assert found.outcome == "ok"
     assert found.trace[parameter][-1] == found.values[parameter]
-
-
-@pytest.mark.parametrize(
-    ("name", "record", "parameter", "truth"),
-    [
-        ("pinn", damped_cosine, "zeta", 0.08),
-        ("neural_ode", dry_friction, "mu_c", 0.2),
-        ("rnn", damped_cosine, "zeta", 0.08),
-    ],
-)
-def test_closed_forms_are_recovered(name, record, parameter, truth):
-    assert error(initial(name, *record()).values[parameter], truth) < INITIAL[name]
-
-
-@pytest.mark.parametrize("name", NETS)
-def test_noise_gives_values_of_their_own(name):
-    """Five standard deviations of the best that 1,000 samples with 1 % of noise allow."""
-    signal, problem = pendulum({"mu_q": 0.05}, noise=0.003, samples=1000, seed=5)
-    options = {"rnn": {"records": 256, "epochs": 15}, "neural_ode": {"rounds": 20}}.get(name, {})
-    assert error(initial(name, signal, problem, **options).values["mu_q"], 0.05) < 5 * 0.529
-
-
-@pytest.mark.parametrize("name", NETS)
-def test_another_damping_is_no_good_fit(name):
-    signal, problem = pendulum({"mu_c": 0.06}, samples=2000, model=("viscous",))
-    first, refined = run(name, signal, problem, options=SHORT[name], seed=1)
-    assert first.values["zeta"] > 0
-    assert "the model is incomplete" in refined.outcome
+    if name == "neural_ode":  # the learnt force is odd and follows the law
+        velocity, force, law = (np.array(found.details[name]) for name in ("velocity", "force", "law"))
+        assert force == pytest.approx(-force[::-1], abs=1e-12)
+        assert np.abs(force - truth * velocity * np.abs(velocity)).max() < 0.1 * force.max()
+        assert np.abs(law - truth * velocity * np.abs(velocity)).max() < 0.02 * force.max()
 
 
 @pytest.mark.parametrize("name", ["pinn", "neural_ode"])
@@ -104,53 +76,21 @@ def test_sums_and_free_parameters_are_named(name):
     assert error(found.values["theta0"], 0.3) < 5.0
 
 
-def test_rnn_refuses_sums():
-    found = initial("rnn", *pendulum({"zeta": 0.05, "mu_c": 0.03}, samples=500))
-    assert found.outcome == "the network is trained to give one damping coefficient, not a sum of terms"
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "quantity"), [("pinn", "velocity"), ("neural_ode", "acceleration")])
 def test_other_quantities(name, quantity):
     record = pendulum({"mu_c": 0.03}, quantity=quantity, samples=2000, free=("theta0", "omega0"))
     assert error(initial(name, *record).values["mu_c"], 0.03) < INITIAL[name]
 
 
-@pytest.mark.parametrize("name", ["pinn", "rnn"])
-def test_a_gap_is_bridged(name):
-    signal, problem = pendulum({"mu_c": 0.03}, samples=3000, noise=0.001)
-    kept = (signal.t < 3.0) | (signal.t > 4.2)
-    options = {"records": 256, "epochs": 15} if name == "rnn" else {}
-    found = initial(name, Signal(signal.t[kept], signal.y[kept]), problem, **options)
-    assert error(found.values["mu_c"], 0.03) < 5.0
-
-
-def test_pinn_comes_to_the_same_from_both_starts():
-    signal, problem = pendulum({"zeta": 0.05})
-    uninformed, direct = (initial("pinn", signal, problem, start=s) for s in ("uninformed", "direct"))
-    assert uninformed.details["start"] == "uninformed"
-    ((far,), (near,)) = uninformed.details["started_from"], direct.details["started_from"]
-    assert error(far, 0.05) > 100.0  # 5 % of critical damping, whatever the record
-    assert error(near, 0.05) < 10.0
-    for found in (uninformed, direct):
-        assert error(found.values["zeta"], 0.05) < 0.5
-
-
 def test_pinn_negative_control_a_wrong_equation_of_motion_does_not_fit():
-    signal, problem = pendulum({"zeta": 0.05}, samples=2000)
+    signal, problem = pendulum({"zeta": 0.05}, samples=800)
     wrong = dataclasses.replace(problem.system, known={**problem.system.known, "stiffness": 22.0})
     fits, misses = (
         initial("pinn", signal, dataclasses.replace(problem, system=system), rounds=25).details
         for system in (problem.system, wrong)
     )
     assert misses["data_rms"] > 10 * fits["data_rms"]
-
-
-def test_the_learnt_force_is_odd_and_follows_the_law():
-    found = initial("neural_ode", *pendulum({"mu_q": 0.1}, samples=1000))
-    velocity, force, law = (np.array(found.details[name]) for name in ("velocity", "force", "law"))
-    assert force == pytest.approx(-force[::-1], abs=1e-12)
-    assert np.abs(force - 0.1 * velocity * np.abs(velocity)).max() < 0.1 * force.max()
-    assert np.abs(law - 0.1 * velocity * np.abs(velocity)).max() < 0.02 * force.max()
 
 
 def test_neural_ode_negative_control_an_untrained_force_is_no_answer():
@@ -167,21 +107,12 @@ def test_rnn_negative_control_a_short_training_says_that_it_is_worse():
     assert errors[0] > 3 * errors[1]
 
 
-@pytest.mark.parametrize("cell", ["lstm", "gru"])
-def test_both_cells(cell):
+def test_the_other_cell():
+    cell = "gru"
     found = initial("rnn", *pendulum({"mu_q": 0.15}, samples=1000), cell=cell, records=256, epochs=20)
     assert error(found.values["mu_q"], 0.15) < 1.0
     assert found.details["cell"] == cell
     assert 0.0 < found.stderr["mu_q"] < 0.01 * 0.15
-
-
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_slopes_by_hand_are_those_of_automatic_differentiation(count):
-    random, sizes = generator(np.random.default_rng(0)), (5, 6, 4, 1)
-    weights = layers(sizes, random, bias=0.5)
-    inputs = torch.randn(7, count, 5, dtype=torch.float64, generator=random)
-    expected = jacrev(lambda w: jets(w, inputs, sizes))(weights)
-    assert torch.allclose(slopes(weights, inputs, sizes), expected, atol=1e-12)
 
 
 def test_sensitivities_through_the_solver_are_differences():
@@ -197,19 +128,3 @@ def test_sensitivities_through_the_solver_are_differences():
         2 * step
     )
     assert torch.allclose(jacobian @ direction, change, atol=1e-6 * float(change.abs().max()))
-
-
-def test_the_search_ends_at_the_least_squares():
-    """Rosenbrock's valley, whose least is at (1, 1)."""
-
-    def residuals(x):
-        return torch.stack([10 * (x[1] - x[0] ** 2), 1 - x[0]])
-
-    def linearised(x):
-        return residuals(x), jacrev(residuals)(x)
-
-    start = torch.tensor([-1.2, 1.0], dtype=torch.float64)
-    found = gauss_newton(residuals, linearised, start, 200, lambda x: x.numpy().copy())
-    assert found.outcome == OK
-    assert found.x.numpy() == pytest.approx([1.0, 1.0], abs=1e-6)
-    assert all(b <= a for a, b in pairwise(found.losses))

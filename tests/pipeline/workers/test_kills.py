@@ -24,28 +24,16 @@ STUDY = """
 version = 1
 name = "killed"
 seed = {seed}
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
-epsilon = 0.0
+system = {{ restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0, epsilon = 0.0 }}
+estimators = {{ use = ["least_squares", "envelope"] }}
+models = {{ compare = ["viscous", "quadratic", "viscous+quadratic"] }}
+posterior = {{ samplers = ["nuts", "emcee"], chains = 2, warmup = 200, draws = 400 }}
 [[signal]]
 name = "a"
 simulate = {{ viscous = 0.05, duration = 10.0, samples = 300, noise_sd = 0.003 }}
 [[signal]]
 name = "b"
 simulate = {{ viscous = 0.03, quadratic = 0.04, duration = 10.0, samples = 300, noise_sd = 0.003 }}
-[estimators]
-use = ["least_squares", "envelope"]
-[models]
-compare = ["viscous", "quadratic", "viscous+quadratic"]
-[posterior]
-samplers = ["nuts", "emcee"]
-chains = 2
-warmup = 200
-draws = 400
 """
 
 

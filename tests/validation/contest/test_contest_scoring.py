@@ -11,7 +11,6 @@ from validation.contest.scoring import (
     coverage,
     errors,
     holds_more,
-    names,
     paired,
     quantile_of_errors,
 )
@@ -61,16 +60,6 @@ def test_coverage_counts_only_stated_intervals():
     held, stated = coverage(made)
     assert (held.value, stated) == (0.5, 2)
     assert held.low < 0.5 < held.high
-
-
-def test_names():
-    made = table(
-        row("family-1-0", "a", 0.0, named="viscous", relation="right"),
-        row("family-1-1", "a", 0.0, named="coulomb", relation="other"),
-        row("family-1-2", "a", 0.0),
-        row("family-1-3", "a", 0.0, damping=""),
-    )
-    assert names(made) == (3, 2, 1)
 
 
 def test_a_peer_is_beside_ours_on_the_records_of_both():

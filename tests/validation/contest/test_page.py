@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.types import InputError, Refusal
+from bayesdamp.types import Refusal
 from tests.validation.contest.test_contest_scoring import row, table
 from validation.contest import rows
 from validation.contest.__main__ import main
@@ -15,7 +15,7 @@ from validation.contest.page import page, write
 from validation.contest.records import closed_form
 from validation.contest.reply import Reply
 from validation.contest.roster import OURS
-from validation.rows import rounded, write_frame, write_row
+from validation.rows import rounded, write_row
 
 
 def stored():
@@ -51,72 +51,6 @@ def test_no_peer_is_nearer_where_none_is():
     assert "no peer is nearer to the truth in any group by more than chance" in said
     assert "- Neither nearer nor farther by more than chance: an engineer's script in family." in said
     assert "no peer is nearer" not in page(stored(), {})
-
-
-def compared(theirs: tuple[float, float], own: tuple[float, float]) -> str:
-    """The section on the script; theirs and own: error and half width of the interval, relative."""
-    made = []
-    for i in range(20):
-        for name, (error, half) in (("script", theirs), (OURS, own)):
-            x = row(
-                f"family-811-{i}", name, error * (1 + i % 3), half=half, named="viscous", relation="right"
-            )
-            made.append(x | ({"outcome": "no", "named": ""} if name == OURS and i == 0 else {}))
-    made.append(row("family-811-20", OURS, 9.0))  # which the script was not given
-    said = page(table(*made), {})
-    return said[said.index("## A script that an engineer") : said.index("![errors]")]
-
-
-def test_the_script_is_compared_by_its_numbers():
-    said = compared((0.01, 0.005), (0.02, 0.1))
-    assert "| answered | 20 of 20 / 19 of 20 | 20 of 20 / 19 of 20 |" in said
-    assert "| coverage of the intervals | 0.00 / 1.00 | 0.00 / 1.00 |" in said
-    assert "| named outright, of these correctly | 20, 20 / 19, 19 |" in said
-    assert "| the script's error over bayesdamp's | **0.5 (0.5–0.5)** |" in said
-    assert "script is nearer to the truth in all simulated, family, bayesdamp in no group" in said
-    assert (
-        "script's intervals contain the truth more often in no group, bayesdamp's in all simulated, family"
-        in said
-    )
-
-
-def test_the_other_way_round_the_sentences_turn():
-    said = compared((0.02, 0.1), (0.01, 0.005))
-    assert "script is nearer to the truth in no group, bayesdamp in all simulated, family" in said
-    assert (
-        "script's intervals contain the truth more often in all simulated, family, bayesdamp's in no group"
-        in said
-    )
-    assert "an engineer" not in page(stored(), {})  # without its rows nothing is said of it
-
-
-def test_who_gives_one_number_and_who_was_given_fewer_records_is_said():
-    made = [
-        row(f"family-811-{i}", name, 0.01) for i in range(6) for name in (OURS, "decrement", "half_power")
-    ]
-    for x in made:
-        if x["peer"] != "decrement":
-            x["value_2"] *= 1.1
-    said = page(table(*made[:-1]), {})
-    assert "These give one number for all amplitudes: logarithmic decrement. This" in said
-    assert "These got fewer than all 6 records: half-power bandwidth (5)." in said
-    assert "These got fewer" not in page(table(*made), {})
-
-
-def test_what_ours_refuses_and_others_answer_is_said():
-    made = [
-        row(f"gappy-811-{i}", OURS, 0.0, outcome="not the free decay of one oscillator") for i in range(6)
-    ]
-    made += [row(f"gappy-811-{i}", "decrement", 0.2, seconds=0.001) for i in range(5)]
-    said = page(table(*made), {})
-    assert "**gappy**: bayesdamp refused 6 of 6 records." in said
-    assert "logarithmic decrement 5 (20 %)." in said
-    assert "by these factors: logarithmic decrement 500." in said
-    assert "bayesdamp refused" not in page(stored(), {})
-
-
-def test_one_that_does_not_install_is_said():
-    assert "pyoma2 did not take part: no network." in page(stored(), {"pyoma2": "no network"})
 
 
 def test_plots_and_page_are_written(tmp_path: Path):
@@ -165,41 +99,8 @@ def test_it_goes_on_where_it_was_cut_off(tmp_path: Path, capsys: pytest.CaptureF
     assert "measured records are omitted: Run_1-10_no_magnet.csv is missing" in capsys.readouterr().err
 
 
-def test_rows_of_others_are_taken_over_where_the_truth_is_the_same(tmp_path: Path):
-    """Negative control: not where the record's truth is another, and not the peer's own."""
-    old, new = tmp_path / "old", tmp_path / "new"
-    command = ["--count", "2", "--measured", str(tmp_path)]
-    assert main([*command, "--peers", "decrement", "half_power", "--out", str(old)]) == 0
-    changed = rows.read(old / "rows.csv")
-    changed.loc[changed["group"] == "discrepant", "ratio_2"] *= 1.1
-    changed.loc[changed["peer"] == "decrement", "value_1"] = 0.5
-    write_frame(old / "rows.csv", changed)
-    kept = ["--kept", str(old / "rows.csv"), "--rows", str(tmp_path / "work.csv")]
-    assert main([*command, "--peers", "decrement", "--out", str(new), *kept]) == 0
-    found = rows.read(new / "rows.csv")
-    assert list(zip(found["group"], found["peer"], strict=True)) == [
-        ("family", "decrement"), ("family", "half_power"), ("discrepant", "decrement"),
-    ]  # fmt: skip
-    assert 0.5 not in set(found["value_1"])
-    assert found["value_1"][1] == changed.loc[changed["peer"] == "half_power", "value_1"].iloc[0]
-
-
-@pytest.mark.parametrize(
-    "wrong", [["--peers", "nobody"], ["--count", "-1"], ["--page", "--out", "no-such-folder"]]
-)
-def test_a_wrong_option_is_one_line(wrong: list[str], capsys: pytest.CaptureFixture[str]):
-    assert main(wrong) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_another_table_is_not_touched(tmp_path: Path):
-    (tmp_path / "rows.csv").write_text("x,y\n1,2\n")
-    with pytest.raises(InputError, match="the columns differ from those"):
-        rows.read(tmp_path / "rows.csv")
-
-
-def test_a_number_is_written_as_it_was(tmp_path: Path):
-    answered = rows.row_of(closed_form(), "a", lambda t, y, a: Reply((1 / 3, 1e-7, 2.0)))
-    write_row(tmp_path / "rows.csv", rows.COLUMNS, rounded(answered))
-    read = rows.read(tmp_path / "rows.csv")
-    np.testing.assert_allclose(read.loc[0, ["value_1", "value_2"]].astype(float), [1 / 3, 1e-7], rtol=1e-5)
+def test_a_wrong_option_is_one_line(capsys: pytest.CaptureFixture[str]):
+    cases = [["--peers", "nobody"], ["--count", "-1"], ["--page", "--out", "no-such-folder"]]
+    for wrong in cases:
+        assert main(wrong) == 2
+        assert capsys.readouterr().err.count("\n") == 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -12,40 +11,22 @@ from bayesdamp.interface.answer import answer
 from bayesdamp.types import OK
 from validation.reports import light
 from validation.reports.contradictions import contradictions, true_ratio
-from validation.reports.light import Drawn, drawn, log_weights, oscillation, page, probabilities
+from validation.reports.light import Drawn, log_weights, oscillation, probabilities
 from validation.rows import read_rows
 from validation.truth.motion import solved
 from validation.truth.oscillator import Oscillator
 
 
-@pytest.mark.parametrize("damping", light.DAMPINGS)
-def test_the_motion_has_the_ratio_and_the_fall_that_were_drawn(damping: str) -> None:
-    made = Drawn(damping, 0.003, 0.3 if "+" in damping else 0.0, 0.02, 8.0, 30.0, 0.01)
-    oscillator = Oscillator("linear", {"stiffness": 900.0, "rest_angle": 0.0}, made.coefficients)
-    for amplitude in (made.middle, made.size, made.size / made.fall):
-        assert made.ratio_at(amplitude) == pytest.approx(true_ratio(oscillator, amplitude), rel=1e-4)
-    assert made.ratio_at(made.middle) == pytest.approx(made.ratio)
-    stop = float(made.decay()[0][-1])
-    turns = np.abs(solved(oscillator, made.size, made.frequency, stop).turns)
-    assert turns[-1] == pytest.approx(made.size / made.fall, rel=0.03)
-
-
-def test_what_is_drawn_covers_what_the_page_says() -> None:
-    every = [drawn(1e-3, i)[0] for i in range(60)]
-    assert {m.damping for m in every} == set(light.DAMPINGS)
-    assert all(light.SHARES[0] <= m.share <= light.SHARES[1] for m in every if "+" in m.damping)
-    assert all(abs(math.log10(m.ratio / 1e-3)) <= light.SPREAD for m in every)
-    assert drawn(1e-3, 7)[0] == every[7] != drawn(1e-2, 7)[0]
-
-
-def test_the_information_does_not_depend_on_the_ratio() -> None:
-    """Samples over the noise's variance, of the same draw at ratios ten times apart."""
-    found = []
-    for ratio in (2e-2, 2e-3):
-        made = Drawn("viscous", ratio, 0.0, 0.02, 6.0, 20.0, 0.01)
-        signal, noise = oscillation(made, np.random.default_rng(1))
-        found.append(signal.t.size / noise**2)
-    assert found[0] == pytest.approx(found[1], rel=0.01)
+def test_the_motion_has_the_ratio_and_the_fall_that_were_drawn() -> None:
+    for damping in light.DAMPINGS:
+        made = Drawn(damping, 0.003, 0.3 if "+" in damping else 0.0, 0.02, 8.0, 30.0, 0.01)
+        oscillator = Oscillator("linear", {"stiffness": 900.0, "rest_angle": 0.0}, made.coefficients)
+        for amplitude in (made.middle, made.size, made.size / made.fall):
+            assert made.ratio_at(amplitude) == pytest.approx(true_ratio(oscillator, amplitude), rel=1e-4)
+        assert made.ratio_at(made.middle) == pytest.approx(made.ratio)
+        stop = float(made.decay()[0][-1])
+        turns = np.abs(solved(oscillator, made.size, made.frequency, stop).turns)
+        assert turns[-1] == pytest.approx(made.size / made.fall, rel=0.03)
 
 
 def test_stored_weights_give_the_probabilities_of_the_verdict() -> None:
@@ -78,39 +59,3 @@ def test_a_run_goes_on_where_it_was_cut_off(tmp_path: Path, monkeypatch: pytest.
     ]
     light.shipped(folder / "rows.csv", light.COLUMNS, wrong)
     assert len(contradictions(folder)) == 2
-
-
-def test_fewer_records_where_one_takes_long() -> None:
-    assert sorted({d for d, _ in light.jobs(3, 1).values()}) == [1e-6, 1e-5, 1e-4, 1e-3, 1e-2]
-    assert len(light.jobs(3, 1)) == 13
-    assert len(light.jobs(3, 9)) == 15
-
-
-def row(number: int, p: float, right: bool, logs: str, decade: float = 1e-2) -> dict[str, str]:
-    return {
-        **dict.fromkeys(light.COLUMNS, ""), "record": f"{decade:g}-{number}", "kind": "oscillation",
-        "decade": f"{decade:g}", "outcome": OK, "p_truth": str(p if right else 1 - p), "p_first": str(p),
-        "decided": str(int(p >= 0.95)), "right": str(int(right)), "holds": "1", "seconds": "1", "logs": logs,
-    }  # fmt: skip
-
-
-def test_the_page_counts() -> None:
-    """Three records in the bin of 0.9 to 0.95, two of them right; names that other odds change."""
-    near = f"viscous:0 viscous+coulomb:{math.log(0.04 / 0.96):.3f}"  # 0.96; at twice the odds 0.923
-    sums = f"viscous:{math.log(0.08 / 0.92):.3f} viscous+coulomb:0"  # 0.92; at twice the odds 0.958, at half 0.852
-    even = "viscous:-0.3 viscous+coulomb:0"  # at half the odds viscous leads
-    rows = [
-        row(0, 0.96, True, near), row(1, 0.92, True, sums), row(2, 0.93, True, sums), row(3, 0.94, False, sums),
-        row(4, 0.57, True, even),
-    ]  # fmt: skip
-    text = page([*rows, {**row(5, 0.5, True, even), "outcome": "No oscillation."}])
-    assert "| 0.01 | oscillations | 6 | 1 |" in text
-    assert "| 0.9 to 0.95 | 3 | 0.930 | 0.67 (" in text
-    assert "| 0.25 | 0 of 5 | 1 | 3 | 0 |" in text
-    assert "| 0.0625 | 1 of 5 | 0 | 0 | 0 |" in text
-    assert "Without an answer: No oscillation." in text
-
-
-def test_an_answer_that_says_nothing_is_a_row_without_numbers() -> None:
-    assert probabilities({"viscous": 0.0}) == {"viscous": 1.0}
-    assert page([{**row(0, 0.5, True, ""), "outcome": "No oscillation."}])
