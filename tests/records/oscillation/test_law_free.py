@@ -111,14 +111,3 @@ def test_frequency_and_damping_are_known_no_better_than_the_noise_allows() -> No
         assert (
             16 * each > chi2.ppf(0.9995, 40) / 40
         )  # the control: a quarter of the standard errors is noticed
-
-
-def test_beats_are_smoothed_too() -> None:
-    """Where the pace jumps at the nodes of two equal modes, windows differ much in width."""
-    t = np.arange(0, 60, 0.02)
-    y = np.exp(-0.02 * t) * np.cos(4.3 * t) + np.exp(-0.02 * t) * np.cos(5.3 * t)
-    y += 0.002 * np.random.default_rng(0).standard_normal(t.size)
-    signal = Signal(t, y)
-    found = amplitude_curves(signal, features(signal))
-    assert np.all(np.isfinite(found.ratio_sd))
-    assert np.all(found.frequency_sd > 0)
