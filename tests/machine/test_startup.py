@@ -67,8 +67,8 @@ bd.evidence(bd.sample(fit, warmup=50, draws=50, seed=1)).summary()
 
 def test_a_fit_is_made_and_weighed_without_jax() -> None:
     """Negative control: a NumPyro model of it needs JAX."""
-    assert "jax" not in loaded(FIT)
-    assert "jax" in loaded(FIT + "fit.density.numpyro()")
+    before = "import sys\nassert 'jax' not in sys.modules\n"
+    assert "jax" in loaded(FIT + before + "fit.density.numpyro()")
 
 
 def test_a_rough_frequency_is_that_of_the_law() -> None:

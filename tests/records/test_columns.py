@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import bayesdamp as bd
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.types import InputError
 from tests.failures import Failures
@@ -64,16 +63,6 @@ def test_a_plain_choice_is_made_and_said(tmp_path: Path) -> None:
                 np.testing.assert_allclose(record.t, T, atol=1e-12)  # type: ignore[arg-type]
                 assert record.choice in " ".join(map(str, record.provenance.notes))
                 assert (f"Using column {value!r}" in record.choice) == (what not in ALONE)
-
-
-def test_where_a_run_has_one_column_there_is_no_choice(tmp_path: Path) -> None:
-    columns = {f"{name} Run #{i}": x for i in (1, 2) for name, x in (("t (s)", T), ("x (m)", i * Y))}
-    found = read_records(write(tmp_path / "a.csv", columns))
-    assert [record.choice for record in found] == ["", ""]
-    columns |= {"u (m) Run #1": FLAT, "u (m) Run #2": FLAT}
-    beside = read_records(write(tmp_path / "b.csv", columns))
-    assert [record.choice for record in beside] == ["", ""]
-    assert [record.provenance.constant_columns for record in beside] == [("u (m) Run #1",), ("u (m) Run #2",)]
 
 
 OPEN: dict[str, tuple[dict[str, np.ndarray], bool, str]] = {
@@ -144,16 +133,6 @@ def runs_are_repeats(path: Path, time: str, value: str) -> None:
     assert read_record(path, run=3, channel=found[0].channel).columns == found[2].columns
 
 
-def test_the_latest_run_of_a_logger_is_one_too(tmp_path: Path) -> None:
-    names = [f"{run}: {what}" for run in ("Latest", "Run 1") for what in ("Time (s)", "Position (m)")]
-    found = read_records(write(tmp_path / "a.csv", dict(zip(names, (T, Y, T, 2 * Y), strict=True))))
-    assert [(record.run, record.channel) for record in found] == [
-        ("latest", "Position (m)"),
-        ("1", "Position (m)"),
-    ]
-    assert read_record(tmp_path / "a.csv", run="latest").y[0] == Y[0]
-
-
 def test_one_column_is_chosen_for_all_runs(tmp_path: Path) -> None:
     """Run 2 was not let go, so by itself it would give another column or none."""
     columns = {"t": T}
@@ -161,14 +140,6 @@ def test_one_column_is_chosen_for_all_runs(tmp_path: Path) -> None:
         columns |= {f"roll (deg) Run {i}": y, f"temperature Run {i}": NOISE + i}
     found = read_records(write(tmp_path / "a.csv", columns))
     assert [record.channel for record in found] == ["roll (deg)"] * 3
-
-
-def test_a_line_about_the_device_is_no_name_of_a_column(tmp_path: Path) -> None:
-    above = ["Device: DL-100", "recorded by hand", "sample_rate: 50", "unit: deg", "", "angle"]
-    record = read_record(write(tmp_path / "a.txt", {"x": Y}, *above, named=False))
-    assert (record.channel, record.unit, record.rate) == ("angle", "deg", 50.0)
-    above = ["Device: DL-100", "sample_rate: 50"]
-    assert read_record(write(tmp_path / "b.txt", {"x": Y}, *above, named=False)).channel == ""
 
 
 def test_a_unit_in_a_header_is_that_of_the_only_column(tmp_path: Path) -> None:
@@ -287,19 +258,3 @@ def test_numbers_of_samples_give_way_to_a_rate_in_the_head(tmp_path: Path) -> No
     assert (record.t, record.rate, record.columns) == (None, 50.0, (None, "y"))
     alone = read_record(write(tmp_path / "b.csv", {"x": INDEX, "y": Y}))
     assert alone.columns == ("x", "y")
-
-
-def test_columns_and_clock_are_asked_for_together(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no times, and 'left', 'right' may each be the record") as caught:
-        read_record(write(tmp_path / "a.csv", {"left": Y, "right": OTHER}))
-    assert caught.value.arguments == ("value", "channels", "time", "rate")
-    assert caught.value.likely == {"value": "left"}
-
-
-def test_a_rate_that_differs_from_the_files_own_times_is_said(tmp_path: Path) -> None:
-    """Control: one that is theirs is not."""
-    t = np.arange(400) / 80.0
-    path = write_table(tmp_path / "own.csv", "t (s),angle (rad)", t, np.cos(4.4 * t))
-    for rate in (100.0, 80.0):
-        said = " ".join(bd.read(path, rate=rate).signal().provenance.said)
-        assert ("Times in column 't (s)' are at 80 Hz" in said) == (rate != 80.0)

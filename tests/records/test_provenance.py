@@ -36,9 +36,3 @@ def test_what_an_earlier_run_wrote_is_read() -> None:
     )
     assert (found.time_column, found.notes) == ("", ("a",))
     assert found.more == {"turns_warning": "it swings.", "restoring": ["linear"]}
-
-
-def test_what_a_user_reads_begins_with_what_he_has_to_know() -> None:
-    assert WHOLE.said == ("Beware: no unit is said.", "2 header lines skipped.", "Kept are 100 samples.")
-    assert Provenance(header_lines=1).said == ("1 header line skipped.",)
-    assert Provenance().said == ()

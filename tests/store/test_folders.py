@@ -100,9 +100,9 @@ def a_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs")
     records = [str(folder / f"{name}.csv") for name in "ab"]
     for record in records:
-        assert main(["simulate", "--out", record]) == 0
-    asked = ["compare", *records, "--repeats", "--restoring", "linear", "--damping", "viscous", "--quick"]
-    assert main([*asked, "--workers", "1", "--out", str(folder / "run")]) == 0
+        assert main(["simulate", "--samples", "300", "--duration", "8", "--out", record]) == 0
+    words = "--repeats --restoring linear --damping viscous --quick --deviation none --workers 1 --out"
+    assert main(["compare", *records, *words.split(), str(folder / "run")]) == 0
     return folder / "run"
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.cleaning.clock import clock_times, rounded_sampling
+from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
@@ -32,13 +31,6 @@ def test_the_sampling_is_rebuilt():
         clock = clock_times(RawRecord(t, np.sin(0.1 * np.arange(t.size))), "auto", "x")
         assert clock.used == "uniform", name
         assert abs(clock.t[-1] - clock.t[0] - (t.size - 1) * step) < 0.02 * step, name
-
-
-def test_rows_that_are_missing():
-    rows = np.r_[0:1500, 1600:3000]
-    digit, step, off = rounded_sampling(rows, np.round(rows / 30.3, 2))
-    assert step == pytest.approx(1 / 30.3, rel=1e-6)
-    assert off < 0.6 * digit
 
 
 def test_no_even_sampling():
@@ -78,12 +70,3 @@ def test_clocks():
         kept = clock_times(RawRecord(t, y), clock, "x")
         assert (kept.used, kept.notes) == ("as_logged", ())
         assert np.array_equal(kept.t, t)
-
-
-def test_no_scatter_is_left():
-    """What is left of a record without noise: times to 0.01 s, as they are logged, are 2 % of its swing."""
-    i = np.arange(2_000)
-    y = np.exp(-0.02 * THIRTIETH * i) * np.cos(2 * np.pi * 1.1 * THIRTIETH * i)
-    raw = RawRecord(np.round(THIRTIETH * i, 2), y)
-    rough = [clean(raw, name="x", clock=c).provenance.more["roughness"] for c in ("auto", "as_logged")]
-    assert rough[0] < 0.05 * rough[1]

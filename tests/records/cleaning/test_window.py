@@ -135,13 +135,6 @@ def test_a_thousand_cycles_and_three() -> None:
     assert (found.first, found.last) == (0, t.size - 1)
 
 
-def test_both_releases_are_named() -> None:
-    found = window(released_twice(np.random.default_rng(5)))
-    assert len(found.decays) == 2
-    assert any("not used" in note for note in found.notes)
-    assert len(window(held_then_released(np.random.default_rng(7), 3.0, 6.0, 50)).decays) == 1
-
-
 def struck(strikes: int) -> tuple[np.ndarray, np.ndarray]:
     """A plate that is struck every 2 s and hums on in the noise until it is struck again."""
     t = np.arange(0, 2 * strikes + 1, 1 / 2000)

@@ -35,7 +35,7 @@ def record(law: str, noise: float, seed: int = 0, row: int = 0) -> Signal:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_damping_ratio_and_its_error(law: str) -> None:
-    """To a few per cent. 30 records with noise of a hundredth: the scores at three amplitudes have an rms below 2, and
+    """To a few per cent. 12 records with noise of a hundredth: the scores at three amplitudes have an rms below 2, and
     are no nothing."""
     for row in (0, 1):
         found = first_words(record(law, 3e-4, row=row))
@@ -45,7 +45,7 @@ def test_the_damping_ratio_and_its_error(law: str) -> None:
         assert found.frequency == pytest.approx(1.0, abs=2e-3)
         assert found.quality == pytest.approx(0.5 / found.damping[1].ratio)
     scores = []
-    for seed in range(30):
+    for seed in range(12):
         found = first_words(record(law, 1e-2, seed))
         scores.append([(d.ratio - truth(LAWS[law], d.amplitude)) / d.stderr for d in found.damping])
     rms = np.sqrt(np.mean(np.square(scores), axis=0))

@@ -17,7 +17,7 @@ from bayesdamp.verdict.parts import Averages, Grade
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import with_interval
 
-WALKS = 20
+WALKS = 10
 
 
 def walk(seed: int) -> tuple[np.ndarray, np.ndarray]:
