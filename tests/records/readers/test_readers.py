@@ -100,17 +100,7 @@ def test_lists_of_samples_in_json(tmp_path: Path) -> None:
         np.testing.assert_array_equal(record.y, Y)
 
 
-def test_a_uff_of_spectra_or_of_geometry_is_no_record(tmp_path: Path) -> None:
-    import pyuff
-
-    data = pyuff.prepare_58(
-        binary=0, func_type=4, data=Y + 1j * Z, x=T, abscissa_spacing=1, abscissa_spec_data_type=18,
-        abscissa_min=0.0, abscissa_inc=0.1, rsp_node=1, rsp_dir=1, ref_node=1, ref_dir=1, ordinate_spec_data_type=12,
-        orddenom_spec_data_type=0,
-    )  # fmt: skip
-    pyuff.UFF(str(tmp_path / "a.uff")).write_sets(data, mode="overwrite")
-    with pytest.raises(InputError, match="none of its data sets 58 is a record in time"):
-        read_records(tmp_path / "a.uff")
+def test_a_uff_of_geometry_is_no_record(tmp_path: Path) -> None:
     (tmp_path / "b.uff").write_text("    -1\n    15\n         1         0\n    -1\n", encoding="utf-8")
     with pytest.raises(InputError, match="its data sets are 15"):
         read_records(tmp_path / "b.uff")
@@ -173,14 +163,6 @@ def test_a_reader_of_ones_own_is_found_by_content(tmp_path: Path) -> None:
         READERS.remove("rig")
 
 
-def test_a_table_under_a_wrong_name_is_read_as_what_it_is(tmp_path: Path) -> None:
-    rows = [f"{t:.2f},{y:.6f}" for t, y in zip(T, Y)]
-    (tmp_path / "a.xlsx").write_text("\n".join(["t,x", *rows]), encoding="utf-8")
-    assert contents(tmp_path / "a.xlsx").format == "text"
-    excel(tmp_path / "b.csv")
-    assert contents(tmp_path / "b.csv").format == "Excel"
-
-
 def test_each_run_of_an_hdf5_has_its_own_rate(tmp_path: Path) -> None:
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "a.h5", "w") as file:
@@ -224,12 +206,6 @@ LVM_ROWS = {
 }
 
 
-def lvm_file(path: Path, axes: str, names: list[str], blank: list[str], rows: list[str]) -> Path:
-    head = [line.replace("AXES", axes.partition(",")[0]) for line in LVM_HEAD]
-    path.write_text("\n".join([*head, *blank, *LVM_SEGMENT, *names, *rows]) + "\n", encoding="utf-8")
-    return path
-
-
 def test_an_lvm_file_may_leave_out_what_it_does_not_need(tmp_path: Path) -> None:
     """Names of its columns, the line between its heads, and the cell of the times."""
     given = [([name], [""]) for name in ("X_Value\tside\tComment", "X_Value\tside", "side\tComment")]
@@ -238,18 +214,15 @@ def test_an_lvm_file_may_leave_out_what_it_does_not_need(tmp_path: Path) -> None
         for axes, rows in LVM_ROWS.items():
             for names, blank in given:
                 with failures.of((axes, names, blank)):
-                    (record,) = read_records(lvm_file(tmp_path / "a.lvm", axes, names, blank, rows))
+                    head = [line.replace("AXES", axes.partition(",")[0]) for line in LVM_HEAD]
+                    text = "\n".join([*head, *blank, *LVM_SEGMENT, *names, *rows])
+                    (tmp_path / "a.lvm").write_text(f"{text}\n", encoding="utf-8")
+                    (record,) = read_records(tmp_path / "a.lvm")
                     times(record, None)
                     np.testing.assert_array_equal(record.y, Y)
                     assert record.unit == "mm"
                     assert record.t is not None
                     assert record.t[0] == (0.0 if axes == "One" else 0.5)
-
-
-def test_a_word_in_an_lvm_file_is_told(tmp_path: Path) -> None:
-    rows = [*LVM_ROWS["One"][:50], "1.0\tclipped", *LVM_ROWS["One"][51:]]
-    with pytest.raises(InputError, match="'clipped' in column 2 is not a number"):
-        read_records(lvm_file(tmp_path / "a.lvm", "One", ["X_Value\tside"], [], rows))
 
 
 def test_contents_pass_from_one_process_to_another(tmp_path: Path) -> None:
