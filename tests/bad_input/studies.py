@@ -17,10 +17,7 @@ SIGNAL = (
 GOOD = "version = 1\n" + SYSTEM + SIGNAL
 
 LEVELS = "[" * 2000 + "]" * 2000
-VALUES = {
-    "400 digits": "9" * 400, "a date": "2024-02-30T10:00:00Z", "a day": "2024-02-28", "true": "true",
-    "a list of lists": "[[[1]]]", "nan": "nan",
-}  # fmt: skip
+VALUES = {"400 digits": "9" * 400, "a day": "2024-02-28", "a list of lists": "[[[1]]]"}
 TABLES: dict[str, type[BaseModel]] = {
     "estimators": s.EstimatorsTable, "models": s.ModelsTable, "posterior": s.PosteriorTable,
     "evidence": s.EvidenceTable, "calibration": s.CalibrationTable, "recovery": s.RecoveryTable,
@@ -33,13 +30,12 @@ def study(content: str, name: str, said: str = "") -> Case:
     return Case(name, ("check", "FILE"), "a.toml", text(content), said)
 
 
-def _in_tables() -> list[Case]:
-    found = []
-    for table, model in TABLES.items():
-        for key in model.model_fields:
-            for what, value in VALUES.items():
-                found.append(study(f"{GOOD}[{table}]\n{key} = {value}\n", f"{table}.{key} of {what}"))
-    return found
+IN_TABLES = [
+    study(f"{GOOD}[{table}]\n{key} = {value}\n", f"{table}.{key} of {what}")
+    for table, model in TABLES.items()
+    for key in model.model_fields
+    for what, value in VALUES.items()
+]
 
 
 def _in_signals() -> list[Case]:
@@ -69,92 +65,59 @@ def _in_system() -> list[Case]:
     return found
 
 
-def _beyond() -> list[Case]:
-    """Counts that no machine ends."""
-    found = [
-        study(GOOD.replace("samples = 100", f"samples = {n}"), f"samples of {n:g}") for n in (10**9, 10**18)
-    ]
-    found += [
-        study(GOOD.replace("samples = 100", f"samples = 100, repeats = {n}"), f"repeats of {n:g}")
-        for n in (10**7, 10**18)
-    ]
-    found += [
-        study(f"{GOOD}[{table}]\n{key} = {10**12}\n", f"{table}.{key} of 1e12")
-        for table, model in TABLES.items()
-        for key in model.model_fields
-        if key in HUGE and table != "estimators"
-    ]
-    sweep = (
-        '[[sweep]]\nkey = "simulate.{0}"\nvalues = [' + ", ".join(f"0.{i:03d}" for i in range(1, 301)) + "]\n"
-    )
-    found.append(
-        study(GOOD + "".join(sweep.format(k) for k in ("noise_sd", "viscous", "coulomb")), "sweeps of 27e6")
-    )
-    return found
-
+SWEEP = '[[sweep]]\nkey = "simulate.{0}"\nvalues = [' + ", ".join(f"0.{i:03d}" for i in range(1, 301)) + "]\n"
+BEYOND = [
+    study(GOOD.replace("samples = 100", "samples = 1000000000"), "samples of 1e9"),
+    study(GOOD.replace("samples = 100", f"samples = 100, repeats = {10**18}"), "repeats of 1e18"),
+    *(study(f"{GOOD}[{table}]\n{key} = {10**12}\n", f"{table}.{key} of 1e12")
+      for table, model in TABLES.items() for key in model.model_fields if key in HUGE and table != "estimators"),
+    study(GOOD + "".join(SWEEP.format(k) for k in ("noise_sd", "viscous", "coulomb")), "sweeps of 27e6"),
+]  # fmt: skip
+"""Counts that no machine ends."""
 
 OTHERS = {
     "2,000 levels": f"version = 1\nx = {LEVELS}\n",
-    "2,000 levels of tables": "version = 1\nx = " + "{a=" * 2000 + "1" + "}" * 2000 + "\n",
     "2,000 levels of names": "version = 1\n" + ".".join("a" * 2000) + " = 1\n",
-    "2,000 levels of a header": "version = 1\n[" + ".".join("a" * 2000) + "]\n",
     "an integer of 5,000 digits": "version = 1\nseed = " + "9" * 5000 + "\n",
-    "a float of 5,000 digits": "version = 1\nseed = " + "9" * 5000 + ".0\n",
     "an exponent of 5,000 digits": "version = 1\nseed = 1e" + "9" * 5000 + "\n",
-    "a hexadecimal of 5,000 digits": "version = 1\nseed = 0x" + "f" * 5000 + "\n",
     "a key of 100,000 letters": "version = 1\n" + "k" * 100000 + " = 1\n",
     "a text of 100,000 letters in a name": f'version = 1\nname = "{"n" * 100000}"\n',
-    "an open text": 'version = 1\nname = "\n',
-    "an open text of three quotes": 'version = 1\nname = """abc\n',
     "no value": "version =\n",
-    "two values": "version = 1 2\n",
     "a day that is none": "version = 1\nseed = 2024-02-30\n",
     "a control": 'version = 1\nname = "\x01"\n',
     "a return alone": "version = 1\rname = 2\n",
     "a table that is a list": "version = 1\n[signal]\n[[signal]]\n",
-    "a list of numbers for signals": "version = 1\nsignal = [1, 2]\n",
-    "a version of a date": "version = 2024-01-01\n",
-    "a version of 400 digits": f"version = {'9' * 400}\n",
-    "a version of infinity": "version = inf\n",
-    "sweeps of a number": GOOD + "sweep = 3\n",
-    "a sweep of no values": GOOD + '[[sweep]]\nkey = "simulate.noise_sd"\nvalues = []\n',
-    "a sweep of no key": GOOD + "[[sweep]]\nvalues = [1]\n",
-    "a sweep of an unknown key": GOOD + '[[sweep]]\nkey = "x.y.z"\nvalues = [1]\n',
-    "a sweep of dates": GOOD + '[[sweep]]\nkey = "simulate.noise_sd"\nvalues = [2024-01-01]\n',
     "a sweep of 400 digits": GOOD + f'[[sweep]]\nkey = "simulate.noise_sd"\nvalues = [{"9" * 400}]\n',
     "an escaping published file": 'published = "../../../etc/passwd"\n' + GOOD,
     "a published device": 'published = "/dev/zero"\n' + GOOD,
-    "a published folder": 'published = "/"\n' + GOOD,
     "a published name too long": f'published = "{"p" * 5000}"\n' + GOOD,
     "a published name of a zero": 'published = "a\\u0000b"\n' + GOOD,
     "a plug-in that is a device": GOOD + '[plugins]\nmodules = ["/dev/zero"]\n',
-    "a plug-in that is a folder": GOOD + '[plugins]\nmodules = ["/"]\n',
     "a plug-in that is not there": GOOD + '[plugins]\nmodules = ["none.py"]\n',
     "a plug-in with a name too long": GOOD + f'[plugins]\nmodules = ["{"p" * 5000}.py"]\n',
-    "a plug-in with a zero in its name": GOOD + '[plugins]\nmodules = ["a\\u0000b.py"]\n',
     "a plug-in that is no Python": GOOD + '[plugins]\nmodules = ["a.toml"]\n',
 }
 
 
-def _files() -> list[Case]:
-    return [
-        study(f'version = 1\n{SYSTEM}[[signal]]\nname = "a"\nfile = "{file}"\n', f"a signal's file: {what}")
-        for what, file in {
-            "a device": "/dev/zero", "a folder": "/", "not there": "none.csv", "too long": "f" * 5000,
-            "a zero": "a\\u0000b", "below a file": "a.toml/b", "a home of nobody": "~nobody-at-all/x.csv", "a line": "a\\nb",
-        }.items()
-    ]  # fmt: skip
-
-
-CASES = [
-    *_in_tables(), *_in_signals(), *_in_system(), *_beyond(), *_files(),
-    *(study(content, name) for name, content in OTHERS.items()),
-    Case("a study of random bytes", ("check", "FILE"), "a.toml", raw(bytes(range(256)) * 9), "text in UTF-8"),
-    Case("a study of UTF-16", ("check", "FILE"), "a.toml", raw("version = 1".encode("utf-16"))),
-    Case("a study of blanks", ("check", "FILE"), "a.toml", raw(b"\n \n" * 99), "is empty"),
-    Case("a study that is empty", ("study", "FILE"), "a.toml", raw(b""), "is empty"),
-    Case("a study of zeros", ("study", "FILE"), "a.toml", raw(bytes(500))),
+FILES = [
+    study(f'version = 1\n{SYSTEM}[[signal]]\nname = "a"\nfile = "{file}"\n', f"a signal's file: {what}")
+    for what, file in {
+        "a device": "/dev/zero", "a folder": "/", "not there": "none.csv", "too long": "f" * 5000, "a zero": "a\\u0000b",
+        "below a file": "a.toml/b", "a home of nobody": "~nobody-at-all/x.csv", "a line": "a\\nb",
+    }.items()
 ]  # fmt: skip
+
+GROUPS = {
+    "keys of a study's tables": IN_TABLES,
+    "keys of signals": [*_in_signals(), *_in_system()],
+    "studies": [
+        *BEYOND, *FILES, *(study(content, name) for name, content in OTHERS.items()),
+        Case("a study of random bytes", ("check", "FILE"), "a.toml", raw(bytes(range(256)) * 9), "text in UTF-8"),
+        Case("a study of UTF-16", ("check", "FILE"), "a.toml", raw("version = 1".encode("utf-16"))),
+        Case("a study of blanks", ("check", "FILE"), "a.toml", raw(b"\n \n" * 99), "is empty"),
+        Case("a study of zeros", ("study", "FILE"), "a.toml", raw(bytes(500))),
+    ],
+}  # fmt: skip
 
 
 def control(path: Path) -> None:

@@ -55,21 +55,6 @@ def test_exact_laws_are_sampled_only_where_that_is_asked_for(compared: Path) -> 
     assert "MCMC sampling gives this result and confirms that of linear approximations" in page
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("deviation", "likelihood"), [("law", "law"), ("auto", "none")])
-def test_chains_have_the_answer_s_deviations_where_these_are_asked_for(
-    deviation: str, likelihood: str, tmp_path: Path
-) -> None:
-    asked = compare(tmp_path, "viscous", "viscous+coulomb")
-    assert main([*asked, "--exact", "--deviation", deviation]) == 0
-    rows = read_table(tmp_path / "out" / "evidence.csv")
-    weighed = {r["deviation"] for r in rows if r["method"] in ("importance", "bridge")}
-    drawn = [r for r in read_table(tmp_path / "out" / "posteriors.csv") if r["sampler"] == "nuts"]
-    assert weighed == {r["deviation"] for r in drawn} == {likelihood}
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert ("residual checks assume that the laws hold exactly" in page) is (deviation == "auto")
-
-
 def test_a_quick_comparison_samples_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*compare(tmp_path, "viscous", "coulomb"), "--quick"]) == 0
     said = capsys.readouterr().out

@@ -17,7 +17,7 @@ from bayesdamp.config.load import record_question
 from bayesdamp.pipeline.records import compute_signal, signal_key
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.store import Store, write_json
-from bayesdamp.types import InputError
+from tests.failures import Failures
 
 
 def write(path: Path, header: str = "t,angle,other", columns: int = 2) -> Path:
@@ -44,43 +44,36 @@ def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -
     assert all(not system.known for system in spec.alternatives)
     assert "pendulum" in laws_for("deg")
     assert set(laws_for("mm")) == {"linear", "duffing"}
-    again = comparison(
-        [
-            {"file": str(tmp_path / "a.csv"), "time": "t", "angle": "angle"},
-            {"file": str(tmp_path / "a.csv"), "time": "t", "angle": "angle"},
-        ]
-    )
+    again = comparison([{"file": str(tmp_path / "a.csv"), "time": "t", "angle": "angle"}] * 2)
     assert len({s.name for s in again.signals}) == 2
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ([], "has 3 columns"),
-        (["--angle", "2", "--rate", "-3"], "--rate: is -3; it must be a number of samples per second"),
-        (["--angle", "2", "--rate", "3", "--time", "1"], "--rate: replaces a column of times"),
-        (["--angle", "2", "--rate", "abc"], "--rate: must be a valid number"),
-        (["--angle", "2", "--start", "5", "--stop", "2"], "--stop: is 2; it must be later than --start (5)"),
-        (["--angle", "2", "--workers", "0"], "--workers: must be greater than or equal to 1"),
-        (["--runs", "2"], "no runs '2'; there are none to choose from (--runs)"),
-        (["--channel", "othr"], "did you mean 'other'"),
-        (["--angle", "2", "--time-unit", "weeks"], "--time-unit: is 'weeks'; it must be one of s, ms"),
-        (["--angle", "2", "--time", "1", "--unit", "m", "--restoring", "pendulum"], "--unit: is 'm'"),
-        (["--angle", "2", "--time", "1", "--restoring", "pendulm"], "did you mean 'pendulum'"),
-        (["--angle", "2", "--time", "1", "--damping", "viscos"], "did you mean 'viscous'"),
-        (["--angle", "2", "--time", "1", "--unit", "furlong"], "--unit: is 'furlong'; it must be one of rad"),
-        (["--angle", "2", "--time", "1", "--start", "soon"], "--start: is 'soon'; it must be a time in s"),
-        (["--angle", "2", "--time", "nothing"], "unknown column"),
-        (["--angle", "2", "--time", "1", "--noise", "pink"], "unknown noise model"),
-    ],
-)
-def test_a_wrong_option_is_one_line_and_nothing_is_written(tmp_path, capsys, options, said) -> None:
+def test_a_wrong_option_is_one_line_and_nothing_is_written(tmp_path, capsys) -> None:
     file = write(tmp_path / "b.csv", columns=3)
-    assert main(["compare", str(file), *options, "--out", str(tmp_path / "out")]) == 2
-    error = capsys.readouterr().err
-    assert said in error.lower() or said in error
-    assert error.count("\n") == 1
-    assert not (tmp_path / "out").exists()
+    with Failures() as failures:
+        for options, said in (
+            ("", "has 3 columns"),
+            ("--angle 2 --rate -3", "--rate: is -3; it must be a number of samples per second"),
+            ("--angle 2 --rate 3 --time 1", "--rate: replaces a column of times"),
+            ("--angle 2 --rate abc", "--rate: must be a valid number"),
+            ("--angle 2 --start 5 --stop 2", "--stop: is 2; it must be later than --start (5)"),
+            ("--runs 2", "no runs '2'; there are none to choose from (--runs)"),
+            ("--channel othr", "did you mean 'other'"),
+            ("--angle 2 --time-unit weeks", "--time-unit: is 'weeks'; it must be one of s, ms"),
+            ("--angle 2 --time 1 --unit m --restoring pendulum", "--unit: is 'm'"),
+            ("--angle 2 --time 1 --restoring pendulm", "did you mean 'pendulum'"),
+            ("--angle 2 --time 1 --damping viscos", "did you mean 'viscous'"),
+            ("--angle 2 --time 1 --unit furlong", "--unit: is 'furlong'; it must be one of rad"),
+            ("--angle 2 --time 1 --start soon", "--start: is 'soon'; it must be a time in s"),
+            ("--angle 2 --time nothing", "unknown column"),
+            ("--angle 2 --time 1 --noise pink", "unknown noise model"),
+        ):
+            with failures.of(options):
+                assert main(["compare", str(file), *options.split(), "--out", str(tmp_path / "out")]) == 2
+                error = capsys.readouterr().err
+                assert said in error.lower() or said in error
+                assert error.count("\n") == 1
+                assert not (tmp_path / "out").exists()
 
 
 def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, capsys, monkeypatch) -> None:
@@ -96,16 +89,7 @@ def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, 
 
     monkeypatch.setattr("bayesdamp.pipeline.run_study", run)
     monkeypatch.setattr("bayesdamp.report.terminal.conclude", lambda *_: None)
-    words = [
-        str(good[0]),
-        str(bad),
-        str(good[1]),
-        "--quick",
-        "--workers",
-        "1",
-        "--out",
-        str(tmp_path / "out"),
-    ]
+    words = [*map(str, (good[0], bad, good[1])), "--quick", "--workers", "1", "--out", str(tmp_path / "out")]
     assert main(["compare", *words]) == 3
     said = capsys.readouterr().err.splitlines()
     assert said[-1].startswith("failed: b.csv: line 101: the value is nan")
@@ -153,26 +137,6 @@ def test_a_closed_output_does_not_end_the_run(tmp_path) -> None:
         _, said = child.communicate(timeout=60)
     assert (child.returncode, said) == (0, b"")
     assert (tmp_path / "out").read_text(encoding="utf-8") == "went on"
-
-
-def test_the_run_is_told_of_the_scheduler(tmp_path, monkeypatch) -> None:
-    """Also of one record, which this process would answer alone."""
-    given: dict[str, object] = {}
-
-    def run_study(*_: object, **options: object) -> int:
-        given.update(options)
-        raise InputError("enough")
-
-    monkeypatch.setattr("bayesdamp.pipeline.run_study", run_study)
-    words = ["compare", str(write(tmp_path / "a.csv")), "--out", str(tmp_path / "out"), "--quick", "--quiet"]
-    for where in ("tcp://127.0.0.1:1", None):
-        assert main([*words, *(["--scheduler", where] if where else [])]) == 2
-        assert given["scheduler"] == where
-
-
-def test_a_missing_file_is_one_line(tmp_path, capsys) -> None:
-    assert main(["compare", str(tmp_path / "none.csv")]) == 2
-    assert "no such file" in capsys.readouterr().err
 
 
 def test_a_record_without_noise_gets_some_and_says_so(tmp_path) -> None:

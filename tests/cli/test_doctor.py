@@ -56,18 +56,15 @@ def test_all_is_well_here(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(line.startswith("ok  ") for line in lines)
 
 
-@pytest.mark.parametrize("shell", SHELLS)
-def test_completion_scripts(shell: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert main(["completion", shell]) == 0
-    text = capsys.readouterr().out
-    assert VARIABLE in text
-    if shutil.which(shell):
-        path = tmp_path / "script"
-        path.write_text(text, encoding="utf-8")
-        assert subprocess.run([shell, "-n", path], check=False).returncode == 0
-
-
-def test_an_unknown_shell(capsys: pytest.CaptureFixture[str]) -> None:
+def test_completion_scripts(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "script"
+    for shell in SHELLS:
+        assert main(["completion", shell]) == 0
+        text = capsys.readouterr().out
+        assert VARIABLE in text
+        if shutil.which(shell):
+            path.write_text(text, encoding="utf-8")
+            assert subprocess.run([shell, "-n", path], check=False).returncode == 0
     assert main(["completion", "tcsh"]) == 2
     assert capsys.readouterr().err == "completion tcsh: unknown shell; valid are bash, zsh, fish\n"
 
@@ -76,10 +73,6 @@ def test_a_shell_that_asks_is_answered() -> None:
     code = "import sys; sys.argv[0] = 'bayesdamp'; from bayesdamp.cli import main; sys.exit(main())"
     asked = {"COMP_WORDS": "bayesdamp compare --qu", "COMP_CWORD": "2", VARIABLE: "complete_bash"}
     done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=os.environ | asked,
-        capture_output=True,
-        text=True,
-        check=False,
+        [sys.executable, "-c", code], env=os.environ | asked, capture_output=True, text=True
     )
     assert set(done.stdout.split()) == {"--quantity", "--quick", "--quiet"}

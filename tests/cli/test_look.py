@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +11,22 @@ import pytest
 
 import bayesdamp
 from bayesdamp.cli import main
-from bayesdamp.cli.looking import dots, plot
 from bayesdamp.cli.records import ReadingOptions, as_signals, chosen_records, first_words_on
-from bayesdamp.cli.study_file import written
 from bayesdamp.config import Recording, in_keys, load_study
 from bayesdamp.config.compare import comparison
 from bayesdamp.pipeline.records import recorded
 from bayesdamp.types import InputError
+from tests.records.tables import write_table
 
 T = np.arange(600) / 50
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 NOISE = np.random.default_rng(4).normal(0, 0.01, T.size)
+
+
+def said_by_look(path: Path, capsys: pytest.CaptureFixture[str], *options: str) -> str:
+    """Return what `look` prints, in one line."""
+    assert main(["look", str(path), *options]) == 0
+    return " ".join(capsys.readouterr().out.split())
 
 
 def runs(path: Path, unit: str = "deg") -> Path:
@@ -58,8 +62,7 @@ def test_look_shows_columns_units_clock_and_the_free_decay(tmp_path, capsys) -> 
 
 
 def test_look_shows_the_columns_where_none_can_be_chosen(tmp_path, capsys) -> None:
-    rows = [f"{t},{y},{z}" for t, y, z in zip(T, Y, np.cos(5 * T) * np.exp(-0.2 * T), strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join(["t,left,right", *rows]), encoding="utf-8")
+    write_table(tmp_path / "a.csv", "t,left,right", T, Y, np.cos(5 * T) * np.exp(-0.2 * T))
     assert main(["look", str(tmp_path / "a.csv")]) == 2
     out, error = capsys.readouterr()
     assert "left" in out
@@ -69,68 +72,18 @@ def test_look_shows_the_columns_where_none_can_be_chosen(tmp_path, capsys) -> No
     assert "is a folder and is not replaced; give a regular file" in capsys.readouterr().err
 
 
-def test_look_says_once_which_columns_are_read(tmp_path, capsys) -> None:
-    """The control has a column more that changes, and there is a reason to say."""
-    rows = [f"{t:.3f},{y:.5f},7" for t, y in zip(T, Y, strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join(["t,angle (rad),gain", *rows]), encoding="utf-8")
-    assert main(["look", str(tmp_path / "a.csv")]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert said.count("do not change") + said.count("does not change") == 1
-    assert said.count("column 't'") == 1
-    rows = [f"{t:.3f},{y:.5f},{t * t:.5f}" for t, y in zip(T, Y, strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join(["t,angle (rad),drift", *rows]), encoding="utf-8")
-    assert main(["look", str(tmp_path / "a.csv")]) == 0
-    assert "Using column 'angle (rad)': of the 2 columns that change" in " ".join(
-        capsys.readouterr().out.split()
-    )
-
-
 def test_look_says_where_there_are_no_samples(tmp_path, capsys) -> None:
     """Negative control: of a record without a hole it says nothing of that kind."""
     for name, kept in (("whole", T >= 0), ("hole", (T < 4) | (T > 5))):
-        rows = np.column_stack([T, Y + 0.1 * NOISE])[kept]
-        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header="t (s),angle (rad)", comments="")
-        assert main(["look", str(tmp_path / f"{name}.csv")]) == 0
-        said = " ".join(capsys.readouterr().out.split())
+        path = write_table(tmp_path / f"{name}.csv", "t (s),angle (rad)", T[kept], (Y + 0.1 * NOISE)[kept])
+        said = said_by_look(path, capsys)
         assert ("No samples for 1.04 s from 3.98 s on; the fit bridges the gap." in said) is (name == "hole")
 
 
-def test_look_says_once_that_a_unit_is_doubted(tmp_path, capsys) -> None:
-    rows = [f"{t:.3f},{60 * y:.5f}" for t, y in zip(T, Y, strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join(["t,angle", *rows]), encoding="utf-8")
-    assert main(["look", str(tmp_path / "a.csv")]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert said.count("turns to either side") == 1
-    assert said.startswith("! a.csv: it is read as degrees: no unit given")
-    assert "--unit rad" in said
-
-
-def test_the_first_words_on_what_is_no_free_decay(tmp_path) -> None:
-    """Two modes beat: 2.2 and 2.5 Hz, 0.6 of the amplitude."""
-    t = np.arange(1500) / 100
-    y = np.exp(-0.05 * t) * (np.sin(14 * t) + 0.6 * np.sin(16 * t))
-    rows = [f"{a:.3f},{b:.5f}" for a, b in zip(t, y, strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join(["t,x (mm)", *rows]), encoding="utf-8")
-    found = chosen_records([tmp_path / "a.csv"], ReadingOptions()).records
-    (said,) = first_words_on(found, ReadingOptions())
-    assert said.startswith("a.csv: Not the free decay of one oscillator: two oscillations beat, at 2.228")
-
-
-@pytest.mark.parametrize(
-    ("head", "times", "said"),
-    [
-        ("t", 1e6 * T, "are they in us? (--time-unit us, or s if they are)"),
-        ("t", np.arange(T.size), "are they numbers of samples? (--rate HZ, or --time-unit s if they are seconds)"),
-        ("date", 45000 + T / 86400, "do they count days? (--time-unit d, or s if they are)"),
-        ("t (fortnights)", T, "'fortnights', is not known"),
-    ],
-)  # fmt: skip
-def test_times_in_an_unlikely_unit_are_asked_about_and_not_computed_with(
-    tmp_path, head: str, times: np.ndarray, said: str
-) -> None:
-    path = tmp_path / "a.csv"
-    path.write_text("\n".join([f"{head},angle", *(f"{t},{y}" for t, y in zip(times.tolist(), Y.tolist()))]))
-    with pytest.raises(InputError, match=re.escape(said)):
+def test_times_in_an_unlikely_unit_are_asked_about_and_not_computed_with(tmp_path) -> None:
+    """What else is asked about is in tests/records/test_findings.py."""
+    path = write_table(tmp_path / "a.csv", "t,angle", 1e6 * T, Y)
+    with pytest.raises(InputError, match=r"are they in us\? \(--time-unit us, or s if they are\)"):
         chosen_records([path], ReadingOptions())
     with pytest.raises(InputError, match=r"time_unit="):
         bayesdamp.read(path)
@@ -145,7 +98,7 @@ def test_times_that_change_their_unit_are_refused_in_the_words_of_each_front(tmp
     """The command says options, a study its keys, Python its keywords; the head's unit is not doubted instead."""
     path, study = tmp_path / "a.csv", tmp_path / "a.toml"
     t = np.r_[-1.0, np.arange(1, 600) * 50 - 1000]  # ms, then us
-    path.write_text("\n".join(["Time [us],IN1", *(f"{a},{b}" for a, b in zip(t.tolist(), Y.tolist()))]))
+    write_table(path, "Time [us],IN1", t, Y)
     said = "the time goes back from -1e-06 to -0.00095 s; "
     assert main(["compare", str(path), "--quick", "--unit", "rad"]) == 2
     line = " ".join(capsys.readouterr().err.split())
@@ -165,26 +118,26 @@ def test_times_that_change_their_unit_are_refused_in_the_words_of_each_front(tmp
     assert line.endswith("(signal.time, signal.rate)")
 
 
-@pytest.mark.parametrize("period", [1e-9, 44712.0, 2e6])
-def test_a_fast_or_slow_record_whose_unit_is_said_is_answered(tmp_path, period: float) -> None:
-    """A resonator, a tide, a lake: the same motion, in other units of time."""
-    t = period / 40 * np.arange(600)
-    y = 0.3 * np.exp(-0.1 * t / period) * np.cos(2 * np.pi * t / period)
-    (tmp_path / "a.csv").write_text("\n".join(["t (s),x (m)", *(f"{a},{b}" for a, b in zip(t, y))]))
-    found = chosen_records([tmp_path / "a.csv"], ReadingOptions()).records
-    (said,) = first_words_on(found, ReadingOptions())
-    frequency, half, power = re.findall(r"at \(?([\d.]+) ± ([\d.]+)\)?(?: × 10(\S+))? Hz", said)[0]
-    tens = 10.0 ** int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
-    assert 0 < float(half) * tens < 1e-3 / period
-    assert float(frequency) * tens == pytest.approx(1 / period, rel=1e-3)
+def test_a_fast_or_slow_record_whose_unit_is_said_is_answered(tmp_path) -> None:
+    """A resonator, a tide: the same motion, in other units of time."""
+    for period in (1e-9, 44712.0):
+        t = period / 40 * np.arange(600)
+        y = 0.3 * np.exp(-0.1 * t / period) * np.cos(2 * np.pi * t / period)
+        found = chosen_records(
+            [write_table(tmp_path / "a.csv", "t (s),x (m)", t, y)], ReadingOptions()
+        ).records
+        (said,) = first_words_on(found, ReadingOptions())
+        frequency, half, power = re.findall(r"at \(?([\d.]+) ± ([\d.]+)\)?(?: × 10(\S+))? Hz", said)[0]
+        tens = 10.0 ** int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
+        assert 0 < float(half) * tens < 1e-3 / period
+        assert float(frequency) * tens == pytest.approx(1 / period, rel=1e-3)
 
 
 def test_stamps_since_an_epoch_count_from_the_first_sample_and_every_release_is_listed(tmp_path) -> None:
     t = np.arange(1600) / 20
     y = np.exp(-0.05 * (t % 40)) * np.cos(3 * (t % 40)) + 1e-3 * np.sin(77 * t)
-    rows = [f"{1700000000.25 + a:.2f},{b:.5f}" for a, b in zip(t, y, strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join(["stamp (s),x (mm)", *rows]), encoding="utf-8")
-    chosen = chosen_records([tmp_path / "a.csv"], ReadingOptions())
+    stamps = write_table(tmp_path / "a.csv", "stamp (s),x (mm)", np.round(1700000000.25 + t, 2), y)
+    chosen = chosen_records([stamps], ReadingOptions())
     assert "a.csv: Times are counted from the first sample (1700000000.25 s)." in chosen.notes
     first, others = first_words_on(chosen.records, ReadingOptions())
     spans = [tuple(map(float, re.findall(r"([\d.]+) to ([\d.]+) s", text)[0])) for text in (first, others)]
@@ -196,10 +149,9 @@ def test_stamps_since_an_epoch_count_from_the_first_sample_and_every_release_is_
 
 
 def test_one_bad_file_of_several_costs_its_own_record(tmp_path) -> None:
-    rows = [f"{a},{b}" for a, b in zip(T.tolist(), Y.tolist())]
-    still = [f"{a},{1e-3 * b}" for a, b in zip(T, np.random.default_rng(1).normal(size=T.size))]
-    for name, lines in (("a", rows), ("b", [*rows[:50], "1.0,nan", *rows[51:]]), ("c", rows), ("d", still)):
-        (tmp_path / f"{name}.csv").write_text("\n".join(["t (s),x (rad)", *lines]), encoding="utf-8")
+    still = 1e-3 * np.random.default_rng(1).normal(size=T.size)
+    for name, y in (("a", Y), ("b", np.where(np.arange(T.size) == 50, np.nan, Y)), ("c", Y), ("d", still)):
+        write_table(tmp_path / f"{name}.csv", "t (s),x (rad)", T, y)
     paths = [tmp_path / f"{name}.csv" for name in "abcde"]
     chosen = chosen_records(paths, ReadingOptions())
     assert [one.path.name for one in chosen.records] == ["a.csv", "c.csv"]
@@ -212,28 +164,13 @@ def test_one_bad_file_of_several_costs_its_own_record(tmp_path) -> None:
 
 
 def test_a_name_with_marks_of_html_stays_text(tmp_path) -> None:
-    rows = [f"{t},{y}" for t, y in zip(T, Y, strict=True)]
-    (tmp_path / "<i>.csv").write_text("\n".join(["t,<b>x</b>", *rows]), encoding="utf-8")
+    write_table(tmp_path / "<i>.csv", "t,<b>x</b>", T, Y)
     assert main(["look", str(tmp_path / "<i>.csv"), "--html", str(tmp_path / "a.html")]) == 0
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "&lt;i&gt;.csv" in page
     assert "&lt;b&gt;x" in page
     assert "<b>" not in page
     assert "<i>" not in page
-
-
-def test_dots_of_a_line_and_of_a_wave() -> None:
-    n = np.arange(400.0)
-    rising = dots(n, n, 4, 2)
-    assert rising[0][:2] == "⠀⠀"
-    assert rising[1][2:] == "⠀⠀"
-    assert rising[1][0] != "⠀"
-    assert rising[0][3] != "⠀"
-    assert dots(n, np.zeros(400), 3, 1) == ["⣀⣀⣀"]
-    full = dots(n, np.cos(n), 3, 1)
-    assert full == ["⣿⣿⣿"]
-    text = plot(n, np.cos(n / 30), (100.0, 200.0), 20, 3).plain.splitlines()
-    assert text[3] == f"{' ' * 5}{'─' * 6}{' ' * 9}"
 
 
 def test_init_writes_a_study_that_checks_and_reads(tmp_path, capsys) -> None:
@@ -270,13 +207,6 @@ def test_what_init_writes_is_what_compare_asks(tmp_path) -> None:
     assert ours == theirs
 
 
-@pytest.mark.parametrize(
-    "value", ["a", 'q"\\\n\t\x7f\x01é', 1, 2.5, 1e-300, True, ["a", 1], {"a": 1.0, "b": "x"}, []]
-)
-def test_values_are_written_as_toml_reads_them(value: object) -> None:
-    assert tomllib.loads(f"x = {written(value)}")["x"] == value
-
-
 def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
     file = runs(tmp_path / "rig.csv")
     chosen = chosen_records([file], ReadingOptions())
@@ -298,9 +228,8 @@ def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
 
 
 def test_a_file_of_which_no_record_is_a_decay(tmp_path, capsys) -> None:
-    columns = {f"{name} Run #{i}": x for i in (1, 2) for name, x in (("t (s)", T), ("x (m)", NOISE))}
-    rows = [",".join(f"{x:.6f}" for x in row) for row in zip(*columns.values(), strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join([",".join(columns), *rows]), encoding="utf-8")
+    names = ",".join(f"{name} Run #{i}" for i in (1, 2) for name in ("t (s)", "x (m)"))
+    write_table(tmp_path / "a.csv", names, T, NOISE, T, NOISE)
     assert main(["compare", str(tmp_path / "a.csv"), "--out", str(tmp_path / "out")]) == 2
     assert "none of its 2 records is a free decay" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
@@ -328,45 +257,27 @@ def test_a_study_names_run_and_channel(tmp_path) -> None:
         np.testing.assert_allclose(recorded(source).y, 30 * Y, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("head", "unit", "said"),
-    [("position", None, True), ("position", "m", False), ("angle (deg)", None, False)],
-)
-def test_a_unit_that_nobody_states_is_said(tmp_path: Path, head: str, unit: str | None, said: bool) -> None:
-    """The controls state one, the user or the file."""
-    t = np.linspace(0.0, 10.0, 500)
-    path = tmp_path / "rig.csv"
-    rows = np.column_stack([t, 0.05 * np.exp(-0.1 * t) * np.cos(8 * t)])
-    np.savetxt(path, rows, delimiter=",", header=f"time,{head}", comments="")
-    options = ReadingOptions(unit=unit)
-    lines = first_words_on(chosen_records([path], options).records, options)
-    assert any("No unit given" in line and "--unit" in line for line in lines) == said
-
-
 def levels(path: Path, head: str) -> Path:
     """An amplitude that falls from 2 s on by 1 dB/s, to 30 s, in dB or as it is."""
     t = np.arange(0.0, 30.0, 0.05)
     fall = -1.0 * np.maximum(t - 2.0, 0.0) + np.where(t < 2.0, 3.0, 0.0)
     values = fall if "dB" in head else 10.0 ** (fall / 20)
-    np.savetxt(path, np.column_stack([t, values]), delimiter=",", header=f"t (s),{head}", comments="")
-    return path
+    return write_table(path, f"t (s),{head}", t, values)
 
 
 def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:
     """As compare takes it: where the unit says dB, or where it is asked for. The control is asked for as what it is
     not, an oscillation, and says what would be right."""
     level = levels(tmp_path / "a.csv", "Power (dBm)")
-    assert main(["look", str(level)]) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    said = said_by_look(level, capsys)
     assert "an envelope in dBm: 600 readings from 0 to 29.95 s" in said
     assert "The decay starts at 2" in said
     assert "It falls by 2" in said
     assert "--frequency HZ" in said
     plain = levels(tmp_path / "b.csv", "magnitude")
-    assert main(["look", str(plain), "--quantity", "envelope", "--start", "5"]) == 0
-    assert "The decay starts at 5 s, as asked" in " ".join(capsys.readouterr().out.split())
-    assert main(["look", str(plain)]) == 0
-    assert "use --quantity envelope" in " ".join(capsys.readouterr().out.split())
+    asked = said_by_look(plain, capsys, "--quantity", "envelope", "--start", "5")
+    assert "The decay starts at 5 s, as asked" in asked
+    assert "use --quantity envelope" in said_by_look(plain, capsys)
     assert main(["look", str(level), "--html", str(tmp_path / "a.html")]) == 0
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "<h2>an envelope in dBm</h2>" in page
@@ -377,7 +288,7 @@ def test_one_command_answers_all_that_a_file_leaves_open(tmp_path, capsys, monke
     """Columns, times and unit at once where it is refused; unit and unit of times where it is doubted."""
     monkeypatch.chdir(tmp_path)
     other = 12 * np.cos(5 * T) * np.exp(-0.2 * T)
-    np.savetxt("a.csv", np.c_[40 * Y, other], header="the left,right", delimiter=",", comments="")
+    write_table(Path("a.csv"), "the left,right", 40 * Y, other)
     assert main(["look", "a.csv", "--start", "1"]) == 2
     command = "bayesdamp compare a.csv --start 1.0 --unit counts --angle 'the left' --rate HZ"
     (error,) = capsys.readouterr().err.splitlines()
@@ -386,14 +297,10 @@ def test_one_command_answers_all_that_a_file_leaves_open(tmp_path, capsys, monke
     words = shlex.split(command.replace("HZ", "50"))[2:]
     assert main(["look", *words]) == 0
     assert "in one command" not in capsys.readouterr().out
-    np.savetxt("b.csv", np.c_[1e6 * T, 40 * Y], header="t,x", delimiter=",", comments="")
-    assert main(["look", "b.csv"]) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    said = said_by_look(write_table(Path("b.csv"), "t,x", 1e6 * T, 40 * Y), capsys)
     assert "in one command (check its values): bayesdamp compare b.csv --unit counts --time-unit us" in said
 
 
 def test_nothing_is_asked_where_one_thing_or_none_is_open(tmp_path, capsys) -> None:
     for head, t in (("t (s),x (deg)", T), ("t,x (deg)", 1e3 * T)):
-        np.savetxt(tmp_path / "a.csv", np.c_[t, 40 * Y], header=head, delimiter=",", comments="")
-        assert main(["look", str(tmp_path / "a.csv")]) == 0
-        assert "in one command" not in capsys.readouterr().out
+        assert "in one command" not in said_by_look(write_table(tmp_path / "a.csv", head, t, 40 * Y), capsys)

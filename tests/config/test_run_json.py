@@ -97,14 +97,6 @@ def test_another_file_is_refused(study: Path, tmp_path: Path) -> None:
         load_study(path)
 
 
-@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"asked": {}}'])
-def test_what_is_no_run_is_refused(text: str, tmp_path: Path) -> None:
-    path = tmp_path / "run.json"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=r"give (a|that) study file"):
-        load_study(path)
-
-
 def test_a_missing_plugin_is_told(study: Path, tmp_path: Path) -> None:
     path = remembered(study, tmp_path / "out")
     run = json.loads(path.read_text(encoding="utf-8"))

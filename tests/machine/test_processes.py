@@ -57,18 +57,17 @@ def test_a_run_that_is_killed_leaves_no_process_and_no_complaint(tmp_path: Path)
     assert "leaked" not in said
 
 
-@pytest.mark.parametrize("one", ["SIGTERM", "SIGHUP"])
-def test_what_is_told_to_end_is_interrupted(one: str) -> None:
+def test_what_is_told_to_end_is_interrupted() -> None:
     """Negative controls: who was told to ignore it goes on; afterwards it ends a process as before."""
-    number = getattr(signal, one)
-    before = signal.signal(number, signal.SIG_DFL)  # who runs the tests may have them ignore it
-    try:
-        with pytest.raises(KeyboardInterrupt), kill_as_interrupt():
-            signal.raise_signal(number)
-        assert signal.getsignal(number) is signal.SIG_DFL
-        signal.signal(number, signal.SIG_IGN)
-        with kill_as_interrupt():
-            os.kill(os.getpid(), number)
-            time.sleep(0.1)
-    finally:
-        signal.signal(number, before)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        before = signal.signal(number, signal.SIG_DFL)  # who runs the tests may have them ignore it
+        try:
+            with pytest.raises(KeyboardInterrupt), kill_as_interrupt():
+                signal.raise_signal(number)
+            assert signal.getsignal(number) is signal.SIG_DFL
+            signal.signal(number, signal.SIG_IGN)
+            with kill_as_interrupt():
+                os.kill(os.getpid(), number)
+                time.sleep(0.1)
+        finally:
+            signal.signal(number, before)

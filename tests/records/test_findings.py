@@ -11,6 +11,8 @@ import bayesdamp
 from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import read_as
+from tests.failures import Failures
+from tests.records.tables import write_table
 
 T = np.arange(600) / 50
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
@@ -24,39 +26,25 @@ CASES = {
     "degrees": ("t,angle", T, 50 * Y, {}, None, [Kind.DEGREES], "--unit rad"),
     "counts": ("t,angle", T, 5000 * Y, {}, None, [Kind.DEGREES], "--unit deg"),
     "rad, asked": ("t,angle", T, 50 * Y, {}, "rad", [], ""),
-    "many turns, asked": ("t,angle", T, 500 * Y, {}, "rad", [], ""),
-    "degrees, said": ("t,angle (deg)", T, 50 * Y, {}, None, [], ""),
     "degrees, asked": ("t,angle", T, 50 * Y, {}, "deg", [], ""),
-    "over the top in rad": ("t,angle (rad)", T, 15 * Y, {}, None, [], ""),
     "many turns": ("t,angle (rad)", T, 100 * Y, {}, None, [], ""),
-    "velocity": ("t,gyro (rad/s)", T, 50 * Y, {}, None, [], ""),
-    "metres": ("t,x (m)", T, 50 * Y, {}, None, [], ""),
     "ms": ("t,angle", 1e3 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit ms"),
     "ms, said": ("t (ms),angle", 1e3 * T, Y, {}, None, [], ""),
-    "ms, asked": ("t,angle", 1e3 * T, Y, {"time_unit": "ms"}, None, [], ""),
-    "us": ("t,angle", 1e6 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit us"),
     "ms, said wrongly": ("t (ms),angle (deg)", T, 50 * Y, {}, None, [Kind.TIME_UNIT], "--time-unit s, or ms"),
     "us, said wrongly": ("TimeUS,x (m)", 1e3 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit ms, or us"),
-    "ms, said wrongly, asked": ("t (ms),angle (deg)", T, 50 * Y, {"time_unit": "ms"}, None, [], ""),
     "s, in bursts": ("t (s),angle (deg)", np.floor(3 * T) / 3, 50 * Y, {}, None, [], ""),
     "s, backwards": ("t (s),angle (deg)", T[::-1], 50 * Y, {}, None, [], ""),
     "ms, a small swing": ("t (ms),angle (deg)", T, Y, {}, None, [], ""),
-    "ms, no unit": ("t (ms),angle", T, Y, {}, None, [], ""),
     "ms, an acceleration": ("t (ms),acc (g)", T, 50 * Y, {}, None, [], ""),
     "h, said": ("time (h),angle", T / 3600, Y, {}, None, [], ""),
     "weeks, said": ("time (weeks),angle", T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit s if they are"),
-    "weeks, asked": ("time (weeks),angle", T, Y, {"time_unit": "s"}, None, [], ""),
     "no unit in brackets": ("time (UTC),angle", T, Y, {}, None, [], ""),
     "datenum": ("time,angle", 738000 + T / 86400, Y, {}, None, [Kind.TIME_UNIT], "--time-unit d"),
-    "a spreadsheet's days": ("date,angle", 45000 + T / 86400, Y, {}, None, [Kind.TIME_UNIT], "--time-unit d"),
-    "days, asked": ("time,angle", 45000 + T / 86400, Y, {"time_unit": "d"}, None, [], ""),
     "seconds of a day": ("time,angle", 45000 + T, Y, {}, None, [], ""),
     "fast, from 0": ("time,angle", T / 86400, Y, {}, None, [], ""),
     "slow, said": ("t (s),angle", 1e3 * T, Y, {}, None, [], ""),
-    "slow, asked": ("t,angle", 1e3 * T, Y, {"time_unit": "s"}, None, [], ""),
     "numbers of samples": ("t,angle", np.arange(600.0), Y, {}, None, [Kind.SAMPLE_NUMBERS], "--rate HZ"),
     "interval as rate": ("x,angle", Y[::-1], Y, {"rate": 0.02, "value": 2}, None, [Kind.PERIOD], "--rate 50"),
-    "kHz as Hz": ("x,angle", Y[::-1], Y, {"rate": 0.5e9, "value": 2}, None, [Kind.PERIOD], "--rate HZ"),
     "rate": ("x,angle", Y[::-1], Y, {"rate": 50.0, "value": 2}, None, [], ""),
     "rate against the file's": (
         "# sample rate: 50 Hz\nx,angle", Y[::-1], Y, {"rate": 500.0, "value": 2}, None, [Kind.RATE], "--rate 50",
@@ -67,45 +55,32 @@ CASES = {
     "times against the file's rate": ("# fs = 25\nt,angle", T, Y, {}, None, [Kind.RATE], "--rate 25"),
     "times and a rate of two readings": ("# fs = 50,000 Hz\nt,angle", T, Y, {}, None, [], ""),
     "all above 0": ("t,angle", T, Y - Y.min(), {}, None, [], ""),
-    "all above 0, undamped": ("t,angle", T, 0.3 + 0.3 * np.cos(6 * T), {}, None, [], ""),
     "an envelope": ("t,angle", T, np.hypot(Y, 0.05 * np.sin(6 * T)), {}, None, [], ""),
     "pulses": ("t,angle", T, np.exp(-0.1 * T) * (np.cos(6 * T) > 0.9), {}, None, [], ""),
     "wrapped, said": ("t,angle (deg)", T, DEG % 360, {}, None, [], ""),
-    "wrapped about 180": ("t,angle (deg)", T, (DEG + 360) % 360 - 180, {}, None, [], ""),
-    "wrapped, in rad": ("t,angle", T, (Y + NOISE) % (2 * np.pi), {}, None, [], ""),
     "wrapped, no unit": ("t,angle", T, DEG % 360, {}, None, BOTH, ""),
     "wrapped, asked": ("t,angle", T, DEG % 360, {}, "deg", [], ""),
     "unwrapped": ("t,angle (deg)", T, DEG + 360, {}, None, [], ""),
     "wide, not wrapped": ("t,angle (deg)", T, 10 * DEG, {}, None, [], ""),
-    "a turn of volts": ("t,U (V)", T, DEG % 360, {}, None, [], ""),
     "a factor in brackets": ("t,angle (deg x1000)", T, Y, {}, None, [Kind.UNIT], "--unit"),
     "a multiplied unit": ("t,disp [m·10⁻³]", T, Y, {}, None, [Kind.UNIT], "--unit"),
     "a range": ("t,accel (16 g)", T, Y, {}, None, [Kind.UNIT], "--unit counts"),
     "a power of a unit": ("t,acc (m/s^2)", T, Y, {}, None, [], ""),
-    "a factor of volts": ("t,U (V x10)", T, Y, {}, None, [Kind.UNIT], "--unit counts"),
-    "a power of ten": ("t,disp (1e-3 m)", T, Y, {}, None, [Kind.UNIT], "--unit"),
     "a power of ten, per s²": ("t,accel (10^-3 m/s^2)", T, Y, {}, None, [Kind.UNIT], "--unit"),
     "a factor, asked": ("t,disp (1e-3 m)", T, Y, {}, "mm", [], ""),
     "a factor of times": ("t (1e-3 s),angle", 1e3 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit s if they are"),
-    "a factor of times, asked": ("t (1e-3 s),angle", 1e3 * T, Y, {"time_unit": "ms"}, None, [], ""),
-    "a channel": ("t,x10", T, Y, {}, None, [], ""),
-    "a channel in mm": ("t,x10 (mm)", T, Y, {}, None, [], ""),
     "a probe": ("t,Ch1 x10 (V)", T, Y, {}, None, [], ""),
-    "newtons": ("t,load (N)", T, Y, {}, None, [Kind.UNIT], "--unit counts"),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", CASES)
-def test_a_doubt_is_told_where_there_is_one(tmp_path: Path, what: str) -> None:
-    names, t, y, options, unit, kinds, option = CASES[what]
-    rows = [f"{a!r},{b!r}" for a, b in zip(t.tolist(), y.tolist(), strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join([names, *rows]), encoding="utf-8")
-    raw = read_record(tmp_path / "a.csv", **options)  # type: ignore[arg-type]
-    found = findings(raw, *read_as(raw, unit, None), unit is not None)
-    assert [finding.kind for finding in found] == kinds
-    for finding in found:
-        assert option in finding.option
-        assert len(str(finding)) < 250
+def test_a_doubt_is_told_where_there_is_one(tmp_path: Path) -> None:
+    with Failures() as failures:
+        for name, (names, t, y, options, unit, kinds, option) in CASES.items():
+            with failures.of(name):
+                raw = read_record(write_table(tmp_path / "a.csv", names, t, y), **options)  # type: ignore[arg-type]
+                found = findings(raw, *read_as(raw, unit, None), unit is not None)
+                assert [finding.kind for finding in found] == kinds
+                assert all(option in finding.option and len(str(finding)) < 250 for finding in found)
 
 
 def test_an_unknown_unit_is_refused_in_python(tmp_path: Path) -> None:
@@ -113,35 +88,28 @@ def test_an_unknown_unit_is_refused_in_python(tmp_path: Path) -> None:
         ("t,disp (1e-3 m)", "'1e-3 m', is not one of a displacement", {"unit": "mm"}),
         ("t (1e-3 s),angle", "'1e-3 s', is not known", {"time_unit": "ms"}),
     ):
-        np.savetxt(tmp_path / "a.csv", np.c_[T, Y], delimiter=",", header=head, comments="")
+        path = write_table(tmp_path / "a.csv", head, T, Y)
         with pytest.raises(bayesdamp.InputError, match=said) as caught:
-            bayesdamp.read(tmp_path / "a.csv")
+            bayesdamp.read(path)
         assert f"{next(iter(asked))}=" in str(caught.value)
-        assert bayesdamp.read(tmp_path / "a.csv", **asked).signal().t.size > 100
+        assert bayesdamp.read(path, **asked).signal().t.size > 100
 
 
 def test_constant_columns_are_told(tmp_path: Path) -> None:
-    rows = [f"{a!r},{b!r},2.5,1" for a, b in zip(T.tolist(), Y.tolist(), strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join(["t,angle,volts,lamp", *rows]), encoding="utf-8")
-    raw = read_record(tmp_path / "a.csv")
+    flat = np.full(T.size, 2.5)
+    raw = read_record(write_table(tmp_path / "a.csv", "t,angle,volts,lamp", T, Y, flat, flat))
     (found,) = findings(raw, "rad", "angle")
     assert found.kind is Kind.CONSTANT
     assert "'volts', 'lamp'" in found.sentence
 
 
-@pytest.mark.parametrize(
-    ("name", "size", "unit"),
-    [
-        ("angle", 1, "rad"), ("angle", 50, "deg"), ("", 50, "deg"), ("Winkel", 50, "deg"), ("voltage", 50, "counts"),
-        ("angle", 5000, "counts"), ("angle (rad)", 50, "rad"), ("x", 1, "rad"),
-    ],
-)  # fmt: skip
-def test_what_is_too_large_for_radians_is_read_as_degrees_or_counts(
-    tmp_path: Path, name: str, size: float, unit: str
-) -> None:
-    rows = [f"{a!r},{b!r}" for a, b in zip(T.tolist(), (size * Y).tolist(), strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join([f"t,{name}", *rows] if name else rows), encoding="utf-8")
-    assert read_as(read_record(tmp_path / "a.csv"), None, None) == (unit, "angle")
-    record = bayesdamp.read(tmp_path / "a.csv")
-    assert record.unit == unit
-    assert ("no unit given" in str(record.signal().provenance.warnings)) is (unit != "rad")
+def test_what_is_too_large_for_radians_is_read_as_degrees_or_counts(tmp_path: Path) -> None:
+    for name, size, unit in (
+        ("angle", 1, "rad"), ("angle", 50, "deg"), ("", 50, "deg"), ("voltage", 50, "counts"),
+        ("angle", 5000, "counts"), ("angle (rad)", 50, "rad"),
+    ):  # fmt: skip
+        path = write_table(tmp_path / "a.csv", f"t,{name}" if name else "", T, size * Y)
+        assert read_as(read_record(path), None, None) == (unit, "angle")
+        record = bayesdamp.read(path)
+        assert record.unit == unit
+        assert ("no unit given" in str(record.signal().provenance.warnings)) is (unit != "rad")

@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 """Measured decays: sampling rate, cycles, start and stop."""
 
 from pathlib import Path
@@ -9,8 +10,12 @@ from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.read import read_record
+from bayesdamp.records.record import RawRecord
+from bayesdamp.types import InputError
+from tests.failures import Failures
 
 DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data"
+pytestmark = pytest.mark.skipif(not DATA.exists(), reason="the measured decays are not here")
 RIG = {"time": "Time_Elapsed(s)", "value": "Angle(deg)"}
 SWING = {"time": "Theta1.time", "value": "Theta1.signals.values"}
 DISC = {"time": "Time (s) Run #1", "value": "Position (m) Run #1"}
@@ -20,84 +25,45 @@ TABLE = [
     ("horizontal_pendulum/60.txt", RIG, "deg", "uniform", 259.5, (79, 83), (0, 60), (4300, 4570)),
     ("horizontal_pendulum/80P.txt", RIG, "deg", "uniform", 259.6, (69, 74), (0, 100), (5000, 5600)),
     ("horizontal_pendulum/100.txt", RIG, "deg", "uniform", 259.5, (103, 107), (190, 300), (9700, 10300)),
-    (
-        "ship_roll/model_test_21338.csv",
-        {"time": "time", "value": "phi"},
-        "rad",
-        "as_logged",
-        100.0,
-        (72.5, 74),
-        (800, 815),
-        (19463, 19463),
-    ),
-    (
-        "encoder_pendulum/SingleDataFreeSwing_1_Dt_0_0001.mat",
-        SWING,
-        "rad",
-        "as_logged",
-        10000.0,
-        (7, 7.6),
-        (0, 500),
-        (53000, 58000),
-    ),
-    (
-        "video_pendulum/lab1_data.txt",
-        {"time": 1, "value": 2},
-        "rad",
-        "as_logged",
-        20.0,
-        (70, 71.5),
-        (0, 0),
-        (2329, 2329),
-    ),
+    ("ship_roll/model_test_21338.csv", {"time": "time", "value": "phi"}, "rad", "as_logged", 100.0, (72.5, 74), (800, 815), (19463, 19463)),
+    ("encoder_pendulum/SingleDataFreeSwing_1_Dt_0_0001.mat", SWING, "rad", "as_logged", 10000.0, (7, 7.6), (0, 500), (53000, 58000)),
+    ("video_pendulum/lab1_data.txt", {"time": 1, "value": 2}, "rad", "as_logged", 20.0, (70, 71.5), (0, 0), (2329, 2329)),
     # the first swing, from 136°, ends at 99°, where a free one would reach 118°
-    (
-        "rotary_pendulum/pendulum_free_swing_data_01.txt",
-        {"rate": 1000.0},
-        "deg",
-        "rate",
-        1000.0,
-        (6.7, 8.1),
-        (240, 730),
-        (4999, 4999),
-    ),
+    ("rotary_pendulum/pendulum_free_swing_data_01.txt", {"rate": 1000.0}, "deg", "rate", 1000.0, (6.7, 8.1), (240, 730), (4999, 4999)),
     # the disc's amplitude falls below two steps of its 1 cm
-    (
-        "spring_disc/molla_dura_discopieno_0.1223kg.csv",
-        DISC,
-        "m",
-        "as_logged",
-        100.0,
-        (40, 65),
-        (30, 130),
-        (3500, 5400),
-    ),
-]
+    ("spring_disc/molla_dura_discopieno_0.1223kg.csv", DISC, "m", "as_logged", 100.0, (40, 65), (30, 130), (3500, 5400)),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("file", "columns", "unit", "clock", "rate", "cycles", "start", "stop"), TABLE)
-def test_measured(file, columns, unit, clock, rate, cycles, start, stop):
-    if not (DATA / file).exists():
-        pytest.skip("the measured decays are not here")
-    signal = clean(read_record(DATA / file, **columns), name="x", unit=unit)
-    numbers = signal.provenance.more
-    assert numbers["clock"] == clock
-    assert numbers["sampling_rate"] == pytest.approx(rate, rel=1e-3)
-    assert cycles[0] <= numbers["cycles"] <= cycles[1]
-    assert start[0] <= numbers["start_sample"] <= start[1]
-    assert stop[0] <= numbers["stop_sample"] <= stop[1]
-    assert signal.t[0] == 0.0
-    assert np.all(np.diff(signal.t) > 0)
-    assert signal.y.size == numbers["samples"]
-    assert all(isinstance(note, str) and note.endswith(".") for note in signal.provenance.notes)
+SECONDS = {
+    "ship_roll/model_test_21338.csv": (8.07, (8.1, np.inf), np.deg2rad(0.005)),
+    "encoder_pendulum/SingleDataFreeSwing_1_Dt_0_0001.mat": (60.0, (65.3, 65.8), 1.57e-4),
+}
+"""Start, stop (low, high) and step."""
+
+
+def test_measured():
+    with Failures() as failures:
+        for file, columns, unit, clock, rate, cycles, start, stop in TABLE:
+            with failures.of(file):
+                signal = clean(read_record(DATA / file, **columns), name="x", unit=unit)
+                numbers = signal.provenance.more
+                assert numbers["clock"] == clock
+                assert numbers["sampling_rate"] == pytest.approx(rate, rel=1e-3)
+                assert cycles[0] <= numbers["cycles"] <= cycles[1]
+                assert start[0] <= numbers["start_sample"] <= start[1]
+                assert stop[0] <= numbers["stop_sample"] <= stop[1]
+                assert signal.t[0] == 0.0
+                assert np.all(np.diff(signal.t) > 0)
+                assert signal.y.size == numbers["samples"]
+                if file in SECONDS:
+                    begin, (early, late), step = SECONDS[file]
+                    assert signal.provenance.start == pytest.approx(begin, abs=0.05)
+                    assert early <= signal.provenance.stop <= late
+                    assert signal.step == pytest.approx(step, rel=0.01)
 
 
 def test_a_shuffled_measured_record_is_refused():
-    from bayesdamp.records.record import RawRecord
-    from bayesdamp.types import InputError
-
-    if not DATA.exists():
-        pytest.skip("the measured decays are not here")
     raw = read_record(DATA / "video_pendulum/lab1_data.txt", time=1, value=2)
     order = np.random.default_rng(0).permutation(raw.y.size)
     with pytest.raises(InputError, match="no oscillation"):
@@ -106,43 +72,21 @@ def test_a_shuffled_measured_record_is_refused():
         clean(RawRecord(raw.t[order], raw.y[order], None, raw.rows), name="x")
 
 
-def test_ship_and_encoder_in_seconds():
-    if not DATA.exists():
-        pytest.skip("the measured decays are not here")
-    ship = clean(read_record(DATA / TABLE[3][0], **TABLE[3][1]), name="ship")
-    assert ship.provenance.start == pytest.approx(8.07, abs=0.05)
-    assert ship.step == pytest.approx(np.deg2rad(0.005), rel=0.01)
-    encoder = clean(read_record(DATA / TABLE[4][0], **TABLE[4][1]), name="encoder")
-    assert encoder.provenance.start == pytest.approx(60.0, abs=0.05)
-    assert 65.3 <= encoder.provenance.stop <= 65.8
-    assert encoder.step == pytest.approx(1.57e-4, rel=0.01)
-
-
 # By eye: the turning point at which the hand lets go, the last clear peak, and when it is at rest, in s.
 HAND = [
-    (1.1, 8.6, 9.7),
-    (0.8, 7.0, 8.6),
-    (0.7, 7.6, 8.7),
-    (1.05, 8.0, 9.6),
-    (0.65, 6.8, 8.2),
-    (0.8, 7.1, 8.3),
-    (1.8, 12.2, 13.2),
-    (1.0, 11.9, 13.5),
-    (1.05, 12.8, 14.3),
-    (1.4, 12.5, 13.6),
-]
+    (1.1, 8.6, 9.7), (0.8, 7.0, 8.6), (0.7, 7.6, 8.7), (1.05, 8.0, 9.6), (0.65, 6.8, 8.2), (0.8, 7.1, 8.3),
+    (1.8, 12.2, 13.2), (1.0, 11.9, 13.5), (1.05, 12.8, 14.3), (1.4, 12.5, 13.6),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("run", range(1, 11))
-def test_ten_runs_by_hand(run):
+def test_ten_runs_by_hand():
     """It starts where the hand lets go or half a swing later, and stops before it sticks, away from zero."""
-    file = DATA / "ten_runs/Run_1-10_no_magnet.csv"
-    if not file.exists():
-        pytest.skip("the measured decays are not here")
-    raw = read_record(file, time=f"Time (s) Run #{run}", value=f"Angle, Ch 1+2 (rad) Run #{run}")
-    signal = clean(raw, name="x")
-    released, last_peak, rests = HAND[run - 1]
-    assert released - 0.06 <= signal.provenance.start <= released + 0.75
-    assert last_peak - 0.1 <= signal.provenance.stop <= rests
-    assert len(signal.provenance.decays) == 1
-    assert anomalies(signal, features(signal)) == ()
+    with Failures() as failures:
+        for run, (released, last_peak, rests) in enumerate(HAND, start=1):
+            with failures.of(run):
+                columns = {"time": f"Time (s) Run #{run}", "value": f"Angle, Ch 1+2 (rad) Run #{run}"}
+                signal = clean(read_record(DATA / "ten_runs/Run_1-10_no_magnet.csv", **columns), name="x")
+                assert released - 0.06 <= signal.provenance.start <= released + 0.75
+                assert last_peak - 0.1 <= signal.provenance.stop <= rests
+                assert len(signal.provenance.decays) == 1
+                assert anomalies(signal, features(signal)) == ()

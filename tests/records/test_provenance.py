@@ -30,21 +30,9 @@ def test_it_is_the_same_after_a_file() -> None:
         assert Provenance.of(json.loads(json.dumps(one.to_dict()))) == one
 
 
-def test_run_json_has_all_side_by_side() -> None:
-    found = WHOLE.to_dict()
-    assert (found["format"], found["start"], found["notes"]) == ("text", 1.5, ["Kept are 100 samples."])
-    assert Provenance().to_dict()["warnings"] == []
-
-
 def test_what_an_earlier_run_wrote_is_read() -> None:
     found = Provenance.of(
         {"time_column": None, "turns_warning": "it swings.", "notes": ["a"], "restoring": ["linear"]}
     )
     assert (found.time_column, found.notes) == ("", ("a",))
     assert found.more == {"turns_warning": "it swings.", "restoring": ["linear"]}
-
-
-def test_what_a_user_reads_begins_with_what_he_has_to_know() -> None:
-    assert WHOLE.said == ("Beware: no unit is said.", "2 header lines skipped.", "Kept are 100 samples.")
-    assert Provenance(header_lines=1).said == ("1 header line skipped.",)
-    assert Provenance().said == ()

@@ -1,13 +1,14 @@
-"""Every format, and every bad file with its one line."""
+"""Tables of text, arrays, and what is wrong in them with its one line."""
 
-from pathlib import Path
+import pickle
 
 import numpy as np
 import pytest
 from scipy.io import savemat
 
-from bayesdamp.records.read import read_record, read_records
+from bayesdamp.records.read import read_record
 from bayesdamp.types import InputError
+from tests.failures import Failures
 
 T = np.arange(20) * 0.1
 Y = np.round(np.cos(3 * T) * np.exp(-0.1 * T), 4)
@@ -38,74 +39,54 @@ TEXTS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("what", "encoding"),
-    [
-        *((what, "utf-8") for what in TEXTS),
-        *(("semicolon and decimal comma", e) for e in ("utf-8-sig", "utf-16")),
-    ],
-)
-def test_text(tmp_path, what, encoding):
-    lines, time, value = TEXTS[what]
-    raw = read_record(write(tmp_path / "a.csv", lines, encoding), time=time, value=value)
-    np.testing.assert_array_equal(raw.t[:20], np.round(T, 1))
-    np.testing.assert_array_equal(raw.y[:20], Y)
+def test_text(tmp_path):
+    others = {"semicolon and decimal comma": ("utf-8-sig", "utf-16")}
+    with Failures() as failures:
+        for what, (lines, time, value) in TEXTS.items():
+            for encoding in ("utf-8", *others.get(what, ())):
+                with failures.of(f"{what}, {encoding}"):
+                    raw = read_record(write(tmp_path / "a.csv", lines, encoding), time=time, value=value)
+                    np.testing.assert_array_equal(raw.t[:20], np.round(T, 1))
+                    np.testing.assert_array_equal(raw.y[:20], Y)
 
 
-def test_names_above_values_of_other_columns(tmp_path):
-    lines = ["start, sample_rate, seconds", "90, 10, 2", *(f"{y}" for y in Y)]
-    raw = read_record(write(tmp_path / "a.txt", lines), rate=10)
-    assert raw.t is None
-    assert raw.rate == 10
-    np.testing.assert_array_equal(raw.y, Y)
+def test_a_head_longer_than_the_rows_gives_names_and_units(tmp_path):
+    """Separators at its end, more names, and facts beside the first rows."""
+    for separator, head, said in (
+        (",", "t (ms){0}phi (deg){0}{0}", []),
+        (";", "t (ms){0}phi (deg){0}comment", ["its head names 3 columns and its rows have 2"]),
+        ("\t", "t (ms){0}phi (deg){0}name{0}value", [
+            "its head names 4 columns and its rows have 2", "line 2 has 4 cells where the table has 2 (and 1 more",
+        ]),
+    ):  # fmt: skip
+        lines = rows(separator)
+        if len(said) == 2:
+            lines[:2] = [lines[0] + "\tmass\t1.5", lines[1] + "\twho\tme"]
+        record = read_record(write(tmp_path / "a.csv", [head.format(separator), *lines]))
+        assert (record.columns, record.unit) == (("t (ms)", "phi (deg)"), "deg")
+        np.testing.assert_allclose(record.t, T / 1e3, atol=1e-12)
+        np.testing.assert_array_equal(record.y, Y)
+        found = record.provenance.warnings
+        assert len(found) == len(said)
+        assert all(line.startswith(start) for line, start in zip(found, said))
 
 
-LONGER = {
-    "separators at its end": ("t (ms){0}phi (deg){0}{0}", []),
-    "more names": ("t (ms){0}phi (deg){0}comment", ["its head names 3 columns and its rows have 2"]),
-    "facts beside the first rows": (
-        "t (ms){0}phi (deg){0}name{0}value",
-        [
-            "its head names 4 columns and its rows have 2",
-            "line 2 has 4 cells where the table has 2 (and 1 more",
-        ],
-    ),
-}
+STAMPS = {
+    "a day does not vanish": (["2024-02-28T23:59:59.5", "2024-02-29T00:00:00.25", "2024-03-02T00:00"], 0.75, 172800.5),
+    "zones are taken off": (["2024-05-03T10:00:00+02:00", "2024-05-03T08:00:01Z", "2024-05-03 06:00:03-02"], 1, 3),
+    "a zone before midnight": (["2024-05-03T23:30:00-01:00", "2024-05-04T00:30:01Z", "2024-05-04T00:30:02Z"], 1, 2),
+    "days first": (["03.05.2024 10:00:00", "03.05.2024 10:00:01", "04.05.2024 10:00:00"], 1, 86400),
+    "midnight without a date": (["23:59:59.5", "00:00:00.5", "00:00:02.5"], 1, 3),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t"])
-@pytest.mark.parametrize("what", LONGER)
-def test_a_head_longer_than_the_rows_gives_names_and_units(tmp_path, what, separator):
-    head, said = LONGER[what]
-    beside = [f"{separator}mass{separator}1.5", f"{separator}who{separator}me"] if "beside" in what else []
-    lines = [row + (beside[i] if i < len(beside) else "") for i, row in enumerate(rows(separator))]
-    record = read_record(write(tmp_path / "a.csv", [head.format(separator), *lines]))
-    assert (record.columns, record.unit) == (("t (ms)", "phi (deg)"), "deg")
-    np.testing.assert_allclose(record.t, T / 1e3, atol=1e-12)
-    np.testing.assert_array_equal(record.y, Y)
-    found = record.provenance.warnings
-    assert len(found) == len(said)
-    assert all(line.startswith(start) for line, start in zip(found, said))
-
-
-def test_single_blanks_before_units_part_no_names(tmp_path):
-    record = read_record(write(tmp_path / "a.txt", ["t (ms) phi (deg)", *rows(" ")]))
-    assert (record.columns, record.unit) == (("t (ms)", "phi (deg)"), "deg")
-
-
-def test_one_column_with_decimal_comma(tmp_path):
-    raw = read_record(
-        write(tmp_path / "a.txt", ["angle", *(f"{y:.4f}".replace(".", ",") for y in Y)]), rate=10
-    )
-    np.testing.assert_array_equal(raw.y, Y)
-
-
-def test_time_of_day_past_midnight(tmp_path):
-    lines = [
-        f"23:59:{59.5 + t:06.3f},{y}" if t < 0.45 else f"00:00:{t - 0.5:06.3f},{y}" for t, y in zip(T, Y)
-    ]
-    raw = read_record(write(tmp_path / "a.csv", lines), time=1, value=2)
-    np.testing.assert_allclose(raw.t - raw.t[0], T, atol=1e-9)
+def test_dates_in_the_column_of_times(tmp_path):
+    with Failures() as failures:
+        for what, (stamps, second, third) in STAMPS.items():
+            with failures.of(what):
+                lines = [f"{cell},{np.cos(i):.3f}" for i, cell in enumerate([*stamps, *[stamps[-1]] * 12])]
+                record = read_record(write(tmp_path / "a.csv", lines), time=1, value=2)
+                np.testing.assert_allclose(record.t[:3] - record.t[0], [0, second, third], rtol=0, atol=1e-9)
 
 
 def test_thousands_in_groups(tmp_path):
@@ -170,14 +151,6 @@ def test_matlab(tmp_path):
         read_record(path, time="Theta1.time", value="Theta1.signals.value")
 
 
-def test_matlab_7_3(tmp_path):
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(tmp_path / "a.mat", "w") as file:
-        file["run/t"], file["run/x"] = T[None, :], Y[None, :]
-    raw = read_record(tmp_path / "a.mat", time="run.t", value="run.x")
-    np.testing.assert_array_equal(raw.y, Y)
-
-
 def test_numpy(tmp_path):
     np.savez(tmp_path / "a.npz", t=T, x=Y, both=np.stack([T, Y], axis=1))
     np.save(tmp_path / "a.npy", np.stack([T, Y], axis=1))
@@ -197,69 +170,39 @@ def test_numpy(tmp_path):
 
 GOOD = ["time,angle", *rows()]
 BAD = {
-    "empty": ([], {}, "empty"),
-    "no numbers": (["hello", "world"], {}, "no rows of numbers"),
     "unknown column": (GOOD, {"value": "angel"}, "unknown column 'angel'; did you mean 'angle'"),
     "far name": (GOOD, {"value": "zzz"}, "valid are time, angle"),
     "number too large": (GOOD, {"value": 3}, "no column 3, the file has 2"),
     "name without header": (rows(), {"value": "angle", "time": 1}, "no names"),
-    "text in a number": (
-        [*GOOD[:8], "0.7,oops", *GOOD[8:]],
-        {},
-        "line 9: 'oops' in column 2 is not a number",
-    ),
-    "nan": ([*GOOD[:8], "0.7,nan", *GOOD[8:]], {}, "line 9: the value is nan"),
+    "text in a number": ([*GOOD[:8], "0.7,oops", *GOOD[8:]], {}, "line 9: 'oops' in column 2 is not a number"),
     "infinite time": ([*GOOD[:8], "inf,0.1", *GOOD[8:]], {}, "line 9: the time is inf"),
+    "several": ([*GOOD[:8], "nan,0.1", "0.8,bad", "1.1,nan"], {}, "line 9: the time is nan, not a finite number; "),
+    "how many": ([*GOOD[:8], "nan,0.1", "0.8,bad", "1.1,nan"], {}, " (2 more like it)"),
     "too short": (GOOD[:8], {}, "7 samples, a record needs at least 10"),
-    "constant": (["time,angle", *(f"{t:.1f},2.5" for t in T)], {}, "constant"),
     "no time": (["angle", *map(str, Y)], {"time": None}, "rate in Hz"),
     "both": (GOOD, {"rate": 10.0}, "not both"),
     "bad rate": (GOOD, {"time": None, "rate": -1.0}, "positive"),
-}
+}  # fmt: skip
+"""More bad files are in tests/bad_input."""
 
 
-@pytest.mark.parametrize("what", BAD)
-def test_bad_text(tmp_path, what):
-    lines, change, message = BAD[what]
-    path = tmp_path / "bad.csv"
-    path.write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(InputError) as caught:
-        read_record(path, **{"time": "time", "value": "angle", **change})
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
-    assert "bad.csv" in str(caught.value)
-
-
-def test_no_such_file_folder_and_rubbish(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
-        read_record(tmp_path / "none.csv", time=1)
-    with pytest.raises(InputError, match="folder"):
-        read_record(tmp_path, time=1)
-    for name in ("a.mat", "a.npy", "a.npz", "a.csv"):
-        (tmp_path / name).write_bytes(bytes(range(256)) * 4)
-        with pytest.raises(InputError, match=name):
-            read_record(tmp_path / name, time=1, value=2)
+def test_bad_text(tmp_path):
+    with Failures() as failures:
+        for what, (lines, change, message) in BAD.items():
+            with failures.of(what):
+                with pytest.raises(InputError) as caught:
+                    read_record(
+                        write(tmp_path / "bad.csv", lines), **{"time": "time", "value": "angle", **change}
+                    )
+                assert message in str(caught.value)
+                assert "\n" not in str(caught.value)
+                assert "bad.csv" in str(caught.value)
 
 
 def test_arrays_of_different_length(tmp_path):
     np.savez(tmp_path / "a.npz", t=T, x=Y[:-1])
     with pytest.raises(InputError, match="20 samples, 'x' has 19"):
         read_record(tmp_path / "a.npz", time="t", value="x")
-
-
-@pytest.mark.parametrize(("beside", "unit"), [((), "deg"), (("drive",), "")])
-def test_a_unit_in_a_run_s_own_structure_is_that_of_its_one_column(
-    tmp_path: Path, beside: tuple[str, ...], unit: str
-) -> None:
-    """The control has a second column in each: then nobody knows of which the unit is."""
-    t = np.arange(0.0, 10.0, 0.02)
-    y = 20 * np.exp(-0.1 * t) * np.cos(6 * t)
-    runs = {
-        f"run{i}": {"time": t, "theta": y, "unit": "deg", **dict.fromkeys(beside, 0 * t + 3)} for i in (1, 2)
-    }
-    savemat(tmp_path / "rig.mat", {"rig": runs})
-    found = read_records(tmp_path / "rig.mat")
-    assert [record.unit for record in found] == [unit, unit]
 
 
 def test_a_repeated_head_is_left_out(tmp_path):
@@ -269,10 +212,30 @@ def test_a_repeated_head_is_left_out(tmp_path):
     assert "Line 10 repeats the names of the columns and is left out." in record.provenance.notes
 
 
-def test_rows_without_a_number_are_counted(tmp_path):
-    lines = ["time, angle", *rows()]
-    lines[5], lines[9], lines[12] = "nan,0.1", "0.8,bad", "1.1,nan"
+def test_a_rate_that_no_instrument_has(tmp_path):
+    write(tmp_path / "a.txt", map(str, Y))
+    for rate in (5e-324, 1e308, float("nan"), float("inf")):
+        with pytest.raises(InputError, match="rate must be a positive number"):
+            read_record(tmp_path / "a.txt", rate=rate)
+        np.savez(tmp_path / "a.npz", x=Y, fs=abs(rate) if np.isfinite(rate) else 1e300)
+        with pytest.raises(InputError, match=r"a\.npz: (its sampling rate is|no time given)"):
+            read_record(tmp_path / "a.npz")
+
+
+def test_what_was_meant_is_named(tmp_path):
+    (tmp_path / "rig.csv").write_text("t,a\n0,1\n")
+    with pytest.raises(InputError, match=r"rig.csvv: no such file; did you mean 'rig.csv'\?"):
+        read_record(tmp_path / "rig.csvv")
     with pytest.raises(
-        InputError, match=r"line 6: the time is nan, not a finite number; .* \(2 more like it\)"
+        InputError, match=r"is a folder, not a file; give the files in it: .*/\*\.csv \(1 file\)"
     ):
-        read_record(write(tmp_path / "a.csv", lines))
+        read_record(tmp_path)
+
+
+def test_an_error_knows_what_is_wrong_where_by_itself_and_in_another_process():
+    error = InputError("the time goes back", "rig.csv", "line 7")
+    assert str(error) == "rig.csv, line 7: the time goes back"
+    for one in (error, pickle.loads(pickle.dumps(error))):
+        assert (one.what, one.where, one.at) == ("the time goes back", "rig.csv", "line 7")
+        assert str(one) == str(error)
+    assert str(InputError("nothing oscillates")) == "nothing oscillates"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,6 +43,7 @@ from bayesdamp.store.contents import (
     WidthsContent,
 )
 from bayesdamp.types import ChainStart, Estimate, Evidence, Forecast, NestedRatio, PartialFit, Posterior, Seed
+from tests.failures import Failures
 
 KOOPMAN = Seed("koopman", "initial", grown=True)
 RECORD = RecordContent(
@@ -113,16 +113,16 @@ ALL = [
     RECORD, MODE, ANSWER, ESTIMATE, POSTERIOR, AVERAGE, EVIDENCE, WidthsContent(("zeta",)), HALF, NOISES, RATIOS,
     JOINT, OVER, RANKS, RECOVERY, ENVELOPE,
 ]  # fmt: skip
-PACKAGE = Path(__file__).resolve().parents[2] / "bayesdamp"
 
 
-@pytest.mark.parametrize("content", ALL, ids=lambda c: type(c).__name__)
-def test_through_a_file(tmp_path: Path, content: Content) -> None:
+def test_through_a_file(tmp_path: Path) -> None:
     """Lists come back as the tuples that they were, infinities as themselves."""
     store = Store(tmp_path)
-    with store.lock():
-        store.write(CellResult("one/cell/0", "key", content.meta()))
-    assert repr(type(content).of(store.read("one/cell/0"))) == repr(content)
+    with Failures() as failures, store.lock():
+        for content in ALL:
+            with failures.of(type(content).__name__):
+                store.write(CellResult("one/cell/0", "key", content.meta()))
+                assert repr(type(content).of(store.read("one/cell/0"))) == repr(content)
 
 
 def test_something_else_is_not_taken_for_it() -> None:
@@ -130,11 +130,6 @@ def test_something_else_is_not_taken_for_it() -> None:
         ModeContent.of_meta({"values": "none"})
     with pytest.raises(ValueError, match="another version"):
         AnswerContent.of_meta(RECORD.meta())
-
-
-def test_a_record_without_oscillation_has_no_scales() -> None:
-    with pytest.raises(ValueError, match="shows no oscillation"):
-        _ = RecordContent("flat").scales
 
 
 def test_every_kind_of_content_is_tried() -> None:
@@ -149,37 +144,3 @@ def test_a_cell_that_says_why_not_has_no_content() -> None:
     assert JointContent.maybe(None) is None
     assert JointContent.maybe(CellResult("joint/a", "key", outcome="no joint fit")) is None
     assert repr(JointContent.maybe(CellResult("joint/a", "key", JOINT.meta()))) == repr(JOINT)
-
-
-def dictionaries(source: str) -> list[int]:
-    """Lines in which a cell's dictionary is read as it is, rather than through its content."""
-    tree = ast.parse(source)
-    spared: set[ast.AST] = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call):
-            spared.add(node.func)  # content.meta()
-    found = (
-        n for n in ast.walk(tree) if isinstance(n, ast.Attribute) and n.attr == "meta" and n not in spared
-    )
-    return [node.lineno for node in found]
-
-
-def test_no_stage_reads_the_dictionary_of_another() -> None:
-    found = []
-    for path in sorted(PACKAGE.rglob("*.py")):
-        name = path.relative_to(PACKAGE).as_posix()
-        if name.startswith("store/"):
-            continue  # which holds the dictionaries
-        lines = dictionaries(path.read_text(encoding="utf-8"))
-        found += [f"{name}:{line}" for line in lines]
-    assert not found
-
-
-@pytest.mark.parametrize(
-    "source",
-    ["x = cell.meta['names']", "x = cell.meta.get('names')", "f(**cell.meta)", "def g(c): return c.meta"],
-)
-def test_what_reads_a_dictionary_is_seen(source: str) -> None:
-    """The negative control of the one above."""
-    assert dictionaries(source) == [1]
-    assert not dictionaries("store.write(content.meta())")

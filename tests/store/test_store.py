@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import os
 import signal
 import subprocess
 import sys
@@ -106,10 +105,10 @@ def test_nothing_is_created_by_reading(tmp_path):
     assert not (tmp_path / "absent").exists()
 
 
-@pytest.mark.parametrize("name", ["", "/abs", "a//b", "../up", "a/../b", "a/.hidden", "a\\b", "a/"])
-def test_a_name_cannot_leave_the_folder(tmp_path, name):
-    with pytest.raises(ValueError, match="not a cell's name"):
-        Store(tmp_path).write(result(name))
+def test_a_name_cannot_leave_the_folder(tmp_path):
+    for name in ("", "/abs", "a//b", "../up", "a/../b", "a/.hidden", "a\\b", "a/"):
+        with pytest.raises(ValueError, match="not a cell's name"):
+            Store(tmp_path).write(result(name))
     assert list(tmp_path.rglob("*.npz")) == []
 
 
@@ -140,14 +139,6 @@ def test_no_flipped_byte_changes_a_result(tmp_path):
         except KeyError:
             absent += 1
     assert absent > 0.5 * len(whole) / 3
-
-
-def test_an_object_that_json_cannot_hold_is_a_misuse(tmp_path):
-    with pytest.raises(TypeError, match="cannot store a set"):
-        Store(tmp_path).write(CellResult(NAME, "k", {"bad": {1}}))
-    with pytest.raises(ValueError, match=r"[Oo]bject arrays"):
-        Store(tmp_path).write(CellResult(NAME, "k", {}, {"bad": np.array([{}], dtype=object)}))
-    assert Store(tmp_path).names() == []
 
 
 def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
@@ -215,15 +206,6 @@ def test_a_kill_leaves_a_whole_file_and_no_lock(tmp_path):
         assert store.names() == ["a/b"]
 
 
-def test_the_lock_names_its_holder_and_is_dropped(tmp_path):
-    with Store(tmp_path).lock():
-        assert (tmp_path / ".lock").read_text() == str(os.getpid())
-        with pytest.raises(InputError, match="choose another folder with --out"), Store(tmp_path).lock():
-            pass
-    with Store(tmp_path).lock():
-        pass
-
-
 def test_a_folder_that_cannot_be_written_is_an_input_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot write a run here"), Store(tmp_path / "file" / "run").lock():
@@ -257,23 +239,11 @@ def test_a_table_reads_back_exactly(tmp_path):
         assert found["evaluations"] is None
 
 
-def test_nan_is_an_empty_field(tmp_path):
-    rows = [{"signal": "a", "value": math.nan}, {"signal": "b"}]
-    write_table(tmp_path / "t.csv", ("signal", "value"), rows)
-    assert (tmp_path / "t.csv").read_text() == "signal,value\na,\nb,\n"
-
-
 def test_a_rounding_writer_would_be_noticed(tmp_path):
     """Negative control: ten digits do not read back exactly."""
     with (tmp_path / "estimates.csv").open("w", newline="") as handle:
         csv.writer(handle).writerows([["value"], [f"{1 / 3:.10g}"]])
     assert read_table(tmp_path / "estimates.csv")[0]["value"] != 1 / 3
-
-
-def test_an_unknown_column_is_a_misuse(tmp_path):
-    with pytest.raises(ValueError, match="no column valeu"):
-        write_table(tmp_path / "t.csv", ("signal", "value"), [{"valeu": 1.0}])
-    assert not (tmp_path / "t.csv").exists()
 
 
 def test_a_field_that_is_no_number_names_its_place(tmp_path):

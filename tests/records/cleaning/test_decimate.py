@@ -19,26 +19,21 @@ def decay(t: np.ndarray, frequency: float = 30.0, rate: float = 0.4) -> np.ndarr
 
 
 @pytest.mark.parametrize("factor", [2, 7, 50])
-@pytest.mark.parametrize("share", [0.01, 0.4, PASS])
-def test_amplitude_and_phase_in_the_passband(factor: int, share: float) -> None:
-    """exp(iωn) passes a filter of real taps as H(ω) exp(iωn), with H real and near 1 where no phase shifts."""
+def test_the_passband_and_what_would_fold_down(factor: int) -> None:
+    """exp(iωn) passes a filter of real taps as H(ω) exp(iωn), with H real and near 1 where no phase shifts. The
+    negative control: beyond the new Nyquist frequency nothing passes."""
     n = np.arange(40 * factor * 20)
-    omega = share * np.pi / factor
-    cosine, first = thinned(np.cos(omega * n), factor)
-    sine, _ = thinned(np.sin(omega * n), factor)
-    response = (cosine + 1j * sine) * np.exp(-1j * omega * (first + factor * np.arange(cosine.size)))
-    # The mean that is set aside is a constant within the passband; of a cut sinusoid it is small, not nothing.
-    np.testing.assert_allclose(np.abs(response), 1.0, atol=1e-4)
-    np.testing.assert_allclose(np.angle(response), 0.0, atol=1e-4)
-
-
-@pytest.mark.parametrize("factor", [2, 7, 50])
-@pytest.mark.parametrize("share", [1.0, 1.3, 1.7])
-def test_what_would_fold_down_is_taken_out(factor: int, share: float) -> None:
-    """The negative control of the passband: beyond the new Nyquist frequency nothing passes."""
-    n = np.arange(40 * factor * 20)
-    left, _ = thinned(np.cos(share * np.pi / factor * n + 0.4), factor)
-    assert np.abs(left - left.mean()).max() < 1e-4
+    for share in (0.01, 0.4, PASS):
+        omega = share * np.pi / factor
+        cosine, first = thinned(np.cos(omega * n), factor)
+        sine, _ = thinned(np.sin(omega * n), factor)
+        response = (cosine + 1j * sine) * np.exp(-1j * omega * (first + factor * np.arange(cosine.size)))
+        # The mean that is set aside is a constant within the passband; of a cut sinusoid it is small, not nothing.
+        np.testing.assert_allclose(np.abs(response), 1.0, atol=1e-4)
+        np.testing.assert_allclose(np.angle(response), 0.0, atol=1e-4)
+    for share in (1.0, 1.7):
+        left, _ = thinned(np.cos(share * np.pi / factor * n + 0.4), factor)
+        assert np.abs(left - left.mean()).max() < 1e-4
 
 
 def test_a_decay_is_the_same_decay_with_fewer_samples() -> None:
@@ -64,14 +59,6 @@ def test_white_noise_is_what_is_left_in_the_band() -> None:
     # ± 4 standard errors of a variance of correlated samples; false alarms below 1e-3.
     slack = 4 * np.sqrt(2 / left.size / PASS)
     assert PASS / factor * (1 - slack) < np.var(left) / 1e-6 < 1 / factor * (1 + slack)
-
-
-def test_overtones_are_kept() -> None:
-    y = decay(T) + 0.02 * np.exp(-0.2 * T) * np.cos(2 * np.pi * 400 * T)
-    raw = decimated(RawRecord(None, y, RATE))
-    assert raw.t is not None
-    truth = decay(raw.t) + 0.02 * np.exp(-0.2 * raw.t) * np.cos(2 * np.pi * 400 * raw.t)
-    np.testing.assert_allclose(raw.y, truth, rtol=0, atol=3e-5)
 
 
 def test_the_files_own_times_are_kept() -> None:

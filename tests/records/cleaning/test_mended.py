@@ -9,21 +9,21 @@ from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.first_look import first_words
 from bayesdamp.records.record import RawRecord, unwrapped
 from bayesdamp.types import InputError
+from tests.failures import Failures
 
 T = np.arange(1000) / 50
 Y = np.exp(-0.06 * T) * np.cos(2 * np.pi * T)
 NOISE = 0.003 * np.random.default_rng(1).standard_normal(T.size)
 
 
-@pytest.mark.parametrize(("unit", "turn"), [("rad", 2 * np.pi), ("deg", 360.0)])
-def test_a_wrapped_angle_is_unwrapped_and_that_is_said(unit: str, turn: float) -> None:
-    angle = (Y + NOISE) * turn / (2 * np.pi)
-    raw = RawRecord(T, angle % turn)
-    signal = clean(unwrapped(raw, unit, "angle"), name="x", unit=unit)
-    assert first_words(signal).frequency == pytest.approx(1.0, rel=1e-3)
-    assert any("is unwrapped" in note for note in signal.provenance.notes)
-    plain = RawRecord(T, angle)
-    assert unwrapped(plain, unit, "angle") is plain
+def test_a_wrapped_angle_is_unwrapped_and_that_is_said() -> None:
+    for unit, turn in (("rad", 2 * np.pi), ("deg", 360.0)):
+        angle = (Y + NOISE) * turn / (2 * np.pi)
+        signal = clean(unwrapped(RawRecord(T, angle % turn), unit, "angle"), name="x", unit=unit)
+        assert first_words(signal).frequency == pytest.approx(1.0, rel=1e-3)
+        assert any("is unwrapped" in note for note in signal.provenance.notes)
+        plain = RawRecord(T, angle)
+        assert unwrapped(plain, unit, "angle") is plain
 
 
 LOST = {
@@ -35,10 +35,17 @@ LOST = {
 }
 
 
-@pytest.mark.parametrize("what", LOST)
-def test_a_lost_sign_is_refused(what: str) -> None:
-    with pytest.raises(InputError, match="rectified or squared; record it with its sign"):
-        clean(RawRecord(T, LOST[what]), name="x")
+def test_a_lost_sign_is_refused() -> None:
+    """Negative control: what is above zero, or rounded, only resembles it."""
+    with Failures() as failures:
+        for what, y in LOST.items():
+            with (
+                failures.of(what),
+                pytest.raises(InputError, match="rectified or squared; record it with its sign"),
+            ):
+                clean(RawRecord(T, y), name="x")
+    for y in (Y - Y.min() + NOISE, np.round(10 * (Y + NOISE)) / 10):
+        assert clean(RawRecord(T, y), name="x").t.size > 500
 
 
 def test_peaks_that_are_cut_off_are_refused_with_the_time_from_which_on_they_are_not() -> None:
@@ -46,11 +53,3 @@ def test_peaks_that_are_cut_off_are_refused_with_the_time_from_which_on_they_are
         clean(RawRecord(T, np.minimum(Y + NOISE, 0.6)), name="x")
     kept = clean(RawRecord(T, np.minimum(Y + NOISE, 0.6)), name="x", start=9.0)
     assert first_words(kept).damping[1].ratio == pytest.approx(0.06 / (2 * np.pi), rel=0.02)
-
-
-@pytest.mark.parametrize(
-    "y", [Y - Y.min() + NOISE, np.round(10 * (Y + NOISE)) / 10], ids=["above 0", "rounded"]
-)
-def test_what_only_resembles_these_is_not_refused(y: np.ndarray) -> None:
-    """Negative control."""
-    assert clean(RawRecord(T, y), name="x").t.size > 500

@@ -9,9 +9,8 @@ import pytest
 
 from bayesdamp.records.cleaning import window as window_module
 from bayesdamp.records.cleaning.clean import recording_step
-from bayesdamp.records.cleaning.swings import Swings
 from bayesdamp.records.cleaning.window import DecayWindow, free_decay
-from bayesdamp.records.oscillation.turning import turning_points
+from tests.failures import Failures
 from tests.records.hands import (
     Record,
     Rig,
@@ -50,19 +49,14 @@ def with_faults(record: Record, rng: np.random.Generator) -> Record:
     return Record(record.t, np.round(y / quantum) * quantum if quantum else y, record.start, record.stop)
 
 
+U = np.random.Generator.uniform
 KINDS: dict[str, tuple[Callable[[np.random.Generator], Record], float]] = {
     "at rest away from zero": (
-        lambda rng: held_then_released(rng, rng.uniform(0.3, 5), 0.0, rng.uniform(25, 100)),
+        lambda rng: held_then_released(rng, U(rng, 0.3, 5), 0.0, U(rng, 25, 100)),
         0.6,
     ),
-    "a slow tilt": (
-        lambda rng: held_then_released(rng, rng.uniform(0, 2), rng.uniform(3, 12), rng.uniform(25, 100)),
-        0.6,
-    ),
-    "a tilt, sampled coarsely": (
-        lambda rng: held_then_released(rng, 1.0, rng.uniform(3, 12), rng.uniform(9, 16)),
-        0.7,
-    ),
+    "a slow tilt": (lambda rng: held_then_released(rng, U(rng, 0, 2), U(rng, 3, 12), U(rng, 25, 100)), 0.6),
+    "a tilt, sampled coarsely": (lambda rng: held_then_released(rng, 1.0, U(rng, 3, 12), U(rng, 9, 16)), 0.7),
     "a kick": (kicked, 0.7),
     "a kick, its velocity": (lambda rng: kicked(rng, 1), 0.8),
     "a kick, its acceleration": (lambda rng: kicked(rng, 2), 0.8),
@@ -73,22 +67,24 @@ KINDS: dict[str, tuple[Callable[[np.random.Generator], Record], float]] = {
 }
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_start_is_after_the_hand_and_within_a_cycle_of_it(kind: str) -> None:
-    make, late = KINDS[kind]
-    off = []
-    for seed in SEEDS:
-        rng = np.random.default_rng(seed)
-        record = with_faults(make(rng), rng)
-        off.append(ends(record)[0] - record.start)
-    assert np.max(off) <= late, off
-    if (
-        kind == "pushed at first"
-    ):  # the end of a push may be too weak to see: one in six by half a cycle at most
-        assert np.sort(off)[1] >= -0.25, off
-        assert np.min(off) >= -0.5, off
-    else:
-        assert np.min(off) >= -EARLY, off
+@pytest.mark.parametrize("kinds", [list(KINDS)[:5], list(KINDS)[5:]])
+def test_the_start_is_after_the_hand_and_within_a_cycle_of_it(kinds: list[str]) -> None:
+    with Failures() as failures:
+        for kind in kinds:
+            make, late = KINDS[kind]
+            off = []
+            for seed in SEEDS:
+                rng = np.random.default_rng(seed)
+                record = with_faults(make(rng), rng)
+                off.append(ends(record)[0] - record.start)
+            with failures.of(kind):
+                assert np.max(off) <= late, off
+                if kind == "pushed at first":
+                    # The end of a push may be too weak to see: one in six by half a cycle at most.
+                    assert np.sort(off)[1] >= -0.25, off
+                    assert np.min(off) >= -0.5, off
+                else:
+                    assert np.min(off) >= -EARLY, off
 
 
 def test_friction_stops_before_it_sticks() -> None:
@@ -139,13 +135,6 @@ def test_a_thousand_cycles_and_three() -> None:
     assert (found.first, found.last) == (0, t.size - 1)
 
 
-def test_both_releases_are_named() -> None:
-    found = window(released_twice(np.random.default_rng(5)))
-    assert len(found.decays) == 2
-    assert any("not used" in note for note in found.notes)
-    assert len(window(held_then_released(np.random.default_rng(7), 3.0, 6.0, 50)).decays) == 1
-
-
 def struck(strikes: int) -> tuple[np.ndarray, np.ndarray]:
     """A plate that is struck every 2 s and hums on in the noise until it is struck again."""
     t = np.arange(0, 2 * strikes + 1, 1 / 2000)
@@ -155,37 +144,14 @@ def struck(strikes: int) -> tuple[np.ndarray, np.ndarray]:
     return t, y
 
 
-@pytest.mark.parametrize(("strikes", "told"), [(2, "Another free decay"), (7, "6 other free decays")])
-def test_other_strikes_are_counted_and_what_hums_in_the_noise_is_not(strikes: int, told: str) -> None:
-    found = free_decay(*struck(strikes), 0.0, True, True, "x")
-    begins = [decay.start for decay in found.decays]
-    assert begins == pytest.approx(0.5 + 2.0 * np.arange(strikes), abs=0.02)
-    (said,) = (note for note in found.notes if "not used" in note)
-    assert said.startswith(told)
-    assert said.count(" to ") == min(strikes - 1, 3)
-
-
-def test_with_no_least_worth_the_hum_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Negative control."""
+def test_other_strikes_are_counted_and_what_hums_in_the_noise_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Negative control: with no least worth the hum counts."""
+    for strikes, told in ((2, "Another free decay"), (7, "6 other free decays")):
+        found = free_decay(*struck(strikes), 0.0, True, True, "x")
+        begins = [decay.start for decay in found.decays]
+        assert begins == pytest.approx(0.5 + 2.0 * np.arange(strikes), abs=0.02)
+        (said,) = (note for note in found.notes if "not used" in note)
+        assert said.startswith(told)
+        assert said.count(" to ") == min(strikes - 1, 3)
     monkeypatch.setattr(window_module, "OTHER", 0.0)
-    found = free_decay(*struck(7), 0.0, True, True, "x")
-    assert len(found.decays) > 7
-
-
-def test_a_start_in_the_push_breaks_the_curve() -> None:
-    """Negative control: of a record that is pushed the swings that the push is in do not continue the later ones."""
-    seen = 0
-    for seed in SEEDS:
-        record = pushed_at_first(np.random.default_rng(seed))
-        turns = turning_points(record.t, record.y, 1.0)
-        pushed = int(np.searchsorted(turns.times, record.start))
-        swings = Swings(record.t, record.y, turns, 0.0)
-        seen += any(swings.breaks(i) for i in range(pushed))
-        assert not any(swings.breaks(i) for i in range(pushed + 1, pushed + 4))
-    assert seen >= len(SEEDS) - 2
-
-
-def test_both_ends_stay_where_they_were_given() -> None:
-    record = kicked(np.random.default_rng(1))
-    found = free_decay(record.t, record.y, 0.0, False, False, "x")
-    assert (found.first, found.last) == (0, record.t.size - 1)
+    assert len(free_decay(*struck(7), 0.0, True, True, "x").decays) > 7

@@ -12,6 +12,7 @@ from bayesdamp.records.envelope.window import bounded, find_window
 from bayesdamp.types import Refusal
 from tests.envelope.oscillations import SHARP, envelope
 from tests.envelope.ringdowns import Ringdown, simulate
+from tests.failures import Failures
 
 DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "ringdown"
 # record, start between, stop between: s, read off the pictures by eye
@@ -27,31 +28,28 @@ BY_HAND = {
 }
 
 
-@pytest.mark.parametrize("name", BY_HAND)
-def test_a_measured_record_is_cut_as_by_hand(name):
-    if not DATA.exists():
-        pytest.skip("the measured decays are not here")
-    record = read_envelope(DATA / name)
-    window = find_window(record.t, record.level)
-    (first, last), (early, late) = BY_HAND[name]
-    assert first <= record.t[window.start] <= last
-    assert early <= record.t[window.stop - 1] <= late
-    assert window.floor is not None
+@pytest.mark.skipif(not DATA.exists(), reason="the measured decays are not here")
+def test_a_measured_record_is_cut_as_by_hand():
+    with Failures() as failures:
+        for name, ((first, last), (early, late)) in BY_HAND.items():
+            with failures.of(name):
+                record = read_envelope(DATA / name)
+                window = find_window(record.t, record.level)
+                assert first <= record.t[window.start] <= last
+                assert early <= record.t[window.stop - 1] <= late
+                assert window.floor is not None
 
 
-@pytest.mark.parametrize("drop", [0.0, 3.0, 9.0])
-@pytest.mark.parametrize(
-    "rates", [{"viscous": 0.2}, {"viscous": 0.15, "coulomb": 0.01}, {"viscous": 0.2, "quadratic": 0.3}]
-)
-def test_the_release_is_found(rates, drop):
+@pytest.mark.parametrize("drop", [0.0, 9.0])
+def test_the_release_is_found(drop):
     """Not before it by more than a hundredth of the decay, nor behind by more than a tenth."""
-    made = simulate(Ringdown(rates, drop=drop, scatter=0.02), np.random.default_rng(3))
-    window = find_window(made.t, made.level)
-    duration = made.t[window.stop - 1] - made.t[window.start]
-    assert -0.01 * duration < made.t[window.start] - made.release < 0.1 * duration
-    # ends well above the floor, and not far from where it crosses 10 dB
-    left = 20 / np.log(10) * made.x[window.stop - 1] + 45.0
-    assert 4.0 < left < 20.0
+    for rates in ({"viscous": 0.2}, {"viscous": 0.15, "coulomb": 0.01}, {"viscous": 0.2, "quadratic": 0.3}):
+        made = simulate(Ringdown(rates, drop=drop, scatter=0.02), np.random.default_rng(3))
+        window = find_window(made.t, made.level)
+        duration = made.t[window.stop - 1] - made.t[window.start]
+        assert -0.01 * duration < made.t[window.start] - made.release < 0.1 * duration, rates
+        # ends well above the floor, and not far from where it crosses 10 dB
+        assert 4.0 < 20 / np.log(10) * made.x[window.stop - 1] + 45.0 < 20.0, rates
 
 
 def test_a_record_without_drive_and_floor_is_taken_whole():
@@ -69,11 +67,11 @@ def test_a_saturated_top_is_left_out():
     assert 1.9 < t[window.start] < 2.6
 
 
-@pytest.mark.parametrize("level", [np.zeros(500), np.linspace(0.0, 20.0, 500)], ids=["flat", "rising"])
-def test_no_decay_is_refused(level):
+def test_no_decay_is_refused():
     noise = 0.1 * np.random.default_rng(2).standard_normal(500)
-    with pytest.raises(Refusal):
-        find_window(np.linspace(0.0, 1.0, 500), level + noise)
+    for rise in (0.0, 20.0):
+        with pytest.raises(Refusal):
+            find_window(np.linspace(0.0, 1.0, 500), np.linspace(0.0, rise, 500) + noise)
 
 
 def test_bounds_that_are_given_are_kept():
@@ -86,8 +84,8 @@ def test_bounds_that_are_given_are_kept():
 
 
 def test_dry_friction_is_followed_back_to_its_release():
-    """In dB it falls ever steeper; straight lines led to its end, and two of these six were refused."""
-    for seed in range(6):
+    """In dB it falls ever steeper; straight lines led to its end, and some of these were refused."""
+    for seed in range(3):
         made = Ringdown({"coulomb": 0.02}, fall=30.0, step=0.05, drop=4.0, behind=25.0)
         found = simulate(made, np.random.default_rng([21, seed]))
         window = find_window(found.t, found.level)

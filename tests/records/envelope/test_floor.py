@@ -22,16 +22,15 @@ def floor(slow: float, constant: float, decay: float, seed: int) -> SeenFloor:
     return measure_floor(t, power, np.full(t.size, decay**2), 1.0)
 
 
-@pytest.mark.parametrize("constant", [0.0, 1.0])
-@pytest.mark.parametrize("slow", [0.0, 0.5, 0.9])
-@pytest.mark.parametrize("decay", [0.0, 1.0])
-def test_a_floor_is_taken_apart(slow, constant, decay):
+@pytest.mark.parametrize("slow", [0.0, 0.9])
+def test_a_floor_is_taken_apart(slow):
     """With 400 independent values of thermal motion the power is known to some 10 %."""
-    seen = floor(slow, constant, decay, 1)
-    assert seen.power == pytest.approx(2.0, rel=0.25)
-    fluctuating, rest, _, _ = seen.parts(slow)
-    assert fluctuating == pytest.approx(2.0 - constant, rel=0.25)
-    assert rest == pytest.approx(constant, abs=0.4)
+    for constant, decay in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)):
+        seen = floor(slow, constant, decay, 1)
+        assert seen.power == pytest.approx(2.0, rel=0.25)
+        fluctuating, rest, _, _ = seen.parts(slow)
+        assert fluctuating == pytest.approx(2.0 - constant, rel=0.25)
+        assert rest == pytest.approx(constant, abs=0.4)
 
 
 def test_a_share_that_the_readings_contradict_weighs_little():

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+from functools import cache
 
 import numpy as np
 import pytest
 
 from bayesdamp.records.oscillation.first_look import first_words
-from bayesdamp.types import Refusal, Signal
+from bayesdamp.types import Signal
 from tests.records.hands import Rig, W
 
 T = np.arange(0, 20, 1 / 40)
@@ -21,8 +20,13 @@ def truth(rig: Rig, amplitude: float) -> float:
     return rig.zeta / W + 2 * rig.mu_c / (np.pi * W**2 * amplitude) + 4 * rig.mu_q * amplitude / (3 * np.pi)
 
 
+@cache
+def motion(law: str) -> np.ndarray:
+    return LAWS[law].run(T, 1.0)
+
+
 def record(law: str, noise: float, seed: int = 0, row: int = 0) -> Signal:
-    y = LAWS[law].run(T, 1.0)[row]
+    y = motion(law)[row]
     rng = np.random.default_rng(seed)
     size = 0.5 * float(np.ptp(y))
     quantity = ("angle", "velocity", "acceleration")[row]
@@ -30,21 +34,18 @@ def record(law: str, noise: float, seed: int = 0, row: int = 0) -> Signal:
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("row", [0, 1])
-def test_the_damping_ratio_to_a_few_per_cent(law: str, row: int) -> None:
-    found = first_words(record(law, 3e-4, row=row))
-    for at, allowed in zip(found.damping, (0.04, 0.02, 0.06), strict=True):
-        assert at.ratio == pytest.approx(truth(LAWS[law], at.amplitude), rel=allowed)
-    assert found.damping[0].amplitude > found.damping[1].amplitude > found.damping[2].amplitude
-    assert found.frequency == pytest.approx(1.0, abs=2e-3)
-    assert found.quality == pytest.approx(0.5 / found.damping[1].ratio)
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_errors_are_as_large_as_stated(law: str) -> None:
-    """30 records with noise of a hundredth: the scores at three amplitudes have an rms below 2, and are no nothing."""
+def test_the_damping_ratio_and_its_error(law: str) -> None:
+    """To a few per cent. 12 records with noise of a hundredth: the scores at three amplitudes have an rms below 2, and
+    are no nothing."""
+    for row in (0, 1):
+        found = first_words(record(law, 3e-4, row=row))
+        for at, allowed in zip(found.damping, (0.04, 0.02, 0.06), strict=True):
+            assert at.ratio == pytest.approx(truth(LAWS[law], at.amplitude), rel=allowed)
+        assert found.damping[0].amplitude > found.damping[1].amplitude > found.damping[2].amplitude
+        assert found.frequency == pytest.approx(1.0, abs=2e-3)
+        assert found.quality == pytest.approx(0.5 / found.damping[1].ratio)
     scores = []
-    for seed in range(30):
+    for seed in range(12):
         found = first_words(record(law, 1e-2, seed))
         scores.append([(d.ratio - truth(LAWS[law], d.amplitude)) / d.stderr for d in found.damping])
     rms = np.sqrt(np.mean(np.square(scores), axis=0))
@@ -58,22 +59,3 @@ def test_the_sentence_tells_the_laws_apart() -> None:
     assert "grows as the amplitude falls" in said["coulomb"]
     assert "grows with the amplitude" in said["quadratic"]
     assert all("Hz" in words and "Q about" in words for words in said.values())
-
-
-def test_what_does_not_oscillate_is_refused() -> None:
-    with pytest.raises(Refusal):
-        first_words(Signal(T, np.random.default_rng(0).standard_normal(T.size)))
-
-
-def test_no_model_is_loaded_for_it() -> None:
-    code = (
-        "import sys, numpy as np\n"
-        "from bayesdamp.records.oscillation.first_look import first_words\n"
-        "from bayesdamp.types import Signal\n"
-        "t = np.arange(0, 20, 0.02)\n"
-        "first_words(Signal(t, np.exp(-0.1 * t) * np.cos(6 * t))).sentence()\n"
-        "assert not {'jax', 'torch', 'matplotlib'} & set(sys.modules)\n"
-    )
-    subprocess.run(
-        [sys.executable, "-c", code], check=True, env={"PYTHONPATH": ":".join(filter(None, sys.path))}
-    )

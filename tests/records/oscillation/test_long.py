@@ -5,7 +5,6 @@ import pytest
 
 from bayesdamp.records.oscillation import modes
 from bayesdamp.records.oscillation.modes import damped_modes, other_than_one
-from bayesdamp.records.oscillation.turning import local_median
 
 
 def two(cycles: float, second: float, samples: int = 13) -> tuple[np.ndarray, np.ndarray]:
@@ -31,22 +30,3 @@ def test_one_decay_of_many_cycles_is_one_and_two_are_two() -> None:
     seen = other_than_one(*two(4000, 0.2), 0.2)
     assert seen is not None
     assert seen.seen == "two modes"
-
-
-def test_the_search_costs_no_more_for_a_longer_record(monkeypatch: pytest.MonkeyPatch) -> None:
-    sizes: list[int] = []
-    plain = modes._residuals
-    monkeypatch.setattr(
-        modes, "_residuals", lambda t, y, points: (sizes.append(t.size), plain(t, y, points))[1]
-    )
-    damped_modes(*two(4000, 0.2), 2)
-    searched, whole = [n for n in sizes if n <= modes.SEARCHED], [n for n in sizes if n > modes.SEARCHED]
-    assert max(searched) == modes.SEARCHED
-    assert len(whole) <= 6  # each search is judged on all samples once
-
-
-@pytest.mark.parametrize("count", [1, 3, 8, 9, 10, 60])
-def test_the_usual_gap_is_the_median_of_the_gaps_about_it(count: int) -> None:
-    gaps = np.random.default_rng(0).uniform(size=count)
-    plain = [np.median(gaps[max(i - 4, 0) : i + 5]) for i in range(count)]
-    assert np.array_equal(local_median(gaps), plain)

@@ -19,14 +19,12 @@ def record(rows: int, cycles: float, noise: float) -> tuple[np.ndarray, np.ndarr
     ("rows", "cycles"),
     [
         (1_000_000, 30_000),  # 1.9 periods a block: their averages are an alias at 13 s
-        (704_000, 31_266),  # 1.9, at 21 s
         (219_000, 13_846),  # 0.89, at 8 s
         (308_000, 4_559),  # a quarter: between what averages show and what they lose
     ],
 )
-@pytest.mark.parametrize("noise", [0.0, 0.005])
-def test_a_period_within_a_block_or_a_few_is_found(rows: int, cycles: float, noise: float) -> None:
-    period, share = coarse_period(*record(rows, cycles, noise))
+def test_a_period_within_a_block_or_a_few_is_found(rows: int, cycles: float) -> None:
+    period, share = coarse_period(*record(rows, cycles, 0.005))
     assert period == pytest.approx(1.0, rel=0.03)
     assert share > 0.9
 

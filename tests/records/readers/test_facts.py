@@ -10,6 +10,8 @@ import pytest
 from bayesdamp.records.files.facts import sampling_rate
 from bayesdamp.records.read import read_record
 from bayesdamp.types import InputError
+from tests.failures import Failures
+from tests.records.tables import write_table
 
 Y = 0.3 * np.exp(-0.002 * np.arange(400)) * np.cos(0.12 * np.arange(400))
 
@@ -21,41 +23,41 @@ RATES = {
 
 
 def one_column(path: Path, head: str) -> Path:
-    path.write_text("\n".join([f"# {head}", "angle", *map(str, Y.tolist())]), encoding="utf-8")
-    return path
+    """A comment and a column below its name; a head of two lines is a table of its own."""
+    return write_table(path, head if "\n" in head else f"# {head}\nangle", Y)
 
 
-@pytest.mark.parametrize("head", RATES)
-def test_a_rate_in_the_head_is_read(tmp_path: Path, head: str) -> None:
-    raw = read_record(one_column(tmp_path / "a.csv", head))
-    assert raw.rate == pytest.approx(RATES[head], rel=1e-12)
-
-
-@pytest.mark.parametrize("head", ["sample rate: 50,000 Hz", "fs = 1,000", "dt: 20,000 us"])
-def test_a_comma_that_may_mean_two_things_gives_no_rate(tmp_path: Path, head: str) -> None:
-    path = one_column(tmp_path / "a.csv", head)
-    with pytest.raises(InputError, match="or give the rate in Hz") as caught:
-        read_record(path)
-    assert caught.value.arguments == ("rate",)
-    raw = read_record(path, rate=50.0)
-    assert raw.rate == 50.0
-    assert sampling_rate(raw.provenance.facts) is None
-
-
-@pytest.mark.parametrize(
-    "head",
-    ["sampling rate: 50 Hz, range: 2 g", "Rate [Hz]: 50", "samples_per_sec = 50", "data rate: 50 samples/s", "sr = 50",
-     "dt_ms: 20", "Sampling period (ms): 20", "Log interval: 20 ms", "XIncrement: 0.02", "Ts = 0.02"],
+NAMES = (
+    "sampling rate: 50 Hz, range: 2 g", "Rate [Hz]: 50", "samples_per_sec = 50", "data rate: 50 samples/s", "sr = 50",
+    "dt_ms: 20", "Sampling period (ms): 20", "Log interval: 20 ms", "XIncrement: 0.02", "Ts = 0.02",
+    "Sample Interval,20e-3,s", "start_deg, sample_rate, duration\n90, 50, 5",
 )  # fmt: skip
-def test_a_rate_has_many_names(tmp_path: Path, head: str) -> None:
-    assert read_record(one_column(tmp_path / "a.csv", head)).rate == pytest.approx(50.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("head", ["frequency: 50 Hz", "ts: 0.02", "clock rate: 50", "period: 0.02"])
-def test_what_is_no_sampling_rate(head: str) -> None:
+def test_a_rate_in_the_head_is_read(tmp_path: Path) -> None:
+    with Failures() as failures:
+        for head, rate in (RATES | dict.fromkeys(NAMES, 50.0)).items():
+            with failures.of(head):
+                raw = read_record(one_column(tmp_path / "a.csv", head))
+                assert raw.rate == pytest.approx(rate, rel=1e-12)
+
+
+def test_a_comma_that_may_mean_two_things_gives_no_rate(tmp_path: Path) -> None:
+    for head in ("sample rate: 50,000 Hz", "fs = 1,000", "dt: 20,000 us"):
+        path = one_column(tmp_path / "a.csv", head)
+        with pytest.raises(InputError, match="or give the rate in Hz") as caught:
+            read_record(path)
+        assert caught.value.arguments == ("rate",)
+        raw = read_record(path, rate=50.0)
+        assert raw.rate == 50.0
+        assert sampling_rate(raw.provenance.facts) is None
+
+
+def test_what_is_no_sampling_rate() -> None:
     """The negative control: the oscillation's own frequency and period, a time stamp, a processor's clock."""
-    name, _, value = head.partition(": ")
-    assert sampling_rate({name: value}) is None
+    for head in ("frequency: 50 Hz", "ts: 0.02", "clock rate: 50", "period: 0.02", "sample_rate: fast"):
+        name, _, value = head.partition(": ")
+        assert sampling_rate({name: value}) is None
 
 
 HEADS = {
@@ -66,15 +68,13 @@ HEADS = {
 }
 
 
-@pytest.mark.parametrize("what", HEADS)
-def test_a_head_with_t0_and_delta_t(tmp_path: Path, what: str) -> None:
+def test_a_head_with_t0_and_delta_t(tmp_path: Path) -> None:
     """As LabVIEW exports a waveform to text."""
-    head, timed = HEADS[what]
-    rows = [f"{i / 50:.6f},{y!r}" if timed else repr(y) for i, y in enumerate(Y.tolist())]
-    (tmp_path / "a.csv").write_text("\n".join([*head, *rows]), encoding="utf-8")
-    raw = read_record(tmp_path / "a.csv")
-    np.testing.assert_array_equal(raw.y, Y)
-    if timed:
-        np.testing.assert_allclose(raw.t, np.arange(400) / 50, atol=1e-9)  # type: ignore[arg-type]
-    else:
-        assert raw.rate == pytest.approx(50.0)
+    for head, timed in HEADS.values():
+        columns = [np.arange(400) / 50, Y] if timed else [Y]
+        raw = read_record(write_table(tmp_path / "a.csv", "\n".join(head), *columns))
+        np.testing.assert_array_equal(raw.y, Y)
+        if timed:
+            np.testing.assert_allclose(raw.t, np.arange(400) / 50, atol=1e-9)  # type: ignore[arg-type]
+        else:
+            assert raw.rate == pytest.approx(50.0)

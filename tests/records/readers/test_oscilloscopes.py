@@ -9,6 +9,7 @@ import pytest
 
 from bayesdamp.records.read import read_records
 from bayesdamp.types import InputError
+from tests.failures import Failures
 
 T = -0.02 + 4e-4 * np.arange(1200)
 V = np.where(T < 0, 0.8, 0.8 * np.exp(-2 * T) * np.cos(90 * T))
@@ -51,24 +52,22 @@ UNSAID = ("Rigol, times", "LeCroy", "Tektronix DPO, two channels")
 """Whose unit is not said by the name of the column, or by the head for both columns of a pair."""
 
 
-@pytest.mark.parametrize("what", FILES)
-def test_times_values_and_unit_are_those_of_the_instrument(tmp_path: Path, what: str) -> None:
-    (tmp_path / "a.csv").write_text("\n".join(FILES[what]) + "\n", encoding="utf-8")
-    (raw,) = read_records(tmp_path / "a.csv")
-    assert raw.t is not None
-    np.testing.assert_allclose(raw.t, T, atol=1e-9)
-    np.testing.assert_allclose(raw.y, V, atol=1e-5)
-    assert raw.unit == ("" if what in UNSAID else "V")
-
-
-@pytest.mark.parametrize("what", ["Tektronix TDS", "Tektronix MSO", "Rigol, numbered"])
-def test_a_word_among_the_samples_is_told_with_its_line(tmp_path: Path, what: str) -> None:
-    lines = list(FILES[what])
-    value = f"{V[-2]:.5f}"
-    lines[-2] = lines[-2].replace(value, "clipped")
-    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    with pytest.raises(InputError, match=f"line {len(lines) - 1}: 'clipped'"):
-        read_records(tmp_path / "a.csv")
+def test_times_values_and_unit_are_those_of_the_instrument(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    with Failures() as failures:
+        for what, lines in FILES.items():
+            with failures.of(what):
+                path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+                (raw,) = read_records(path)
+                np.testing.assert_allclose(raw.t, T, atol=1e-9)  # type: ignore[arg-type]
+                np.testing.assert_allclose(raw.y, V, atol=1e-5)
+                assert raw.unit == ("" if what in UNSAID else "V")
+        for what in ("Tektronix TDS", "Tektronix MSO", "Rigol, numbered"):
+            lines = list(FILES[what])
+            lines[-2] = lines[-2].replace(f"{V[-2]:.5f}", "clipped")
+            path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+            with failures.of(what), pytest.raises(InputError, match=f"line {len(lines) - 1}: 'clipped'"):
+                read_records(path)
 
 
 def test_a_plain_table_is_no_oscilloscope(tmp_path: Path) -> None:
@@ -83,25 +82,25 @@ def test_a_plain_table_is_no_oscilloscope(tmp_path: Path) -> None:
     assert raw.t[1] == 1
 
 
-@pytest.mark.parametrize("separator", [",", "\t"])
-@pytest.mark.parametrize("labels", [("Run 1", "Run 2", "Run 3"), ("soft", "stiff", "none"), ()])
-def test_tables_side_by_side_are_records_with_their_own_times(
-    tmp_path: Path, separator: str, labels: tuple[str, ...]
-) -> None:
+def test_tables_side_by_side_are_records_with_their_own_times(tmp_path: Path) -> None:
     t = np.arange(500) / 50
     ys = [a * np.exp(-0.2 * t) * np.cos(6 * t) for a in (20.0, 15.0, 10.0)]
-    top = [cell for label in labels for cell in (label, "", "")][:-2]
     names = ["Time (s)", "Angle (deg)", ""] * 3
     rows = [
         [x for k, y in enumerate(ys) for x in (f"{t[i] + k:.3f}", f"{y[i]:.6f}", "")] for i in range(t.size)
     ]
-    lines = [separator.join(row) for row in ([top] if labels else []) + [names[:-1]] + rows]
-    (tmp_path / "a.csv").write_text("\n".join(lines), encoding="utf-8")
-    raws = read_records(tmp_path / "a.csv")
-    assert [raw.unit for raw in raws] == ["deg"] * 3
-    assert [raw.run for raw in raws] == (["1", "2", "3"] if labels[:1] == ("Run 1",) else [""] * 3)
-    for k, raw in enumerate(raws):
-        assert raw.t is not None
-        np.testing.assert_allclose(raw.t, t + k, atol=1e-9)
-        np.testing.assert_allclose(raw.y, ys[k], atol=1e-6)
-    assert [raw.repeat for raw in raws] == [labels[:1] == ("Run 1",)] * 3
+    for separator, labels, runs in (
+        (",", ("Run 1", "Run 2", "Run 3"), ["1", "2", "3"]),
+        ("\t", ("soft", "stiff", "none"), [""] * 3),
+        (",", (), [""] * 3),
+    ):
+        top = [cell for label in labels for cell in (label, "", "")][:-2]
+        lines = [separator.join(row) for row in ([top] if labels else []) + [names[:-1]] + rows]
+        (tmp_path / "a.csv").write_text("\n".join(lines), encoding="utf-8")
+        raws = read_records(tmp_path / "a.csv")
+        assert [raw.unit for raw in raws] == ["deg"] * 3
+        assert [raw.run for raw in raws] == runs
+        assert [raw.repeat for raw in raws] == [bool(run) for run in runs]
+        for k, raw in enumerate(raws):
+            np.testing.assert_allclose(raw.t, t + k, atol=1e-9)  # type: ignore[arg-type]
+            np.testing.assert_allclose(raw.y, ys[k], atol=1e-6)

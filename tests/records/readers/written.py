@@ -23,24 +23,10 @@ def uff(path: Path, even: int = 1, names: tuple[str, ...] = ("arm", "beam")) -> 
     file = pyuff.UFF(str(path))
     for name, y in zip(names, (Y, Z), strict=False):
         data = pyuff.prepare_58(
-            binary=0,
-            func_type=1,
-            rsp_ent_name=name,
-            rsp_node=0,
-            rsp_dir=0,
-            ref_node=0,
-            ref_dir=0,
-            data=y,
-            x=T,
-            id1="a record",
-            abscissa_spacing=even,
-            abscissa_min=0.0,
-            abscissa_inc=1 / RATE,
-            abscissa_spec_data_type=17,
-            ordinate_spec_data_type=12,
-            orddenom_spec_data_type=0,
-            ordinate_axis_units_lab="m/s^2",
-        )
+            binary=0, func_type=1, rsp_ent_name=name, rsp_node=0, rsp_dir=0, ref_node=0, ref_dir=0, data=y, x=T,
+            id1="a record", abscissa_spacing=even, abscissa_min=0.0, abscissa_inc=1 / RATE, abscissa_spec_data_type=17,
+            ordinate_spec_data_type=12, orddenom_spec_data_type=0, ordinate_axis_units_lab="m/s^2",
+        )  # fmt: skip
         file.write_sets(data, mode="add" if path.exists() else "overwrite")
 
 
@@ -62,33 +48,17 @@ def tdms(path: Path) -> None:
 
     said = {"wf_increment": 1 / RATE, "wf_start_offset": 0.0, "unit_string": "deg"}
     with TdmsWriter(path) as writer:
-        writer.write_segment(
-            [
-                RootObject({"operator": "somebody"}),
-                ChannelObject("Bench", "roll", Y, said),
-                ChannelObject("Bench", "pitch", Z, said),
-            ]
-        )
+        channels = [ChannelObject("Bench", name, y, said) for name, y in (("roll", Y), ("pitch", Z))]
+        writer.write_segment([RootObject({"operator": "somebody"}), *channels])
 
 
 def lvm(path: Path) -> None:
     head = [
-        "LabVIEW Measurement\t",
-        "Writer_Version\t2",
-        "Separator\tTab",
-        "Decimal_Separator\t,",
-        "X_Columns\tNo",
-        "Date\t2024/05/03",
-        "***End_of_Header***\t",
-        "\t",
-        "Channels\t2\t\t",
-        "Samples\t600\t600\t",
-        "Y_Unit_Label\tmm\tmm\t",
-        "X0\t0,0\t0,0\t",
-        "Delta_X\t0,02\t0,02\t",
-        "***End_of_Header***\t\t\t",
+        "LabVIEW Measurement\t", "Writer_Version\t2", "Separator\tTab", "Decimal_Separator\t,", "X_Columns\tNo",
+        "Date\t2024/05/03", "***End_of_Header***\t", "\t", "Channels\t2\t\t", "Samples\t600\t600\t",
+        "Y_Unit_Label\tmm\tmm\t", "X0\t0,0\t0,0\t", "Delta_X\t0,02\t0,02\t", "***End_of_Header***\t\t\t",
         "X_Value\tfront\tback\tComment",
-    ]
+    ]  # fmt: skip
     rows = [f"\t{y!r}\t{z!r}".replace(".", ",") for y, z in zip(Y.tolist(), Z.tolist())]
     path.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
 
@@ -133,15 +103,9 @@ def parquet(path: Path) -> None:
     import pyarrow
     import pyarrow.parquet
 
-    stamps = (
-        np.datetime64("2024-05-03T10:00:00", "us") + np.round(T * 1e6).astype("timedelta64[us]")
-    ).astype("M8[us]")
-    schema = pyarrow.schema(
-        [
-            pyarrow.field("stamp", pyarrow.timestamp("us")),
-            pyarrow.field("x", pyarrow.float64(), metadata={"unit": "mm"}),
-        ]
-    )
+    stamps = np.datetime64("2024-05-03T10:00:00", "us") + np.round(T * 1e6).astype("m8[us]")
+    x = pyarrow.field("x", pyarrow.float64(), metadata={"unit": "mm"})
+    schema = pyarrow.schema([pyarrow.field("stamp", pyarrow.timestamp("us")), x])
     pyarrow.parquet.write_table(pyarrow.table([stamps, Y], schema=schema), path)
 
 
@@ -181,7 +145,6 @@ def write_json(path: Path) -> None:
     path.write_text(json.dumps({"sample_rate": RATE, "unit": "deg", "roll": Y.tolist()}), encoding="utf-8")
 
 
-Check = tuple[Callable[[Path], object], int, str, str, float | None]
 FORMATS: dict[str, tuple[str, Callable[[Path], object], list[str], str, str, float | None]] = {
     # file, writer, channels, unit, quantity, rate where the file has no column of times
     "UFF ascii": ("a.uff", uff, ["arm", "beam"], "m", "acceleration", RATE),

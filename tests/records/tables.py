@@ -1,0 +1,14 @@
+"""Text tables for tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+
+def write_table(path: Path, head: str, *columns: np.ndarray) -> Path:
+    """Write columns with all their digits below a head of one or more lines; none where it is empty."""
+    rows = [",".join(map(str, row)) for row in zip(*(c.tolist() for c in columns), strict=True)]
+    path.write_text("\n".join([head, *rows] if head else rows), encoding="utf-8")
+    return path
