@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 from bayesdamp.report.markup import markdown_table
 from bayesdamp.report.results.estimators import EstimatorComparison, compare_estimators
@@ -90,11 +90,12 @@ def written(judgements: Iterable[tuple[Claim, Judgement]], runs: Runs) -> str:
     """Return the page in Markdown, with the runs by which it judges."""
     judgements = list(judgements)
     counts = Counter(judgement.verdict for _, judgement in judgements)
+    verdicts = [f"{verdict} {counts[verdict]}" for verdict in get_args(Verdict) if counts[verdict]]
     cells = [(c.text, c.where, j.measured, f"**{j.verdict}**") for c, j in judgements]
     lines = [
         "# The paper's claims, measured",
         "",
-        f"Of {len(judgements)} claims: {', '.join(f'{count} {verdict}' for verdict, count in counts.items())}.",
+        f"Verdicts on {len(judgements)} claims: {', '.join(verdicts)}.",
         "",
         "Made by `bayesdamp claims`. Errors are in per cent of the truth: *initial* is the method's own estimate,",
         "*refined* is the trajectory fit that starts there. *Better than claimed* means that an error is more than ten",

@@ -75,7 +75,7 @@ def test_the_page_counts_and_escapes():
         Claim("c", "2", lambda _: Judgement("does not hold", "y")),
     ]
     page = written(judged(claims, NONE), NONE)
-    assert "1 holds, 1 does not hold." in page
+    assert "holds 1, does not hold 1." in page
     assert "a \\| b" in page
     assert "**does not hold**" in page
 

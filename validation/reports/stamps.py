@@ -14,7 +14,6 @@ from bayesdamp.store import write_json
 from validation.reports.recipes import RECIPES, Recipe
 
 FILE = "made.json"
-_BODIES = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,8 @@ class Stamp:
 def digest(recipe: Recipe, root: Path) -> str:
     """Return the SHA-256 digest of everything that the numbers of a report depend on.
 
-    That is its commands, its code without comments and docstrings, and its other files byte by byte.
+    That is its commands, its code without comments and docstrings, wherever its imports stand, and its other files byte
+    by byte.
 
     Parameters
     ----------
@@ -82,12 +82,29 @@ def _files(recipe: Recipe, root: Path) -> set[Path]:
 
 @cache
 def _without_words(text: str) -> str:
-    """Return the digest of code without comments and docstrings. It is cached because recipes share most files."""
+    """Return the digest of code without comments and docstrings. It is cached because recipes share most files.
+
+    It does not depend on where in the file an import stands, only on what is imported.
+    """
     tree = ast.parse(text)
+    imported: set[tuple[str, str, str]] = set()
     for node in ast.walk(tree):
-        if isinstance(node, _BODIES):
-            node.body = [line for line in node.body if not _is_text(line)]
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            module = f"{node.level}:{node.module}" if isinstance(node, ast.ImportFrom) else ""
+            imported |= {(module, n.name, n.asname or "") for n in node.names if module != "0:typing"}
+    for node in ast.walk(tree):
+        for name in ("body", "orelse", "finalbody"):
+            lines = getattr(node, name, None)
+            if isinstance(lines, list):
+                setattr(node, name, [line for line in lines if not (_is_text(line) or _is_import(line))])
+    return hashlib.sha256(f"{sorted(imported)}{ast.dump(tree)}".encode()).hexdigest()
+
+
+def _is_import(node: ast.stmt) -> bool:
+    match node:
+        case ast.Import() | ast.ImportFrom() | ast.If(test=ast.Name(id="TYPE_CHECKING")):
+            return True
+    return False
 
 
 def _is_text(node: ast.stmt) -> bool:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import Akima1DInterpolator, PchipInterpolator, PPoly
 from scipy.special import ndtri
 
 from bayesdamp.inference.fit.mode import Mode, maximise
@@ -14,6 +14,9 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.numerics.levenberg_marquardt import Maximum
 from bayesdamp.types import Refusal
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 FIRST_STEP = 0.5
 """First step along the ridge, in posterior sds at the mode."""
@@ -61,6 +64,8 @@ class NoiseMap:
     @classmethod
     def of(cls, target: Target, mode: Mode) -> NoiseMap:
         """Return the map of the target's noise; the identity without tied parameters that are both inferred."""
+        from scipy.interpolate import Akima1DInterpolator  # imports slowly
+
         tied = NOISES.get(target.noise).tied
         if tied is None or not set(tied) <= set(target.names) or mode.linear is not None:
             return cls()
@@ -234,6 +239,8 @@ def _normal_scores(x: np.ndarray, log_density: np.ndarray) -> np.ndarray:
 
 def _table(level: np.ndarray, values: np.ndarray) -> PPoly:
     """Interpolate values, (m, 2), over level scores, (m,), monotonically, and go on along straight lines."""
+    from scipy.interpolate import PchipInterpolator  # imports slowly
+
     low = values[0] - (values[1] - values[0]) / (level[1] - level[0]) * (level[0] + FAR)
     high = values[-1] + (values[-1] - values[-2]) / (level[-1] - level[-2]) * (FAR - level[-1])
     return PchipInterpolator(np.concatenate([[-FAR], level, [FAR]]), np.concatenate([[low], values, [high]]))

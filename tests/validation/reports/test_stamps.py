@@ -36,6 +36,17 @@ def test_comments_and_docstrings_make_nothing_stale(tree: Path):
     assert digest(RECIPE, tree) == before
 
 
+def test_where_an_import_stands_makes_nothing_stale(tree: Path):
+    """What is imported does."""
+    file, top = tree / "physics" / "force.py", "from math import sin\n"
+    file.write_text(top + CODE)
+    before = digest(RECIPE, tree)
+    file.write_text(CODE.replace("    return", f"    {top}    return"))
+    assert digest(RECIPE, tree) == before
+    file.write_text(top.replace("math", "cmath") + CODE)
+    assert digest(RECIPE, tree) != before
+
+
 def test_whatever_changes_a_number_makes_it_stale(tree: Path):
     for change in ["code", "study", "command", "file"]:
         before, recipe = digest(RECIPE, tree), RECIPE
