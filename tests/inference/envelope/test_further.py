@@ -12,9 +12,7 @@ from bayesdamp.physics.amplitude.loss import Scale
 from bayesdamp.physics.damping import TERMS
 
 
-@pytest.mark.parametrize(
-    ("count", "mean", "sd"), [(1, 0.7, 0.004), (1, 0.0, 3.0), (2, 0.5, 0.02), (2, -1.0, 0.5), (3, 0.5, 0.05)]
-)
+@pytest.mark.parametrize(("count", "mean", "sd"), [(1, 0.7, 0.004), (3, 0.5, 0.05)])
 def test_a_normal_likelihood_has_the_integral_of_its_closed_form(count, mean, sd):
     explored = explore(lambda z: -0.5 * sum((score - mean) ** 2 / sd**2 for score in z), count)
     v = sd**2 / (1 + sd**2)
