@@ -77,7 +77,7 @@ def test_a_term_is_named_and_its_numbers_are_recovered(term, truths, unit):
 
 def test_a_term_of_the_paper_stays_named_beside_others():
     """The control: what this record has is not one of the terms with more parameters."""
-    result = verdict_on("quadratic", "power", "stribeck")
+    result = verdict_on("quadratic", "power")
     assert result.damping == "quadratic"
     assert result.probability > 0.8
 

@@ -108,6 +108,7 @@ def test_the_frequency_is_read_from_the_head(tmp_path):
         assert found == (None if frequency is None else pytest.approx(frequency))
 
 
+@pytest.mark.slow
 def test_repeats_of_measured_samples_agree_within_their_intervals():
     """Four ring-downs of one sample and two of another: pairs' standardised differences, and the Q that the authors of
     the records found, within 8 %."""

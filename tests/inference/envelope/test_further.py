@@ -33,6 +33,7 @@ def stribeck_decay() -> tuple[Blocks, Sum, Noise, np.ndarray]:
     return b, stribeck, Noise(1e-4, 1.0, 1e-8, 1.0, 0.02), 0.02**2 * np.eye(60)
 
 
+@pytest.mark.slow
 def test_the_evidence_of_a_term_with_two_parameters_is_its_integral_over_a_grid():
     b, stribeck, noise, covariance = stribeck_decay()
     inverse, noises = np.eye(60) / 0.02, [(noise, covariance)]
