@@ -15,7 +15,6 @@ from bayesdamp.calibrate.statistics import (
     hits_distribution,
     hits_p,
     holm,
-    thin,
     uniformity_band,
     uniformity_p,
 )
@@ -73,23 +72,11 @@ def _checks(scale: float, shift: float) -> list[float]:
     return [uniformity_p(counts), *(binomtest(hit, 500, level).pvalue for hit, level in hits)]
 
 
-def test_a_right_posterior_passes():
-    assert holm(_checks(1.0, 0.0)).min() > 0.01  # false-alarm rate 1 %
-
-
-@pytest.mark.parametrize(("scale", "shift"), [(0.8, 0.0), (1.25, 0.0), (1.0, 0.3)])
-def test_a_wrong_posterior_fails(scale, shift):
+def test_a_right_posterior_passes_and_a_wrong_one_fails():
     """Negative control: intervals a fifth too narrow or a quarter too wide, a bias of 0.3 sds."""
-    assert holm(_checks(scale, shift)).min() < 0.01
-
-
-def test_p_values_of_uniform_ranks_are_uniform_enough():
-    """Of 2,000 sets at most a share α has p ≤ α, and not far less; four standard errors."""
-    counts = np.random.default_rng(4).multinomial(100, np.full(16, 1 / 16), size=2000)
-    p = np.array([uniformity_p(c) for c in counts])
-    for alpha in (0.05, 0.2, 0.5):
-        error = math.sqrt(alpha * (1 - alpha) / p.size)
-        assert alpha - 0.05 * alpha - 4 * error - 0.01 < np.mean(p <= alpha) < alpha + 4 * error
+    assert holm(_checks(1.0, 0.0)).min() > 0.01  # false-alarm rate 1 %
+    for scale, shift in ((0.8, 0.0), (1.25, 0.0), (1.0, 0.3)):
+        assert holm(_checks(scale, shift)).min() < 0.01, (scale, shift)
 
 
 def test_holm():
@@ -111,12 +98,3 @@ def test_hits_are_those_of_independent_events():
     low, high = hits_band(same, 0.99)
     assert binom.cdf(low - 1, 300, 0.3) <= 0.005 < binom.cdf(low, 300, 0.3)
     assert binom.sf(high, 300, 0.3) <= 0.005 < binom.sf(high - 1, 300, 0.3)
-
-
-def test_thinned_draws_come_from_every_chain():
-    draws = np.arange(4)[:, None] + np.zeros((4, 250))
-    kept = thin(draws, 255)
-    assert kept.shape == (255,)
-    assert np.bincount(kept.astype(int)).min() >= 63
-    with pytest.raises(ValueError, match="there are 1000"):
-        thin(draws, 1001)

@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.signal import find_peaks, hilbert
 from scipy.stats import halfnorm
 
 from bayesdamp.inference.envelope.candidates import Blocks, weigh, weigh_power
@@ -20,8 +18,7 @@ from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.envelope import specimen
 from tests.envelope.ringdowns import NEPER, Ringdown, simulate
-from tests.envelope.weighed import log_evidence_as_given, place_as_given
-from tests.validation.envelopes import drawn
+from tests.envelope.weighed import place_as_given
 
 RING = {"fall": 45.0, "scatter": 0.02, "scatter_time": 0.5, "behind": 15.0}
 
@@ -39,10 +36,8 @@ def verdict(record: EnvelopeRecord, window: EnvelopeWindow | None = None) -> Ver
     ("rates", "damping", "power"),
     [
         ({"viscous": 0.2}, "viscous", 1.0),
-        ({"coulomb": 0.05}, "coulomb", 0.0),
         ({"quadratic": 1.5}, "quadratic", 2.0),
         ({"viscous": 0.1, "coulomb": 0.02}, "viscous+coulomb", None),
-        ({"viscous": 0.1, "quadratic": 0.8}, "viscous+quadratic", None),
     ],
 )
 def test_the_damping_that_made_a_record_is_named(rates, damping, power):
@@ -56,6 +51,7 @@ def test_the_damping_that_made_a_record_is_named(rates, damping, power):
     assert sum(item.share for item in result.energy) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_coverage_of_the_rate():
     """Thirty viscous ring-downs, nominal 95 %: fewer than 24 covered happen once in 3,000 runs.
 
@@ -98,28 +94,15 @@ def test_a_window_in_which_the_level_does_not_fall_is_refused():
     assert verdict(record, bounded(record.t, record.level, start, start + 4.5)).rate is not None
 
 
-def test_a_decay_of_which_little_stands_above_its_own_scatter_is_refused():
-    """Drag whose straight end alone is taken for the decay, and the floor cut off from that leaves a rise."""
-    rng = np.random.default_rng([1, 535])
-    truth = simulate(drawn("harsh", rng), rng)
-    result = verdict(made_record("x", truth.t, truth.level, "dBm", 1e6))
-    assert result.grade == "no_free_decay"
-    assert "3 are needed" in result.sentence
-
-
-def test_a_law_that_bends_is_not_called_exact():
-    record, _ = ringdown({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
-    result = verdict(record)
+def test_a_law_that_bends_is_not_called_exact_and_its_curve_is_followed():
+    """The true decay is within its band. Negative control: the straight line of the law misses it by thrice as much."""
+    record, truth = ringdown({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
+    answer = analyse(record)
+    result, curve = answer.verdict, answer.curve
     assert result.probability_exact < 0.5  # 0.8 before
     assert result.grade != "exact"
     assert result.deviation.high > 0.05
     assert "the law holds within" in result.sentence
-
-
-def test_the_curve_of_a_picture_follows_a_law_that_bends():
-    """The true decay is within its band. Negative control: the straight line of the law misses it by thrice as much."""
-    record, truth = ringdown({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
-    curve = analyse(record).curve
     assert curve is not None
     left = np.isfinite(truth.x)
     true = -40.0 + NEPER * np.interp(curve.t, truth.t[left], truth.x[left])
@@ -128,36 +111,6 @@ def test_the_curve_of_a_picture_follows_a_law_that_bends():
     line = np.polynomial.Polynomial.fit(curve.t[early], true[early], 1)(curve.t[early])
     missed, by_line = (np.median(np.abs(true[early] - x)) for x in (curve.fit[early], line))
     assert by_line > 3 * missed
-
-
-@pytest.mark.parametrize("how", ["hilbert", "peaks"])
-def test_the_envelope_of_an_oscillation_has_the_q_of_the_oscillation(how):
-    """θ̈ + 2ζθ̇ + ω²θ = 0 integrated in time; Q = ω_d/(2ζ)."""
-    zeta, omega = 0.05, 2 * np.pi * 5.0
-    t = np.linspace(0.0, 60.0, 12001)
-    outcome = solve_ivp(
-        lambda _, y: [y[1], -2 * zeta * y[1] - omega**2 * y[0]],
-        (0.0, 60.0),
-        [1.0, 0.0],
-        t_eval=t,
-        rtol=1e-9,
-        atol=1e-12,
-    ).y[0]
-    noisy = outcome + 2e-3 * np.random.default_rng(4).standard_normal(t.size)
-    if how == "hilbert":
-        keep = slice(200, -200, 10)  # the transform's ends are none of the envelope's
-        times, amplitude = t[keep], np.abs(hilbert(noisy))[keep]
-    else:
-        at, _ = find_peaks(noisy, distance=30)
-        times, amplitude = t[at], noisy[at]
-    damped = np.sqrt(omega**2 - zeta**2)
-    result = verdict(made_record("x", times, amplitude, "V", damped / (2 * np.pi)))
-    q = result.quality_factor
-    assert q.low <= damped / (2 * zeta) <= q.high
-    assert q.high / q.low < 1.1
-    assert result.damping == "viscous"
-    zeta_found = next(c for c in result.coefficients if c.name == "zeta")
-    assert zeta_found.low <= zeta <= zeta_found.high
 
 
 def test_a_table_of_half_lives():
@@ -172,14 +125,6 @@ def test_a_table_of_half_lives():
     assert result.quality_factor is None
     assert result.decay_rate[0].unit == "mm"
     assert any("frequency is not known" in line for line in result.remarks)
-
-
-def test_a_table_of_many_half_lives_is_answered():
-    """Of 139 dB friction alone follows a part only and has come to rest before the end."""
-    t = 12.0 * np.arange(24)
-    result = verdict(made_record("x", t, 3.0 * 0.5 ** np.arange(24), "mm"))
-    assert result.damping == "viscous"
-    assert result.rate.low <= np.log(2) / 12 <= result.rate.high
 
 
 def test_units_of_the_same_decay_agree():
@@ -202,29 +147,9 @@ def shared_prior(rates: np.ndarray, duration: float) -> np.ndarray:
     return np.mean([np.prod(halfnorm.pdf(rates, scale=item), axis=-1) for item in scales], axis=0)
 
 
-def test_evidence_is_the_integral_of_likelihood_and_priors():
-    """One viscous term, the law exact, white noise of known sd: against a sum over a fine grid.
-
-    The rate's prior is a mixture of half-normals, that of the start normal of sd 100."""
-    rng = np.random.default_rng(9)
-    t = np.linspace(0.0, 10.0, 50)
-    b = Blocks(t, 1.0 - 0.2 * t + 0.05 * rng.standard_normal(50), 10.0, 0.2)
-    covariance = 0.05**2 * np.eye(50)
-    white = Noise(1e-4, 1.0, 1e-8, 1.0, 0.05)
-    candidate = weigh(b, ClosedForm(("viscous",)), [(white, covariance)], np.eye(50) / 0.05)
-    rates = np.linspace(0.0, 0.4, 2001)
-    starts = np.linspace(0.8, 1.2, 801)
-    off = b.x[:, None, None] - starts[:, None] + rates * t[:, None, None]
-    log_likelihood = -0.5 * np.sum((off / 0.05) ** 2, axis=0) - 50 * np.log(0.05 * np.sqrt(2 * np.pi))
-    prior = shared_prior(rates[:, None], 10.0) / (100.0 * np.sqrt(2 * np.pi))
-    most = log_likelihood.max()
-    total = np.sum(np.exp(log_likelihood - most) * prior) * (rates[1] - rates[0]) * (starts[1] - starts[0])
-    truth = most + np.log(total)
-    assert log_evidence_as_given(candidate) == pytest.approx(truth, abs=0.02)
-
-
-def test_the_evidence_of_a_power_is_that_integral_too():
-    """As above, with any power of the amplitude from 0 to 3, equally probable: its closed form, by a sum."""
+def test_the_evidence_of_a_power_is_its_integral():
+    """White noise of known sd and an exact law: any power of the amplitude from 0 to 3, equally probable, by a sum over
+    a fine grid of its closed form. The rate's prior is a mixture of half-normals, the start's is normal, of sd 100."""
     rng = np.random.default_rng(9)
     t = np.linspace(0.0, 10.0, 50)
     b = Blocks(t, 1.0 - 0.2 * t + 0.02 * rng.standard_normal(50), 10.0, 0.2)
@@ -260,16 +185,10 @@ def test_repeats_are_pooled():
     assert mixed.standardised > 10
     assert mixed.spread.value > 0.05
     assert specimen("x", answers[:1]) is None
-
-
-def test_a_specimen_whose_damping_nothing_tells_has_a_size_alone():
-    """Sums whose terms have parameters beside coefficients cannot be joined; the control is the test above."""
-    answers = [replace(analyse(ringdown({"viscous": 0.2}, seed)[0]), likelihoods={}) for seed in (1, 2)]
-    common = specimen("x", answers)
-    assert (common.damping, common.decided) == ("", False)
-    assert np.isnan(common.probability)
-    assert common.sentence.startswith("2 records: Q = ")
-    assert common.quality_factor.low <= np.pi * 1e6 / 0.2 <= common.quality_factor.high
+    # Sums whose terms have parameters beside coefficients cannot be joined: the specimen has a size alone.
+    sized = specimen("x", [replace(item, likelihoods={}) for item in answers])
+    assert (sized.damping, sized.decided) == ("", False)
+    assert sized.sentence.startswith("3 records: Q = ")
 
 
 def test_what_is_no_envelope_is_refused():
@@ -278,8 +197,5 @@ def test_what_is_no_envelope_is_refused():
         made_record("x", t, np.cos(9 * t), "V")
     with pytest.raises(InputError, match="time goes back at reading 3"):
         made_record("x", np.array([0.0, 2.0, 1.0]), np.ones(3), "V")
-    result = verdict(
-        made_record("x", t, np.full(200, -50.0) + 0.1 * np.random.default_rng(0).random(200), "dBm")
-    )
-    assert result.grade == "no_free_decay"
-    assert result.rate is None
+    flat = made_record("x", t, -50.0 + 0.1 * np.random.default_rng(0).random(200), "dBm")
+    assert verdict(flat).grade == "no_free_decay"

@@ -51,14 +51,13 @@ def verdict_on(term: str, *more: str, unit: str = "rad") -> Verdict:
     return analyse(envelope(FORCES[term], 1, unit), sums=(*SUMS, *((item,) for item in more))).verdict
 
 
-@pytest.mark.parametrize("unit", ["rad", "dB"])
 @pytest.mark.parametrize(
-    ("term", "truths"),
+    ("term", "truths", "unit"),
     [
-        ("cubic", {"mu_3": 0.15}),
-        ("power", {"exponent": 1.5}),
-        ("stribeck", {"mu_k": 0.07, "static_excess": 3.0, "stribeck_velocity": 1.2}),
-        ("dry_position", {"mu_p": 0.09, "friction_curvature": 2.0}),
+        ("cubic", {"mu_3": 0.15}, "dB"),
+        ("stribeck", {"mu_k": 0.07, "static_excess": 3.0, "stribeck_velocity": 1.2}, "rad"),
+        pytest.param("power", {"exponent": 1.5}, "rad", marks=pytest.mark.slow),
+        pytest.param("dry_position", {"mu_p": 0.09, "friction_curvature": 2.0}, "dB", marks=pytest.mark.slow),
     ],
 )
 def test_a_term_is_named_and_its_numbers_are_recovered(term, truths, unit):
@@ -76,21 +75,14 @@ def test_a_term_is_named_and_its_numbers_are_recovered(term, truths, unit):
     assert sum(item.share for item in result.energy) == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.parametrize("term", ["viscous", "quadratic"])
-def test_the_paper_s_terms_stay_named_beside_others(term):
-    """The control: what these records have is not one of the terms with more parameters."""
-    result = verdict_on(term, "power", "stribeck")
-    assert result.damping == term
+def test_a_term_of_the_paper_stays_named_beside_others():
+    """The control: what this record has is not one of the terms with more parameters."""
+    result = verdict_on("quadratic", "power")
+    assert result.damping == "quadratic"
     assert result.probability > 0.8
 
 
-def test_a_law_that_a_record_does_not_have_is_not_named():
-    result = analyse(envelope(FORCES["stribeck"], 1), sums=(("viscous",), ("cubic",))).verdict
-    assert not result.decided
-    assert result.grade == "deviates"
-    assert "; the nearest law of damping is " in result.sentence
-
-
+@pytest.mark.slow
 def test_friction_that_rises_away_from_rest_is_not_told_from_coulomb_and_quadratic_damping():
     """4 μ A (1 + q A²/3) a cycle is what these two take together, if q is not negative."""
     both = (("coulomb",), ("coulomb", "quadratic"), ("dry_position",))
@@ -104,15 +96,6 @@ def test_friction_that_rises_away_from_rest_is_not_told_from_coulomb_and_quadrat
     ).verdict
     assert falling.damping == "dry_position"  # control: what no sum of these loses
     assert not any("probabilities are just the prior ones" in text for text in falling.remarks)
-
-
-def test_a_power_that_is_a_term_has_the_exponent_that_every_answer_has():
-    result = verdict_on("power", "power")
-    item = next(c for c in result.coefficients if c.name == "exponent")
-    assert item.value == pytest.approx(
-        result.exponent.value, abs=0.3 * (result.exponent.high - result.exponent.low)
-    )
-    assert item.high - item.low == pytest.approx(result.exponent.high - result.exponent.low, rel=0.3)
 
 
 def written(path, term: str = "thinning", unit: str = "rad", seed: int = 3) -> str:
@@ -146,33 +129,11 @@ def test_a_user_s_own_term_is_weighed(tmp_path, capsys):
     assert not (tmp_path / "no").exists()
 
 
-def test_a_plugin_s_source_is_part_of_the_question(tmp_path, capsys):
-    """Changed, the record is answered anew; in several processes too."""
-    plugin = tmp_path / "drag.py"
-    text = THINNING.replace("v / (1.0 + abs(v) / 0.35)", "v**3").replace("thinning", "third")
-    plugin.write_text(text)
-    files = [written(tmp_path / f"r{k}.csv", "viscous", seed=k) for k in range(7)]
-    asks = ["--quantity", "envelope", "--plugin", str(plugin), "--damping", "viscous,third", "--workers", "2"]
-    out = tmp_path / "out"
-    before = []
-    for power in ("3", "2"):
-        plugin.write_text(text.replace("v**3", f"abs(v)**{int(power) - 1} * v"))
-        assert main(["compare", *files, *asks, "--out", str(out)]) == 0
-        before.append([item["rivals"] for item in json.loads((out / "verdict.json").read_text())])
-    assert before[0] != before[1]
-
-
-@pytest.mark.parametrize(
-    ("damping", "what"),
-    [
-        (["viscous+structural"], "viscous and structural lose the same at every amplitude"),
-        (["viscous+coulomb+quadratic+cubic"], "at most 3 terms"),
-        (["cubix"], "did you mean 'cubic'"),
-    ],
-)
-def test_what_no_envelope_tells_is_refused(damping, what):
-    with pytest.raises(InputError, match=what.replace("+", r"\+")):
-        weighable([parse_model(name) for name in damping])
+def test_what_no_envelope_tells_is_refused():
+    with pytest.raises(InputError, match="viscous and structural lose the same at every amplitude"):
+        weighable([parse_model("viscous+structural")])
+    with pytest.raises(InputError, match="at most 3 terms"):
+        weighable([parse_model("viscous+coulomb+quadratic+cubic")])
 
 
 def test_twins_are_said_and_not_weighed_beside_each_other():

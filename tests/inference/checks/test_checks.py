@@ -7,28 +7,19 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.checks import checks
-from bayesdamp.inference.checks.checks import (
-    FitCheck,
-    autocorrelation,
-    check_fit,
-    kurtosis,
-    laplace_draws,
-    portmanteau,
-)
-from bayesdamp.inference.fit.mode import whitening
+from bayesdamp.inference.checks.checks import FitCheck, check_fit, kurtosis, laplace_draws, portmanteau
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import Refusal, Seed, Signal
+from bayesdamp.types import Seed, Signal
 
 TIMES = np.linspace(0.0, 8.0, 240)
 NOISE = 0.004
 PERIOD = 1.405
 TRUTHS = {"viscous": ("zeta", 0.08), "quadratic": ("mu_q", 0.3)}
-RECORDS = 40
+RECORDS = 12
 
 
 @lru_cache
@@ -63,39 +54,24 @@ def fit(
     return target, check_fit(target, mode, PERIOD, seed)
 
 
-@lru_cache
-def calibration() -> list[FitCheck]:
-    return [fit("viscous", "viscous", seed)[1] for seed in range(RECORDS)]
+def test_true_models_fit_and_predictive_p_is_calibrated():
+    """Twelve records of the model itself.
 
-
-def test_predictive_p_is_calibrated():
-    """Forty records of the model itself.
-
-    At most 7 of 40 below 0.05 (a binomial says 8 or more with 8e-4), none to speak of below the limit of 0.01 (3 or
-    more with 8e-3), and the small half is not empty (fewer than 8 below 0.5: 2e-5).
+    At most 4 of 12 below 0.05 (a binomial says 5 or more with 2e-4), none to speak of below the limit of 0.01 (3 or
+    more with 2e-4), and the small half is not empty (none below 0.5: 2e-4). The largest of three shifts between
+    windows and the whole, in its own sd, has a median near 1.2, and above 4 there is next to none.
     """
-    p = np.array([f.predictive_p for f in calibration()])
-    assert np.sum(p < 0.05) <= 7
+    fits = [fit("viscous", "viscous", seed)[1] for seed in range(RECORDS)]
+    p = np.array([f.predictive_p for f in fits])
+    assert np.sum(p < 0.05) <= 4
     assert np.sum(p < 0.01) <= 2
-    assert np.sum(p < 0.5) >= 8
-
-
-def test_true_models_fit():
-    """The verdict is `fits` but for a few; residuals are the noise."""
-    fits = calibration()
-    assert sum(f.verdict == "fits" for f in fits) >= RECORDS - 3
+    assert np.sum(p < 0.5) >= 1
+    assert sum(f.verdict == "fits" for f in fits) >= RECORDS - 2
     assert np.mean([f.rms for f in fits]) == pytest.approx(NOISE, rel=0.03)
     assert abs(np.mean([f.residual_autocorrelation for f in fits])) < 0.05
-
-
-def test_windows_of_true_models():
-    """Shifts between windows and the whole are of the order of their own sd: the largest of three shifts has a
-    median near 1.2, and above 4 there is next to none."""
-    z = np.array([f.window_spread for f in calibration()])
-    assert 0.6 < np.median(z) < 1.9
-    assert np.sum(z > 4) <= 1
-    labels = [w.label for w in calibration()[0].windows]
-    assert labels == ["whole record", "first half", "middle half", "last half"]
+    shifts = np.array([f.window_spread for f in fits])
+    assert 0.6 < np.median(shifts) < 1.9
+    assert np.sum(shifts > 4) <= 1
 
 
 def test_wrong_damping_is_seen():
@@ -107,58 +83,14 @@ def test_wrong_damping_is_seen():
     assert result.fit == pytest.approx(target.signal.y - result.residual)
 
 
-def test_windows_are_climbed_closely_enough(monkeypatch):
-    """To a fiftieth of their sd, where the whole record's mode is near (a true model) and where it is far. Negative
-    control: searches that any step ends."""
-
-    def values(close: float) -> np.ndarray:
-        monkeypatch.setattr(checks, "ROUGHLY", close)
-        fits = [fit("viscous", "viscous", 0)[1], fit("quadratic", "viscous", 1)[1]]
-        return np.array([w.values["zeta"] / w.sd["zeta"] for f in fits for w in f.windows[1:]])
-
-    usual, truth = values(checks.ROUGHLY), values(1e-6)
-    assert np.max(np.abs(usual - truth)) < 0.02
-    assert np.max(np.abs(values(10.0) - truth)) > 0.05
-
-
-def test_a_part_without_a_shape_has_no_evidence(monkeypatch):
-    """Where the curvature of a part cannot be factored the others keep theirs."""
-    target, _ = fit("viscous", "viscous", 0)
-    mode = find_mode(target, {Seed("s"): {"zeta": 0.08, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
-
-    def stiff(information: np.ndarray) -> np.ndarray:
-        if information is mode.information:
-            return whitening(information)
-        raise Refusal("the posterior has no curvature at its mode")
-
-    monkeypatch.setattr(checks, "whitening", stiff)
-    windows = check_fit(target, mode, PERIOD, 0).windows
-    assert [np.isfinite(w.log_evidence) for w in windows] == [True, False, False, False]
-
-
 def test_outliers_are_told_where_the_noise_model_does_not_allow_for_them():
-    """Noise of two degrees of freedom under gaussian noise: each of five records has a sample beyond six robust sds
-    with a chance above 0.998. Normal noise is told of none (`test_true_models_fit`)."""
-    for seed in range(5):
+    """Noise of two degrees of freedom under gaussian noise: a record has a sample beyond six robust sds with a chance
+    above 0.998. The negative control: the same record under Student's t."""
+    for seed in range(2):
         assert "outliers" in fit("viscous", "viscous", seed, dof=2.0)[1].verdict
-
-
-@pytest.mark.slow
-def test_outliers_are_none_under_heavy_tailed_noise():
-    """The negative control: the same records under Student's t."""
-    for seed in range(5):
-        check = fit("viscous", "viscous", seed, dof=2.0, noise="student_t")[1]
-        assert check.verdict == "fits"
-        assert check.kurtosis < 1.0
-
-
-def test_autocorrelation_by_definition():
-    x = np.random.default_rng(0).standard_normal((3, 100)).cumsum(axis=1)
-    result = autocorrelation(x, 5)
-    centred = x - x.mean(axis=1, keepdims=True)
-    for lag in range(6):
-        expected = np.sum(centred[:, lag:] * centred[:, : 100 - lag], axis=1) / np.sum(centred**2, axis=1)
-        np.testing.assert_allclose(result[:, lag], expected, atol=1e-12)
+    check = fit("viscous", "viscous", 0, dof=2.0, noise="student_t")[1]
+    assert check.verdict == "fits"
+    assert check.kurtosis < 1.0
 
 
 def test_portmanteau_of_white_noise_is_chi_square():
@@ -167,42 +99,6 @@ def test_portmanteau_of_white_noise_is_chi_square():
     values = portmanteau(rng.standard_normal((400, 500)), 20)
     assert values.mean() == pytest.approx(20, abs=5 * np.sqrt(40 / 400) + 0.6)
     assert portmanteau(rng.standard_normal(500).cumsum(), 20) > 1000
-
-
-def test_laplace_draws_have_the_covariance():
-    y = clean("viscous") + NOISE * np.random.default_rng(3).standard_normal(TIMES.size)
-    priors = {"zeta": HalfNormal(scale=0.8), "theta0": Normal(mean=0.0, sd=0.6)}
-    known = {"stiffness": 20.0, "rest_angle": 0.0, "omega0": 0.0, "noise_sd": NOISE}
-    target = Target(Signal(TIMES, y), Oscillator(("viscous",), "linear"), "gaussian", priors, known)
-    mode = find_mode(target, {Seed("s"): {"zeta": 0.08, "theta0": 0.3}}, noise_level=NOISE)
-    draws = laplace_draws(target, mode, 20_000, 1)
-    np.testing.assert_allclose(np.cov(draws.T), np.linalg.inv(mode.information), rtol=0.05)
-    assert np.all(draws[:, 0] >= 0)
-
-
-def test_laplace_draws_stay_where_terms_make_up_for_each_other():
-    """A term of three, the other two at zero: draws are as deep as a normal's, half a nat a score, and less for what is
-    cut off; 4 nats are far beyond the mean of 2,000. Negative control: folding parts what belongs together."""
-    y = clean("quadratic") + NOISE * np.random.default_rng(3).standard_normal(TIMES.size)
-    priors = {name: HalfNormal(scale=1.0) for name in ("zeta", "mu_c", "mu_q")}
-    priors |= {"theta0": Normal(mean=0.0, sd=0.6), "omega0": Normal(mean=0.0, sd=2.7)}
-    known = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.02, "noise_sd": NOISE}
-    three = Oscillator(("viscous", "coulomb", "quadratic"), "linear")
-    target = Target(Signal(TIMES, y), three, "gaussian", priors, known)
-    mode = find_mode(target, {Seed("s"): {"mu_q": 0.3, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
-    assert min(abs(mode.z[:2])) < 1e-6
-
-    def depth(z: np.ndarray) -> float:
-        return float(
-            mode.log_posterior - 2.5 * np.log(2 * np.pi) - np.mean(mode.likelihood.log_posteriors(z))
-        )
-
-    top = depth(mode.z[None])
-    draws = laplace_draws(target, mode, 2000, 1)
-    assert np.all(draws[:, :3] >= 0)
-    assert depth(draws) - top < 4.0
-    reflected = np.abs(mode.z + np.random.default_rng(1).standard_normal((2000, 5)) @ mode.factor.T)
-    assert depth(reflected) - top > 10.0
 
 
 def test_laplace_draws_lean_on_the_wall():

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
-from scipy.stats import kstest, norm
+from scipy.stats import norm
 
 from bayesdamp.inference.checks.checks import check_fit, tangents
 from bayesdamp.inference.checks.residual_tests import (
@@ -29,7 +29,6 @@ from bayesdamp.types import Seed, Signal
 
 TIMES = np.linspace(0.0, 12.0, 300)
 K, ZETA, NOISE = 20.0, 0.08, 0.003
-CUBIC = FORMS[0]
 
 
 def moved(form: int, size: float, quantity: str = "angle") -> np.ndarray:
@@ -88,8 +87,9 @@ def probed(target: Target, mode: Mode, noise: np.ndarray) -> StrongestForm:
     return other_form(mode, scores, absorbed, lambda change: change / NOISE)
 
 
-@pytest.mark.parametrize("form", range(len(FORMS)))
-@pytest.mark.parametrize("quantity", ["angle", "velocity", "acceleration"])
+@pytest.mark.parametrize(
+    ("form", "quantity"), [(0, "angle"), (1, "velocity"), (2, "angle"), (3, "acceleration"), (5, "angle")]
+)
 def test_the_response_is_what_a_small_force_does(form: int, quantity: str) -> None:
     """Against differences of SciPy's solver; within 1 % of the largest, 3 % where a force jumps within a step."""
     size = 1e-4
@@ -119,29 +119,6 @@ def test_the_chance_is_that_of_noise() -> None:
     assert np.mean(np.array(louder) < 0.05) > most  # the control: noise that is larger than the model's
 
 
-@pytest.mark.parametrize("form", range(len(FORMS)))
-def test_each_score_is_normal(form: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One form alone: uniform chances (Kolmogorov and Smirnov's test at 0.1 % for each of seven, seeds fixed)."""
-    target, mode = fitted(0, 0.0)
-    rng = np.random.default_rng([12, form])
-    monkeypatch.setattr("bayesdamp.inference.checks.residual_tests.FORMS", (FORMS[form],))
-    chances = [probed(target, mode, rng.standard_normal(TIMES.size)).chance for _ in range(200)]
-    assert kstest(chances, "uniform").pvalue > 1e-3
-    assert kstest(np.array(chances) ** 1.5, "uniform").pvalue < 1e-3  # the control
-
-
-def test_another_law_is_seen_and_named() -> None:
-    """Cubic damping fitted as viscous, where 18 nats are hidden in the noise: 19 of 20 series of noise show it (0.1 %
-    would be seen by chance), most of them by its name."""
-    target, mode = fitted(0, 0.069)
-    left = mode.likelihood.residual(mode.z) / NOISE
-    assert 12 < 0.5 * np.sum(left**2) < 25
-    rng = np.random.default_rng(13)
-    results = [probed(target, mode, rng.standard_normal(TIMES.size)) for _ in range(20)]
-    assert sum(f.chance < 0.005 for f in results) >= 17
-    assert sum(f.words == CUBIC.words for f in results) > 5
-
-
 def test_the_verdict_names_the_form() -> None:
     """Through all checks: cubic damping hidden in the noise under a viscous fit; the viscous record itself is fine."""
     noise = np.random.default_rng(13).standard_normal(TIMES.size)
@@ -156,20 +133,7 @@ def test_the_verdict_names_the_form() -> None:
     assert collected[1].verdict == "fits"
 
 
-@pytest.mark.parametrize("noise", [1e-4, 0.1])
-def test_the_checks_weigh_every_form_of_damping(noise: float) -> None:
-    """A viscous record that is good rules them all out, and one that is all noise none."""
-    drawn = target_of(moved(0, 0.0) + noise * np.random.default_rng(14).standard_normal(TIMES.size))
-    drawn = replace(drawn, known={**drawn.known, "noise_sd": noise})
-    mode = find_mode(drawn, {Seed("truth"): TRUTH}, noise_level=noise)
-    rivals = check_fit(drawn, mode, 2 * np.pi / np.sqrt(K), 0).rivals
-    assert [r.words for r in rivals] == [f.words for f in FORMS if f.damps]
-    weights = np.array([r.log_bayes for r in rivals])
-    assert np.all(weights < -np.log(4)) if noise < 0.01 else np.all(np.abs(weights) < 0.5)
-
-
-@pytest.mark.parametrize("form", [i for i, f in enumerate(FORMS) if f.damps])
-@pytest.mark.parametrize("share", [0.0, 0.1])
+@pytest.mark.parametrize(("form", "share"), [(0, 0.0), (0, 0.1), (3, 0.1)])
 def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None:
     """Over the form's size, of what SciPy's record of it leaves of a viscous fit: within 0.05 nats, 0.07 where that is
     one. The control: another form's is not this."""
@@ -198,17 +162,3 @@ def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None
     of = {r.words: r.log_bayes for r in result}
     assert of.pop(FORMS[form].words) == pytest.approx(truth, abs=0.05 + 0.02 * abs(truth))
     assert not all(abs(b - truth) < 0.05 for b in of.values())
-
-
-@pytest.mark.parametrize("form", [i for i, f in enumerate(FORMS) if f.damps])
-def test_what_changes_may_grow_or_shrink(form: int) -> None:
-    """Residuals and their mirror image say the same of damping that depends on displacement or time, and not of a force
-    that can only be added."""
-    target, mode = fitted(0, 0.0)
-    absorbed = orthonormal(tangents(target, mode).T)
-    noise = np.random.default_rng(16).standard_normal(TIMES.size)
-    both = [
-        other_form(mode, sign * noise, absorbed, lambda change: change / NOISE).rivals for sign in (1, -1)
-    ]
-    item, mirrored = ({r.words: r.log_bayes for r in result}[FORMS[form].words] for result in both)
-    assert (abs(item - mirrored) < 1e-9) == ("depends" in FORMS[form].words or "changes" in FORMS[form].words)

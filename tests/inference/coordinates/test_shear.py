@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import dblquad
-from scipy.interpolate import PchipInterpolator
 
 from bayesdamp.estimators.shared import decay_start, start_parameters
-from bayesdamp.inference.coordinates.noise_map import NoiseMap
-from bayesdamp.inference.coordinates.whitening import Shear, shear_of
+from bayesdamp.inference.coordinates.whitening import shear_of
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.evidence.methods import bridge, importance
 from bayesdamp.inference.fit.mode import Mode
@@ -24,6 +19,7 @@ from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.samplers import Settings, nuts
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import OK, Problem, Reference, Seed, Signal, System
+from tests.inference.coordinates.densities import near, posterior_of
 
 NAMES = ("mu", "k", "g", "s")
 FOLDED = np.array([True, False, False, False])
@@ -50,69 +46,9 @@ def slopes(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return height(z), gradient, np.diag([SCALE[0] ** -2, 0.0, 1.0, 1.0]) + np.outer(row, row)
 
 
-def near(curvature: Callable) -> Any:
-    """The density with this value, gradient and information in place of a record's."""
-    return SimpleNamespace(
-        curvature=curvature,
-        gradient=lambda z: curvature(z)[:2],
-        target=SimpleNamespace(reflected=FOLDED),
-    )
-
-
 @pytest.fixture
-def banana(monkeypatch) -> tuple[Any, Any]:
-    """A target and its mode with that density in place of a record's."""
-    target = SimpleNamespace(
-        names=NAMES,
-        noise="gaussian",
-        reflected=FOLDED,
-        oscillator=SimpleNamespace(parameters=NAMES),
-    )
-    at = np.zeros(4)
-    information = slopes(at)[2]
-    factor = np.linalg.cholesky(np.linalg.inv(information))
-    sds = np.sqrt(np.diag(factor @ factor.T))
-    return target, SimpleNamespace(
-        z=at,
-        information=information,
-        factor=factor,
-        sd=lambda: sds,
-        linear=None,
-        likelihood=SimpleNamespace(folded=height),
-        near=near(slopes),
-    )
-
-
-def test_a_bend_keeps_volumes_and_mirror_images() -> None:
-    rng = np.random.default_rng(0)
-    curve = rng.standard_normal((5, 2, 2))
-    curve[[0, 2, 4]] = 0.0  # a reflected score and the wide ones
-    knots = np.linspace(-90, 90, 400)
-    noise = NoiseMap(
-        1, 3, PchipInterpolator(knots, np.stack([knots + np.sin(0.5 * knots), knots**2], axis=1))
-    )
-    shear = Shear(rng.standard_normal(5), np.array([2, 4]), curve + np.swapaxes(curve, 1, 2), noise)
-    z = rng.standard_normal((7, 5))
-    np.testing.assert_allclose(shear.straight(shear.scores(z)), z, atol=1e-9)
-    np.testing.assert_allclose(shear.scores(z)[:, [0, 2, 4]], z[:, [0, 2, 4]])
-    steps = 1e-6 * np.eye(5)
-    measured = (shear.scores(z[0] + steps) - shear.scores(z[0] - steps)).T / 2e-6
-    np.testing.assert_allclose(shear.slope(z[0]), measured, atol=1e-8)
-    assert np.log(np.linalg.det(shear.slope(z[0]))) == pytest.approx(shear.log_volume(z[0]))
-    rises = (shear.log_volume(z[0] + steps) - shear.log_volume(z[0] - steps)) / 2e-6
-    np.testing.assert_allclose(shear.volume_slope(z[0]), rises, atol=1e-6)
-    bare = replace(shear, noise=NoiseMap())
-    assert np.linalg.det(bare.slope(z[0])) == pytest.approx(1.0)
-    np.testing.assert_array_equal(Shear.none(5).scores(z), z)
-
-
-def test_the_ridge_of_a_product_is_found(banana) -> None:
-    ridge = shear_of(*banana)
-    assert ridge is not None
-    assert sorted(NAMES[i] for i in ridge.wide) == ["g", "s"]
-    exact = np.zeros((4, 2, 2))
-    exact[1] = [[0.0, TILT], [TILT, 0.0]]
-    np.testing.assert_allclose(ridge.curve, exact, atol=1e-6)
+def banana() -> tuple[Any, Any]:
+    return posterior_of(NAMES, FOLDED, np.zeros(4), height, slopes)
 
 
 def test_the_ridge_of_a_product_and_a_square_is_found(banana) -> None:
@@ -132,7 +68,7 @@ def test_the_ridge_of_a_product_and_a_square_is_found(banana) -> None:
         )
         return -0.5 * off @ off, -slope.T @ off, slope.T @ slope
 
-    moved = {**vars(mode), "z": np.array([1.0, 0.0, 0.0, 0.0]), "near": near(at)}
+    moved = {**vars(mode), "z": np.array([1.0, 0.0, 0.0, 0.0]), "near": near(at, FOLDED)}
     ridge = shear_of(target, SimpleNamespace(**moved))  # type: ignore[arg-type]
     assert ridge is not None
     g, s = (list(ridge.wide).index(NAMES.index(n)) for n in ("g", "s"))
@@ -148,14 +84,8 @@ def test_a_straight_ridge_is_left_alone(banana) -> None:
     def flat(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return -0.5 * z @ mode.information @ z, -mode.information @ z, mode.information
 
-    straight = SimpleNamespace(**{**vars(mode), "near": near(flat)})
+    straight = SimpleNamespace(**{**vars(mode), "near": near(flat, FOLDED)})
     assert shear_of(target, straight) is None  # type: ignore[arg-type]
-
-
-def test_the_closed_form_itself() -> None:
-    """Along k the density is a normal's; over g and s by quadrature."""
-    ridge = dblquad(lambda g, s: np.exp(-0.5 * (g**2 + s**2)), -9, 9, -9, 9)[0]
-    assert np.log(ridge * WIDTH * SCALE[0] * np.pi) == pytest.approx(AREA, abs=1e-6)
 
 
 def test_importance_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch) -> None:
@@ -203,6 +133,7 @@ def shaken() -> tuple[Target, Mode]:
     return target, find_mode(target, {Seed("seen"): start}, noise_level=observed.roughness)
 
 
+@pytest.mark.slow
 def test_nuts_follows_a_curved_ridge() -> None:
     """Against importance sampling, whose draws are independent: the quartiles of gravity and the spring's angle, the
     ridge's own coordinates, and of the stiffness. A quartile of 1,000 effective draws has an error of 4 % of the sd, of
@@ -241,13 +172,3 @@ def test_the_exact_force_is_that_of_the_bent_coordinates() -> None:
     settings = Settings(chains=4, warmup=50, draws=50, seed=1)
     posterior = nuts.PLUGIN.attempt(mode, at, settings, True, 0.5).posterior(mode)
     assert np.mean(posterior.stats["acceptance_rate"]) > 0.6
-
-
-def test_the_bent_frame_has_the_gradient_of_its_own_coordinates() -> None:
-    """The force of the linearised trajectory, by differences of the density along the whitened axes near its centre."""
-    target, mode = shaken()
-    at = nuts.whitening_of(target, mode, shear_of(target, mode))
-    u = 0.3 * np.random.default_rng(0).standard_normal((6, mode.z.size))
-    np.testing.assert_allclose(at.whitened(at.scores(u)), u, atol=1e-8)
-    bare = replace(at, shear=Shear.none(mode.z.size))
-    assert np.max(np.abs(at.scores(u) - bare.scores(u)) / mode.sd()) > 1e-3

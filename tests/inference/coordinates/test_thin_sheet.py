@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from bayesdamp.inference.evidence.methods import importance
-from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.types import OK
+from tests.inference.coordinates.densities import posterior_of
 
 TOTAL, WIDTH = 0.03, 3e-5
 """Three coefficients whose sum alone the data tell, so exactly; under half-normal priors of scale 1."""
@@ -32,24 +31,9 @@ def slopes(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @pytest.fixture
 def sheet(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any]:
-    """A target and its mode, at two of three walls, with that density in place of a record's."""
+    """A target and its mode, at two of three walls."""
     monkeypatch.setattr(importance, "shear_of", lambda target, mode: None)
-    names = ("a", "b", "c")
-    target = SimpleNamespace(names=names, noise="gaussian", reflected=np.ones(3, bool))
-    at = np.array([1e-9, 1e-9, TOTAL])
-    information = slopes(at)[2]
-    factor = np.linalg.cholesky(np.linalg.inv(information))
-    sds = np.sqrt(np.diag(factor @ factor.T))
-    near = SimpleNamespace(curvature=slopes, gradient=lambda z: slopes(z)[:2], target=target)
-    return target, SimpleNamespace(
-        z=at,
-        information=information,
-        factor=factor,
-        sd=lambda: sds,
-        linear=None,
-        likelihood=SimpleNamespace(folded=height),
-        near=near,
-    )
+    return posterior_of(("a", "b", "c"), np.ones(3, bool), np.array([1e-9, 1e-9, TOTAL]), height, slopes)
 
 
 def test_evidence_on_a_thin_sheet_between_walls(sheet: tuple[Any, Any]) -> None:
@@ -67,10 +51,3 @@ def test_too_few_draws_with_weight_are_said(sheet: tuple[Any, Any], monkeypatch:
     lost = importance.PLUGIN.evidence("m", *sheet, seed=3)
     assert lost.outcome.startswith("not to be trusted: ")
     assert lost.stderr > 0.1
-
-
-def test_equal_weights_have_no_tail_and_few_have_no_shape() -> None:
-    assert pareto_k(np.full(1000, -1299.27)) == -np.inf
-    assert pareto_k(np.random.default_rng(0).standard_normal(1000)) > -np.inf
-    few = np.r_[np.zeros(3), np.full(997, -1000.0)]
-    assert pareto_k(few) == np.inf

@@ -1,4 +1,4 @@
-"""The exponent of a power law, and a rival form, on records of SciPy's solver."""
+"""The exponent of a power law on records of SciPy's solver."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import quad
 
 from bayesdamp.inference.deviation.findings import Findings, findings
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.types import Signal
 from bayesdamp.verdict.decide import decide, grade_of
 from bayesdamp.verdict.parts import Grade
+from tests.inference.deviation.decays import A, W, decay
 
-W, A, SD, MU = 4.5, 0.3, 0.001, 0.05
+SD, MU = 0.001, 0.05
 TIMES = np.arange(900) * 2 * math.pi / W / 30
 
 
@@ -26,40 +27,26 @@ def drift(t: float) -> float:
 
 @lru_cache
 def found(kind: str, exponent: float = 1.0) -> Findings:
-    """Return the findings for a linear spring with c |v|^p, with c x² v, or with viscous and dry friction that both
-    change over the record."""
+    """Return the findings for a linear spring with c |v|^p, or with viscous and dry friction that both change over the
+    record."""
 
     def force(t: float, x: float, v: float) -> float:
         if kind == "drifting":
             return drift(t) * (2 * 0.05 * v + MU * math.tanh(v / (0.001 * A * W)))
-        if kind == "displacement":
-            return 2.0 * x * x * v + 0.02 * v
         return 0.08 * A * W * abs(v / (A * W)) ** exponent * math.copysign(1.0, v)
 
-    run = solve_ivp(
-        lambda t, y: [y[1], -force(t, y[0], y[1]) - W**2 * y[0]], (0, TIMES[-1]), [A, 0.0], t_eval=TIMES,
-        rtol=1e-9, atol=1e-11, max_step=0.05,
-    )  # fmt: skip
-    y = run.y[0] + SD * np.random.default_rng(3).standard_normal(TIMES.size)
+    y = decay(force, TIMES)[0] + SD * np.random.default_rng(3).standard_normal(TIMES.size)
     return findings(weighing_of(Signal(TIMES, y), restoring=["linear"]))
 
 
-@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0])
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
 def test_the_exponent_is_found(exponent: float) -> None:
-    """95 % intervals, made wider: else one of three would fail with a probability of 1/7; the seed was not chosen."""
+    """95 % intervals, made wider: else one of two would fail with a probability of 1/10; the seed was not chosen."""
     q = found("power", exponent).exponent
     assert q is not None
     assert q.low - 0.01 < exponent < q.high + 0.01
     assert not q.low < exponent + 0.5 < q.high  # control
     assert q.high - q.low < 0.5
-
-
-def test_a_form_that_is_none_of_the_sums_is_a_rival() -> None:
-    said = found("displacement")
-    assert sum(p for name, p in said.exotic.items() if "displacement" in name) > 0.5
-    control = found("power", 1.0)
-    assert sum(control.exotic.values()) < 0.2
-    assert sum(control.damping.values()) + sum(control.exotic.values()) == pytest.approx(1.0)
 
 
 def test_the_exponent_is_the_slope_of_the_damping_curve() -> None:

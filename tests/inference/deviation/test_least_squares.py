@@ -31,13 +31,11 @@ class Case:
     y: np.ndarray
 
 
-def case_of(law: str, quantity: str = "angle", **changed: float) -> Case:
+def case_of(law: str, **changed: float) -> Case:
     p = {**PAPER, **LAWS[law], **changed}
-    order = ("angle", "velocity", "acceleration").index(quantity)
-    y = trajectory(law, p, TIMES)[:, order]
-    solver = Solver(
-        PAPER_TERMS, law, TIMES, quantity, abs(p["theta0"]), W, p["epsilon"], np.linspace(0, 12, 4)
-    )
+    y = trajectory(law, p, TIMES)[:, 0]
+    ends = np.linspace(0, 12, 4)
+    solver = Solver(PAPER_TERMS, law, TIMES, "angle", abs(p["theta0"]), W, p["epsilon"], ends)
     priors: dict[str, Prior] = {}
     for name in solver.names:
         scale = WIDE * max(abs(p[name]), 0.1)
@@ -54,22 +52,11 @@ def case_of(law: str, quantity: str = "angle", **changed: float) -> Case:
     )
 
 
-def fitted(
-    made: Case, active: tuple[bool, ...] = (True, True, True), noise: float = 1e-9, **start: float
-) -> LeastSquaresFit:
+def fitted(made: Case, noise: float = 1e-9) -> LeastSquaresFit:
     rough = PLUGINS.get(made.solver.restoring).start(1.02 * W, 0.0, {})
-    first = made.truth["theta0"]
-    begin = {
-        "zeta": 0.02,
-        "mu_c": 0.02,
-        "mu_q": 0.02,
-        **rough,
-        "theta0": 0.97 * first,
-        "omega0": 0.05,
-        **start,
-    }
+    begin = {**dict.fromkeys(PAPER, 0.02), **rough, "theta0": 0.97 * made.truth["theta0"], "omega0": 0.05}
     z = made.parameters.scores(begin)
-    found = fit(made.solver, made.parameters, np.array(active), made.y, z, noise=noise)
+    found = fit(made.solver, made.parameters, np.ones(3, bool), made.y, z, noise=noise)
     assert found is not None
     return found
 
@@ -86,16 +73,6 @@ def test_recovers_the_truth(law: str) -> None:
     assert found.residual == pytest.approx(made.y - found.motion.y, abs=1e-12)
 
 
-@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
-def test_recovers_the_truth_from_other_quantities(quantity: str) -> None:
-    """The rest angle of a linear law is in neither quantity: only coefficients and stiffness are compared."""
-    made = case_of("linear", quantity)
-    found = fitted(made)
-    values = made.parameters.named(found.z)
-    for name in ("zeta", "mu_c", "mu_q", "stiffness"):
-        assert values[name] == pytest.approx(made.truth[name], rel=1e-2, abs=1e-3), name
-
-
 def test_a_wrong_law_does_not_fit() -> None:
     """Control: a pendulum at 2 rad under a linear spring leaves more than a hundredth of the amplitude."""
     made, other = case_of("pendulum"), case_of("linear", theta0=2.0)
@@ -104,11 +81,10 @@ def test_a_wrong_law_does_not_fit() -> None:
     assert np.sqrt(found.squares / TIMES.size) > 0.02
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_coefficients_are_never_negative(seed: int) -> None:
+def test_coefficients_are_never_negative() -> None:
     """For a viscous record with noise, all three terms are at zero or above, and the fit is no worse than the truth."""
     made = case_of("linear", mu_c=0.0, mu_q=0.0)
-    noisy = made.y + 0.01 * np.random.default_rng(seed).standard_normal(TIMES.size)
+    noisy = made.y + 0.01 * np.random.default_rng(0).standard_normal(TIMES.size)
     found = fitted(Case(made.solver, made.parameters, made.truth, noisy), noise=1e-3)
     values = made.parameters.named(found.z)
     assert all(values[name] >= 0 for name in PAPER)
@@ -118,26 +94,14 @@ def test_coefficients_are_never_negative(seed: int) -> None:
     assert found.squares <= float(np.sum((noisy - at_truth.y) ** 2))
 
 
-def test_absent_terms_stay_absent() -> None:
-    made = case_of("linear", mu_c=0.0, mu_q=0.0)
-    priors = {n: p for n, p in made.parameters.priors.items() if n not in ("mu_c", "mu_q")}
-    fewer = Case(made.solver, Parameters(made.solver.names, priors, {}), made.truth, made.y)
-    found = fitted(fewer, (True, False, False))
-    values = fewer.parameters.named(found.z)
-    assert values["mu_c"] == values["mu_q"] == 0.0
-    assert values["zeta"] == pytest.approx(0.05, rel=1e-4)
-    assert found.tangents.shape == (TIMES.size, 5)
-
-
 def test_a_way_that_escapes_is_none() -> None:
     made = case_of("duffing")
     z = made.parameters.scores({**made.truth, "theta0": 5.0})
     assert fit(made.solver, made.parameters, np.ones(3, bool), made.y, z, noise=1e-9) is None
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_nonnegative_least_squares_are_scipys(seed: int) -> None:
-    rng = np.random.default_rng(seed)
+def test_nonnegative_least_squares_are_scipys() -> None:
+    rng = np.random.default_rng(0)
     root, target = rng.standard_normal((12, 3)), rng.standard_normal(12)
     assert nonnegative(root, target, np.ones(3, bool)) == pytest.approx(nnls(root, target)[0], abs=1e-10)
     free = nonnegative(root, target, np.zeros(3, bool))
@@ -145,51 +109,3 @@ def test_nonnegative_least_squares_are_scipys(seed: int) -> None:
     half = nonnegative(root, target, np.array([True, False, False]))
     split = nnls(np.column_stack([root, -root[:, 1:]]), target)[0]
     assert half == pytest.approx([split[0], *(split[1:3] - split[3:])], abs=1e-9)
-
-
-def test_a_search_begins_where_the_last_fit_was() -> None:
-    """It does so however many standard deviations of its prior a parameter is away.
-
-    Negative control: a damping of zero has no score, and the search begins at the lowest.
-    """
-    parameters = Parameters(
-        ("stiffness", "theta0", "zeta"),
-        {
-            "stiffness": LogNormal(median=20.0, sigma=0.1),
-            "theta0": Normal(mean=0.0, sd=0.01),
-            "zeta": HalfNormal(scale=1.0),
-        },
-        {},
-    )
-    values = {"stiffness": 20.0 * math.exp(-3.8), "theta0": 0.4, "zeta": 0.05}
-    z = parameters.scores(values)
-    assert z[:2] == pytest.approx([-38.0, 40.0])
-    assert parameters.named(z) == pytest.approx(values)
-    assert parameters.scores({**values, "zeta": 0.0})[2] >= -6.0
-
-
-def test_a_motion_that_depends_chaotically_on_its_start_is_no_fit() -> None:
-    """A pendulum that swings by a hundred million turns, as with times in a wrong unit, is not fitted; a spring is."""
-    t, size = np.linspace(0.0, 20.0 / W, 400) * 2 * np.pi, 1e9
-    y = size * W**2 * np.exp(-0.015 * W * t) * np.cos(W * t)
-    ends = np.linspace(0, t[-1], 4)
-    fits = []
-    for law in ("pendulum", "linear"):
-        solver = Solver(PAPER_TERMS, law, t, "acceleration", size, W, 0.02 * size * W, ends)
-        priors: dict[str, Prior] = {n: Normal(mean=0.0, sd=size) for n in ("theta0", "omega0", "rest_angle")}
-        priors |= {"stiffness": LogNormal(median=W**2, sigma=0.5)}
-        priors |= {n: HalfNormal(scale=WIDE) for n in PAPER}
-        parameters = Parameters(solver.names, {n: priors[n] for n in solver.names}, {})
-        start = {
-            "theta0": size,
-            "omega0": 0.0,
-            "rest_angle": 0.0,
-            "stiffness": W**2,
-            "zeta": 0.015,
-            "mu_c": 0.0,
-            "mu_q": 0.0,
-        }
-        z = parameters.scores({n: start[n] for n in solver.names})
-        fits.append(fit(solver, parameters, np.array([True, False, False]), y, z, noise=1e-3 * size))
-    assert fits[0] is None
-    assert fits[1] is not None

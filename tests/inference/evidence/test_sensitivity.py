@@ -8,10 +8,9 @@ from functools import partial
 import numpy as np
 import pytest
 from scipy.special import logsumexp
-from scipy.stats import gaussian_kde, truncnorm
+from scipy.stats import truncnorm
 
 from bayesdamp.inference.checks.forecast import Ahead, carried_on
-from bayesdamp.inference.evidence import sensitivity
 from bayesdamp.inference.evidence.methods.importance import Importance
 from bayesdamp.inference.evidence.savage_dickey import density_at_zero, savage_dickey
 from bayesdamp.inference.evidence.sensitivity import (
@@ -20,12 +19,11 @@ from bayesdamp.inference.evidence.sensitivity import (
     log_predictive,
     predict,
     under_priors,
-    widened,
 )
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.priors import HalfNormal, LogNormal, Normal, Uniform
+from bayesdamp.priors import HalfNormal, Normal
 from bayesdamp.types import Evidence, Seed, Signal
 from tests.inference.evidence.weighing_problems import (
     CASES,
@@ -38,7 +36,6 @@ from tests.inference.evidence.weighing_problems import (
     posterior_grid,
     problem,
     quadrature,
-    squares,
     trajectories,
 )
 
@@ -65,9 +62,7 @@ def halves(target: Target, mode: Mode) -> tuple[Evidence, Ahead]:
     return predict("m", first_half(mode), partial(carried_on, mode.likelihood, half=half), 1)
 
 
-@pytest.mark.parametrize("enough", [sensitivity.ENOUGH, np.inf], ids=["as it comes", "all sampled anew"])
-def test_widths_against_quadrature(enough, monkeypatch):
-    monkeypatch.setattr(sensitivity, "ENOUGH", enough)
+def test_widths_against_quadrature():
     target, mode = problem(TWO)
     evidence = importance(TWO)
     y, log_weights = evidence.arrays["y"], evidence.arrays["log_weights"]
@@ -79,7 +74,7 @@ def test_widths_against_quadrature(enough, monkeypatch):
     assert built.factors[0] == pytest.approx(0.1)
     assert built.factors[-1] == pytest.approx(10.0)
     assert np.all(built.trusted)
-    assert np.all(built.anew) if np.isinf(enough) else not np.any(built.anew[built.factors >= 1.0])
+    assert not np.any(built.anew[built.factors >= 1.0])
     # Five standard errors: false-alarm rate 1e-5.
     off = np.abs(built.log_evidence - exact)
     assert np.all(off < 5 * built.stderr + 2e-3)
@@ -87,12 +82,6 @@ def test_widths_against_quadrature(enough, monkeypatch):
     # Negative control: prior densities without their constants would miss a log factor for each coefficient.
     flat = built.log_evidence + 2 * np.log(built.factors)
     assert np.all(np.abs(flat - exact)[np.abs(np.log(built.factors)) > 0.1] > LIMIT)
-
-
-def test_only_scales_are_widened():
-    assert widened(HalfNormal(scale=0.2), 3.0) == HalfNormal(scale=0.2 * 3.0)
-    assert widened(LogNormal(median=0.2, sigma=0.5), 2.0) == LogNormal(median=0.2, sigma=1.0)
-    assert widened(Uniform(low=0.0, high=1.0), 2.0) is None
 
 
 def test_the_first_half_against_quadrature():
@@ -127,7 +116,7 @@ def test_the_second_half_is_inside_its_interval_and_a_changed_one_is_not():
     assert bad.rms / bad.expected > 2
 
 
-@pytest.mark.parametrize("mean", [-1.0, 0.0, 1.0, 2.0])
+@pytest.mark.parametrize("mean", [-1.0, 1.0])
 def test_density_at_zero_of_cut_off_normals(mean):
     """Twenty samples each: their mean within 4 of its errors (6e-5), their scatter as stated (99.9 % of chi²/19)."""
     law, rng = truncnorm(-mean, np.inf, loc=mean), np.random.default_rng(5)
@@ -135,32 +124,6 @@ def test_density_at_zero_of_cut_off_normals(mean):
     off = drawn[:, 0] - law.logpdf(0.0)
     assert abs(off.mean()) < 4 * drawn[:, 1].mean() / np.sqrt(20)
     assert 0.28 < np.var(off, ddof=1) / np.mean(drawn[:, 1] ** 2) < 2.4
-
-
-def smaller(parameter: str) -> float:
-    """log evidence of one coefficient alone by quadrature."""
-    nodes, weights = np.polynomial.legendre.leggauss(80)
-    x = 0.15 * (nodes + 1)
-    y, still = CASES[TWO][1], np.zeros(80)
-    square = squares(y, x, still) if parameter == "zeta" else squares(y, still, x)
-    logs = log_density(square, KNOWN["noise_sd"]) + np.asarray(PRIORS[parameter].log_density(x))
-    return float(logsumexp(logs + np.log(0.15 * weights)))
-
-
-@pytest.mark.parametrize(("without", "left"), [("zeta", "mu_c"), ("mu_c", "zeta")])
-def test_savage_dickey_is_the_bayes_factor_of_a_nested_pair(without, left):
-    """Within four standard errors (6e-5) of quadrature. Negative control: a kernel estimate that does not know where
-    the axis ends loses half the density, log 2."""
-    target, _ = problem(TWO)
-    y = exact_draws(TWO, 1).z
-    scores = dict(zip(target.names, np.moveaxis(y, -1, 0), strict=True))
-    ratio = savage_dickey(target.priors, without, scores)
-    exact = smaller(left) - quadrature(TWO)
-    assert ratio.outcome == "ok"
-    assert ratio.stderr < 0.2
-    assert abs(ratio.log_bayes_factor - exact) < 4 * ratio.stderr
-    blind = float(gaussian_kde(y[..., target.names.index(without)].ravel()).logpdf(0.0)[0])
-    assert abs(blind - 0.5 * np.log(2 / np.pi) - exact) > 4 * ratio.stderr
 
 
 def test_savage_dickey_says_where_it_is_not_valid():
@@ -171,12 +134,3 @@ def test_savage_dickey_says_where_it_is_not_valid():
     assert far.outcome.startswith("not applicable: beyond 5 nats")
     other = savage_dickey({"mu_c": Normal(mean=0.1, sd=0.1)}, "mu_c", scores)
     assert other.outcome == "not applicable: its prior is not a half-normal"
-
-
-@pytest.mark.parametrize("sd", [1e-4, 0.02])
-def test_draws_far_from_zero_say_nothing_of_it(sd):
-    """And nothing is warned of: the density there is given an endless error."""
-    x = 1.0 + sd * np.random.default_rng(5).standard_normal(4000)
-    assert density_at_zero(x, 4000.0)[1] == np.inf
-    near = np.abs(sd * np.random.default_rng(5).standard_normal(4000))
-    assert density_at_zero(near, 4000.0)[1] < 0.1  # the control

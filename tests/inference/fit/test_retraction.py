@@ -4,41 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from bayesdamp.inference.fit.mode import maximise
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Seed, Signal
-
-LAW = LAWS.get("horizontal_pendulum")
-POINT = {"stiffness": 300.0, "gravity": -140.0, "spring_angle": 0.4, "theta0": -1.1}
-
-
-def test_natural_coordinates_are_the_equilibrium_and_the_frequency_there() -> None:
-    """Against SciPy's root and the force's slope by differences."""
-
-    def force(x: float) -> float:
-        return float(LAW.force(x, POINT))
-
-    result = LAW.natural(POINT)
-    assert result is not None
-    rest = brentq(force, -1.0, 1.0, xtol=1e-14)
-    assert result["spring_angle"] == pytest.approx(rest, abs=1e-12)
-    assert result["stiffness"] == pytest.approx((force(rest + 1e-5) - force(rest - 1e-5)) / 2e-5, rel=1e-7)
-    assert result["theta0"] == pytest.approx(POINT["theta0"] - rest)
-    back = LAW.from_natural(result)
-    assert back == pytest.approx(POINT)
-
-
-def test_where_there_is_no_equilibrium_there_are_no_coordinates() -> None:
-    assert LAW.natural({"stiffness": 1.0, "gravity": -50.0, "spring_angle": 1.5}) is None
-    assert LAW.from_natural({"stiffness": 1.0, "gravity": 9.0, "spring_angle": 1.5}) is None
-    assert LAWS.get("linear").natural({"stiffness": 1.0, "rest_angle": 0.0}) is None
 
 
 def problem() -> Target:
@@ -62,33 +35,6 @@ def problem() -> Target:
 
 
 SEED = {"zeta": 0.02, "stiffness": 12.0, "gravity": 0.0, "spring_angle": 0.0, "theta0": 0.3, "omega0": 0.0}
-
-
-def test_a_step_begins_as_the_straight_one_and_keeps_the_natural_coordinates_straight() -> None:
-    target = problem()
-    follow = target.followed
-    rng = np.random.default_rng(0)
-    z, step = target.scores(SEED), 0.1 * rng.standard_normal(6)
-    assert np.max(np.abs(follow(z, 1e-4 * step) - z - 1e-4 * step)) < 1e-7
-
-    def natural(z: np.ndarray) -> np.ndarray:
-        result = LAW.natural({n: float(v) for n, v in target.values(z).items()})
-        assert result is not None
-        return np.array([result[n] for n in (*LAW.parameters, "theta0")])
-
-    start, half, end = natural(z), natural(follow(z, 0.5 * step)), natural(follow(z, step))
-    np.testing.assert_allclose(half - start, 0.5 * (end - start), atol=1e-4 * np.abs(start).max())
-    straight = natural(z + 0.5 * step) - start, natural(z + step) - start
-    assert np.max(np.abs(straight[0] - 0.5 * straight[1])) > 1e-3  # negative control
-    known = Target(
-        target.signal,
-        target.oscillator,
-        "gaussian",
-        {k: v for k, v in target.priors.items() if k != "gravity"},
-        {**target.known, "gravity": 1.0},
-    )
-    z, step = z[:5], step[:5]
-    assert np.array_equal(known.followed(z, step), z + step)
 
 
 def test_a_climb_along_the_curve_arrives_where_a_straight_one_creeps() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -92,35 +91,6 @@ def test_starts_are_spread_over_the_seeds_and_wider_than_the_posterior():
     assert heights.min() > heights.max() - 8 * z.shape[1]
 
 
-def test_the_second_chain_starts_where_the_prior_says_whatever_a_start_is_called():
-    target = problems.target("viscous_coulomb")
-    truth = problems.reference("viscous_coulomb")["truth"]
-    first, second = prior_starts(target, 2, 3).values()
-
-    def chains(drawn: bool) -> list[str]:
-        seeds = {
-            Seed("prior work"): truth,
-            Seed("one", drawn=drawn): first,
-            Seed("other", drawn=drawn): second,
-        }
-        mode = find_mode(target, seeds, noise_level=truth["noise_sd"])
-        *_, starts = seeded_starts(target, mode, whitening_of(target, mode), 2, Settings(seed=1))
-        return [s.seed.source for s in starts]
-
-    assert chains(drawn=True) == ["prior work", "one"]
-    assert chains(drawn=False)[0] != "prior work"  # the farthest of all
-
-
-def test_draws_from_the_prior_have_its_moments():
-    # Of 4,000 draws: four standard errors of a mean and an sd; a false alarm in four thousand.
-    target = problems.target("viscous_coulomb")
-    drawn = prior_starts(target, 4000, 8)
-    theta0 = np.array([s["theta0"] for s in drawn.values()])
-    zeta = np.array([s["zeta"] for s in drawn.values()])
-    assert abs(theta0.mean() - 0.05) < 4 * 0.6 / 4000**0.5
-    assert abs(zeta.mean() - 0.4 * (2 / np.pi) ** 0.5) < 4 * 0.4 * 0.6 / 4000**0.5
-
-
 def test_a_chain_that_stays_apart_is_seen():
     rng = np.random.default_rng(0)
     draws = rng.standard_normal((4, 1000, 2))
@@ -129,15 +99,3 @@ def test_a_chain_that_stays_apart_is_seen():
     draws[2] += 3.0
     shifts = [row.shift for row in agreement(starts, draws)]
     assert shifts[2] == max(shifts) > 1.0
-
-
-def test_an_end_without_curvature_has_no_share():
-    """Its determinant is zero: neither a warning nor a share that is not a number."""
-    _, mode = climbed(0.0)
-    flat = replace(
-        mode.searches[0], seed=Seed("flat"), z=mode.searches[0].z + 100.0 * mode.sd(), volume=np.inf
-    )
-    result, _ = basins(replace(mode, searches=(*mode.searches, flat)))
-    assert sum(share for _, share in result) == pytest.approx(1.0)
-    alone, _ = basins(replace(mode, searches=(flat,)))
-    assert [share for _, share in alone] == [0.0]

@@ -44,16 +44,6 @@ class CutOff:
         return -self.force * (PRECISION @ (u - MEAN))
 
 
-@dataclass(frozen=True)
-class Refusing(CutOff):
-    """Walls that only the density knows of, as where proposals beyond them are refused."""
-
-    def height(self, u: np.ndarray) -> float:
-        """Return the log density up to a constant, −∞ beyond the walls."""
-        inside = np.all(TWO[0] @ u + TWO[1] >= 0)
-        return super().height(u) if inside else -np.inf
-
-
 def sampled(space: CutOff, seed: int = 1, count: int = COUNT, step: float = 0.6) -> tuple[np.ndarray, ...]:
     """Positions (chain, draw, D) after 100 draws, with the acceptance, the steps and the divergences."""
     start = MEAN + np.array([1.0, 0.5, 0.0, 0.0, 1.0])
@@ -105,23 +95,14 @@ def test_a_correlated_normal() -> None:
 
 @pytest.mark.parametrize("force", [1.0, 0.7])
 def test_a_normal_between_two_walls(force: float) -> None:
-    """By rejection; also where the force is not the density's own. The controls: moments of the whole normal are
-    others, and so are those of draws to which the walls are nothing."""
+    """By rejection; also where the force is not the density's own. The control: moments of the whole normal are
+    others."""
     mean, square, errors = by_rejection()
     u, *_ = within(force)
     assert np.all(u @ TWO[0].T + TWO[1] > -1e-12)
     assert off(u, mean, square, errors) < SIGMAS
     sd = np.sqrt(np.diag(COVARIANCE))
     assert off(u, MEAN, MEAN**2 + sd**2, errors) > 2 * SIGMAS
-    assert off(sampled(CutOff(*NONE, force), count=500)[0], mean, square, errors) > 2 * SIGMAS
-
-
-def test_bounces_are_worth_it() -> None:
-    """Where proposals beyond the walls are refused instead, the draws are the same, and fewer are accepted."""
-    mean, square, errors = by_rejection()
-    u, refused, *_ = sampled(Refusing(*NONE))
-    assert off(u, mean, square, errors) < SIGMAS
-    assert refused.mean() < 0.9 * within()[1].mean()
 
 
 def test_a_force_of_the_wrong_sign_is_refused() -> None:
@@ -131,32 +112,6 @@ def test_a_force_of_the_wrong_sign_is_refused() -> None:
     assert not diverging.any()
     assert wrong.mean() < 0.5 * right.mean()
     assert astray.mean() > 0.002 or wrong.mean() < 0.5
-
-
-def test_a_longer_step_needs_fewer_and_one_too_long_diverges() -> None:
-    _, _, many, _ = sampled(CutOff(*NONE), count=200, step=0.2)
-    _, _, few, fine = sampled(CutOff(*NONE), count=200, step=0.6)
-    *_, diverging = sampled(CutOff(*NONE), count=200, step=8.0)
-    assert few.mean() < 0.6 * many.mean()
-    assert not fine.any()
-    assert diverging.mean() > 0.5
-
-
-def test_a_seed_decides() -> None:
-    space = CutOff(*TWO)
-    first, again, other = (sampled(space, seed, count=50)[0] for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first, again)
-    assert not np.any(first == other)
-    assert not np.any(first[0] == first[1])  # chains are of their own
-
-
-def test_heights_are_those_of_the_positions() -> None:
-    space = CutOff(*TWO)
-    u, height, *_ = Chain(space, 0.6, np.random.default_rng(0)).sampled(
-        MEAN + 1.0, space.height(MEAN + 1.0), 50
-    )
-    np.testing.assert_allclose(height, [space.height(x) for x in u], rtol=1e-12)
-    assert len(np.unique(height)) > 25
 
 
 def flights(seed: int, count: int = 50) -> np.ndarray:
@@ -193,12 +148,6 @@ def test_a_flight_keeps_volume() -> None:
         sizes.append(abs(np.linalg.det(jacobian)))
     # A flight that ends within a difference's step of a bounce has no derivative there: none of these does.
     np.testing.assert_allclose(sizes, 1.0, rtol=1e-6)
-
-
-def test_no_walls_no_bounces() -> None:
-    u, p = drift(np.zeros(3), np.ones(3), 2.0, np.empty((0, 3)), np.empty(0))
-    np.testing.assert_array_equal(u, 2 * np.ones(3))
-    np.testing.assert_array_equal(p, np.ones(3))
 
 
 def test_too_many_bounces_end_nowhere() -> None:

@@ -50,14 +50,14 @@ def by_quadrature() -> tuple[float, float, float]:
     return float(np.log(whole)), mean, float(np.sqrt(moment(2) / whole - mean**2))
 
 
-def drawn(seed: int, draws: int = 2000) -> Sampled:
+def drawn(seed: int) -> Sampled:
     weighed, columns = linear()
 
     def ratio(u: np.ndarray) -> np.ndarray:
         straight = -0.5 * np.sum(((Y - u @ columns.T) / SD) ** 2, axis=1)
         return log_likelihood(u[:, 0], u[:, 1]) + 0.5 * X.size * np.log(2 * np.pi * SD**2) - straight
 
-    return sample_posterior(ratio, weighed, np.array([True]), draws=draws, seed=seed)
+    return sample_posterior(ratio, weighed, np.array([True]), draws=2000, seed=seed)
 
 
 @pytest.mark.parametrize("few", [tempered.FEW, 2.0], ids=["at once", "tempered"])
@@ -79,13 +79,6 @@ def test_evidence_and_posterior_are_those_of_quadrature(few: float, monkeypatch:
     assert product.std() == pytest.approx(sd, rel=4 / np.sqrt(2 * 1000))
     weighed, _ = linear()
     assert abs(weighed.log_evidence - log_evidence) > 4 * found.stderr
-
-
-def test_one_seed_gives_one_answer() -> None:
-    first, again, other = drawn(3, 200), drawn(3, 200), drawn(4, 200)
-    assert np.array_equal(first.draws, again.draws)
-    assert first.log_evidence == again.log_evidence
-    assert other.log_evidence != first.log_evidence
 
 
 def test_a_linear_model_that_is_right_costs_one_look_at_each_draw() -> None:
