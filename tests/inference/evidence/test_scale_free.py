@@ -1,0 +1,88 @@
+"""Evidence does not depend on how small the damping is, and the linear model of the quick answer has the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from bayesdamp.inference.deviation.candidate import exact
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.gaussian.linear import weigh
+from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.evidence import EVIDENCES
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.model.target import build_target
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.priors import SHARED_SCALES
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.simulate import simulate_signal
+from bayesdamp.types import Reference, Seed, Signal, System
+
+STIFFNESS, AMPLITUDE = 20.0, 0.3
+FREQUENCY = STIFFNESS**0.5
+KNOWN = {
+    "stiffness": STIFFNESS, "rest_angle": 0.0, "theta0": AMPLITUDE, "omega0": 0.0,
+    "epsilon": 0.02 * AMPLITUDE * FREQUENCY,
+}  # fmt: skip
+REFERENCE = Reference(AMPLITUDE, FREQUENCY)
+SUMS = (("viscous",), ("coulomb",), ("viscous", "coulomb"))
+NOISE = 0.003
+
+
+@lru_cache
+def record(factor: float) -> Signal:
+    """Damping and noise of so many times the size: the information of the record is the same."""
+    truth = {**KNOWN, "zeta": 0.04 * factor, "mu_c": 0.03 * factor}
+    return simulate_signal(
+        Oscillator(SUMS[-1], "linear"), truth, duration=8.0, samples=300, noise_sd=NOISE * factor,
+        rng=np.random.default_rng(3),
+    )  # fmt: skip
+
+
+@lru_cache
+def sampled(damping: tuple[str, ...], factor: float, separate: bool = False) -> float:
+    """Log evidence by importance sampling; separate: half-normal priors of scale 0.1, each by itself."""
+    signal = record(factor)
+    system = System("linear", {**KNOWN, "noise_sd": NOISE * factor}, {})
+    target = build_target(signal, damping, system, features(signal), REFERENCE)
+    if separate:
+        target = replace(target, scales=(1.0,) * SHARED_SCALES.size)
+    seeds = {Seed("truth"): {"zeta": 0.04 * factor, "mu_c": 0.03 * factor}}
+    mode = find_mode(target, seeds, noise_level=NOISE * factor)
+    evidence = EVIDENCES.get("importance").evidence("m", target, mode, 1)
+    assert evidence.outcome == "ok"
+    assert evidence.stderr < 0.01
+    return evidence.log_evidence
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.01])
+def test_sampled_evidence_is_that_of_the_linear_model(factor) -> None:
+    weighing = weighing_of(
+        record(factor), damping=["+".join(s) for s in SUMS], restoring=["linear"], known=KNOWN,
+        reference=REFERENCE, approximate=False,
+    )  # fmt: skip
+    grid = grid_of(0, exact=True)
+    for item in weighing.results:
+        linear = exact(item.fit)
+        wanted = weigh(linear, grid, (NOISE * factor) ** 2, linear.count).log_evidence
+        assert sampled(item.candidate.damping, factor) == pytest.approx(wanted, abs=0.03)
+
+
+def test_lighter_damping_leaves_bayes_factors_as_they_are() -> None:
+    """A hundred times lighter, with the same information. Negative control: independent half-normals of scale 0.1. The
+    motion of 6 cycles is not quite linear in the damping, so that a few tenths of a nat may remain."""
+
+    def factors(size: float, separate: bool = False) -> np.ndarray:
+        both = sampled(SUMS[-1], size, separate)
+        return np.array([both - sampled(single, size, separate) for single in SUMS[:2]])
+
+    heavy, light, lighter = factors(1.0), factors(0.01), factors(1e-4)
+    # Two standard errors of each, what sums over scales vary by with the size (0.01 nats), and what the motion of the
+    # heavier one is not linear by (0.06, by the linear expansions at both).
+    assert light == pytest.approx(lighter, abs=0.1)
+    assert heavy[0] == pytest.approx(light[0], abs=0.5)
+    separate = factors(0.01, separate=True) - factors(1e-4, separate=True)
+    assert separate == pytest.approx(np.log(100.0), abs=0.1)
