@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -43,16 +44,19 @@ def test_the_split_of_twins_is_not_in_the_ratio() -> None:
         assert r.high - r.low < 0.03 * RATIO
 
 
-def friction(share: float, seed: int, known: dict[str, float] | None = None) -> Weighing:
+def friction(
+    share: float,
+    seed: int,
+    known: dict[str, float] | None = None,
+    damping: Sequence[str] = ("viscous", "coulomb", "viscous+coulomb"),
+) -> Weighing:
     """Return a weighing of viscous damping and friction of this width, as a share of the peak velocity, down to near
     rest."""
     p = {"zeta": ZETA, "mu_c": MU, "epsilon": share * PEAK, "stiffness": W**2, "theta0": A, "omega0": 0.0}
     t = np.arange(0.0, 30.0, 0.02)
     y = trajectory("linear", p | {"rest_angle": 0.0}, t)[:, 0]
     y += 0.003 * A * np.random.default_rng(seed).standard_normal(t.size)
-    return weighing_of(
-        Signal(t, y), damping=["viscous", "coulomb", "viscous+coulomb"], restoring=["linear"], known=known
-    )
+    return weighing_of(Signal(t, y), damping=damping, restoring=["linear"], known=known)
 
 
 def dry_loss(amplitude: float, width: float) -> float:
@@ -111,3 +115,22 @@ def test_the_ratio_under_a_width_is_as_the_loss_of_all_terms_under_it() -> None:
     values, losses = (np.array([get(f) for f in made.frictions]) for get in (told, lost))
     assert np.ptp(losses) > 0.05 * losses.mean()  # widths do matter here
     assert values / values[-1] == pytest.approx(losses / losses[-1], rel=0.01)
+
+
+def test_a_term_without_a_coefficient_needs_no_parameters_of_its_own() -> None:
+    """Where the fit under each width has no Stribeck friction, its velocity is not known."""
+    made = friction(SHARE, 1, damping=["viscous+coulomb", "stribeck"])
+    terms = made.solvers["linear"].terms
+    without = [
+        replace(
+            f,
+            coefficients=tuple(
+                c if t != "stribeck" else 0.0 for t, c in zip(terms, f.coefficients, strict=True)
+            ),
+            further=(0.0,) * len(f.further),
+        )
+        for f in made.frictions
+    ]
+    values = [r.value for r in ratios(replace(made, frictions=without), AMPLITUDES)]
+    assert np.isfinite(values).all()
+    assert len(values) == len(AMPLITUDES)

@@ -252,11 +252,12 @@ def _under_frictions(
     assert orbit is not None  # `per_unit` was computed on it
     # The loss of all terms together: how it is split among terms that cannot be told apart is arbitrary.
     whole = weighing.solvers[d.result.candidate.restoring]
-    every = np.ones(len(whole.terms), bool)
-    lost = np.array([
-        works_on(orbit, whole, np.array([f.further]), every, f.epsilon)[0] @ np.array(f.coefficients)
-        for f in frictions
-    ])  # fmt: skip
+    coefficients = np.array([f.coefficients for f in frictions])
+    works = [
+        works_on(orbit, whole, np.array([f.further]), own != 0, f.epsilon)[0]
+        for f, own in zip(frictions, coefficients, strict=True)
+    ]
+    lost = np.sum(np.array(works) * coefficients, axis=1)
     used = int(np.argmin([abs(f.epsilon - solver.epsilon) for f in frictions]))
     if not lost[used] > 0:
         return ratios
