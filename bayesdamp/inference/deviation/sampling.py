@@ -32,9 +32,6 @@ BEHIND = 5.0
 """Nats behind the best under linear models up to which a candidate is sampled: more than sampling has moved any by."""
 MOST = 6
 """Candidates that are sampled at most."""
-LIKELY = 3.0
-"""Nats behind the best beyond which a candidate is given `FEW_DRAWS`: it then has less than 5 % of all draws."""
-FEW_DRAWS = DRAWS // 3
 LOOSER = (3e-6, 1e-6, 3e-7)
 """Errors of a step, as shares of the amplitude, that are tried in turn."""
 APART = 0.05
@@ -192,22 +189,14 @@ def _straightened(weighing: Weighing, result: CandidateResult, approximate: bool
 def with_samples(weighing: Weighing, approximate: bool, seed: int = 0) -> Weighing:
     """Return the weighing with its likeliest candidates and rivals sampled.
 
-    The evidence of the linear models decides which they are. A candidate that stays unlikely has fewer draws.
+    The evidence of the linear models decides which they are.
     """
     every = [r for r in (*weighing.results, *weighing.forms) if not approximate or r.weighed is not None]
     if not every:
         return weighing
     best = max(r.log_evidence for r in every)
     close = sorted((r for r in every if r.log_evidence > best - BEHIND), key=lambda r: -r.log_evidence)[:MOST]
-    sampled: dict[int, CandidateResult] = {}
-    for result in close:
-        new = result
-        if result.log_evidence < best - LIKELY:
-            new = sampled_result(weighing, result, approximate, seed, FEW_DRAWS)
-        if new.log_evidence >= best - LIKELY:
-            new = sampled_result(weighing, result, approximate, seed)
-        sampled[id(result)] = new
-        best = max(r.log_evidence for r in sampled.values())
+    sampled = {id(r): sampled_result(weighing, r, approximate, seed) for r in close}
     results = tuple(sampled.get(id(r), r) for r in weighing.results)
     return replace(weighing, results=results, forms=tuple(sampled.get(id(r), r) for r in weighing.forms))
 
