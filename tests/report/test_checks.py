@@ -13,6 +13,7 @@ import pytest
 from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.report.results.checks import Checks, sampled
 from bayesdamp.report.results.reading import over_odds, ranking
+from bayesdamp.report.results.reading import truth as truth_of
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import AnswerContent
@@ -229,3 +230,13 @@ def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     single = ranking(run_of(evidence=evidence(viscous=0.6, coulomb=0.4)), "a", 0)
     assert single is not None
     assert over_odds(single) == {}  # all have as many terms
+
+
+def test_the_truth_of_the_noise_is_that_of_the_simulation() -> None:
+    """Estimators do not estimate the noise, so that no row of their table has its true value."""
+    run = run_of(truth="viscous", estimates=[fitted()])
+    simulation = {**run.simulation("a"), "truth": {"noise_sd": 0.003}}
+    with_noise = run_of(truth="viscous", estimates=[fitted()], simulation=lambda _: simulation)
+    assert truth_of(with_noise, "a", "noise_sd") == 0.003
+    assert truth_of(with_noise, "a", "zeta") == 0.05
+    assert math.isnan(truth_of(run_of(simulation=lambda _: simulation), "a", "noise_sd"))  # control: measured

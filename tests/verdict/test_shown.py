@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import io
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from bayesdamp.report.terminal import print_verdict
+from bayesdamp.report.terminal import VerdictPrinter, print_verdict
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import DampingRatio, Grade
 from bayesdamp.verdict.types import Verdict
@@ -34,6 +35,18 @@ def test_a_field_with_a_label_is_on_the_terminal_and_in_the_table() -> None:
     assert "Noise: 0.34 % of the first amplitude." in console.export_text()
     assert verdict.row()["noise_pct"] == 0.345
     assert Verdict("a", Grade.EXACT, True, "viscous", 0.99).facts == {}  # control: not known, not shown
+
+
+def test_the_sampled_sentence_is_printed_too() -> None:
+    """Once as it is, where sampling confirms the first answer; the numbers of the page are then on the terminal."""
+    first = Verdict("a", Grade.EXACT, True, "viscous", 0.99, sentence="The first one.")
+    console = Console(record=True, file=io.StringIO(), width=200)
+    show = VerdictPrinter(console)
+    show(first)
+    show(replace(first, sentence="The sampled one."))
+    shown = console.export_text()
+    assert shown.count("The first one.") == shown.count("The sampled one.") == 1
+    assert shown.index("MCMC sampling confirms this result") < shown.index("The sampled one.")
 
 
 def test_lengths_and_energies_of_a_picture_are_in_the_records_unit() -> None:

@@ -25,8 +25,9 @@ ADOPTED = (
 )
 
 ANSWER = (
-    "Sequential Monte Carlo gives the answer its evidence. Where there are many samples it averages them in short "
-    "blocks: its log evidence then has another level, and a model that does not fit loses fewer nats."
+    "Sequential Monte Carlo gives the answer its evidence. It takes the estimated size of the noise, and where there "
+    "are many samples it averages them in short blocks. Its log evidence therefore has another level, and with blocks "
+    "a model that does not fit loses fewer nats. Compare log Bayes factors within one method only."
 )
 
 
