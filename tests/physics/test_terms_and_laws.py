@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from bayesdamp.physics.damping import GIVEN, TERMS, DampingTerm, median, parse_model
+from bayesdamp.physics.damping import GIVEN, TERMS, DampingTerm, all_sums, median, parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
 from bayesdamp.physics.restoring import RestoringLaw
 from bayesdamp.types import InputError
-from tests.physics.independent import LAWS, restoring
+from tests.physics.independent import LAWS, drag, restoring
 
 GRID = np.linspace(-0.6, 0.7, 57)
 
@@ -25,23 +25,32 @@ def test_contract_of_a_term(name):
     term = TERMS.get(name)
     assert isinstance(term, DampingTerm)
     assert term.name == name
-    assert all((term.parameter, term.unit, term.words))
+    assert term.parameter
+    assert term.unit
+    assert term.words
     assert set(term.given) <= set(GIVEN)
     further = {p.name: median(p.prior(0.3, 4.5)) for p in term.inferred}
     assert set(further) >= {n for n, _ in term.reduces}
-    known = {"rest": 0.1, "reference_velocity": 1.3, "reference_amplitude": 0.3, **further}
-    force = term.at(known)
+    force = term.at({"rest": 0.1, "reference_velocity": 1.3, "reference_amplitude": 0.3, **further})
     for epsilon in (1e-3, 0.1):
         for x in (-0.2, 0.1, 0.35):
             for v in np.linspace(0.0, 3, 13):
                 assert force(x, v, epsilon) * v >= 0
                 assert force(x, -v, epsilon) == pytest.approx(-force(x, v, epsilon), abs=5e-13)
-    # On arrays it is the kernel.
-    v, numbers = np.linspace(-3, 3, 13), [known[n] for n in term.further]
-    found = term.force(np.full_like(v, 0.2), v, 0.1, *numbers)
-    np.testing.assert_allclose(found, [term.kernel(0.2, float(one), 0.1, *numbers) for one in v], atol=1e-12)
-    other = [term.kernel(0.2, float(one), 0.11, *numbers) for one in v]
-    assert np.allclose(found, other, atol=1e-9) != term.switches  # control
+
+
+@pytest.mark.parametrize("name", TERMS.names())
+def test_the_force_on_arrays_is_the_kernel(name):
+    """Where a kernel is run on arrays it is by names of functions and their order."""
+    term, v = TERMS.get(name), np.linspace(-3, 3, 13)
+    known = {"rest": 0.1, "reference_velocity": 1.3, "reference_amplitude": 0.3}
+    known |= {p.name: median(p.prior(0.3, 4.5)) for p in term.inferred}
+    further = [known[n] for n in term.further]
+    force = term.force(np.full_like(v, 0.2), v, 0.1, *further)
+    assert force.shape == v.shape
+    np.testing.assert_allclose(force, [term.kernel(0.2, float(one), 0.1, *further) for one in v], atol=1e-12)
+    other = [term.kernel(0.2, float(one), 0.11, *further) for one in v]
+    assert np.allclose(force, other, atol=1e-9) != term.switches  # control
 
 
 def test_an_exact_switch_is_the_sign():
@@ -62,18 +71,55 @@ class Branching(DampingTerm):
         return v if abs(x) > 0.01 else 0.0
 
 
-def test_a_kernel_of_numbers_alone_is_called_number_by_number():
-    term = Branching()
+class Foreign(DampingTerm):
+    """F = c √(2|θ̇|) sgn θ̇, with what arrays do not have."""
+
+    name, parameter, unit = "foreign", "c_foreign", "1/s"
+
+    @staticmethod
+    def kernel(x: float, v: float, epsilon: float) -> float:
+        """With math.fsum."""
+        return math.copysign(math.sqrt(math.fsum([abs(v), abs(v)])), v)
+
+
+@pytest.mark.parametrize("term", [Branching(), Foreign()])
+def test_a_kernel_of_numbers_alone_is_called_number_by_number(term):
     x, v = np.linspace(-0.02, 0.02, 9), np.linspace(-1, 1, 9)
     found = term.force(x, v, 0.1)
     np.testing.assert_allclose(found, [term.kernel(*one, 0.1) for one in zip(x.tolist(), v.tolist())])
     assert found.shape == x.shape
 
 
+class Kinked(RestoringLaw):
+    """F = k θ, twice as stiff above 0."""
+
+    name, parameters = "kinked", ("stiffness",)
+
+    @staticmethod
+    def kernel(x, p):
+        """With an `if`."""
+        return p[0] * x if x < 0 else 2 * p[0] * x
+
+    def start(self, frequency, rest, known):
+        """k = ω²."""
+        return {"stiffness": frequency**2}
+
+    def linear_form(self, theta, known):
+        """None."""
+        raise NotImplementedError
+
+
+def test_a_law_of_numbers_alone_is_called_number_by_number():
+    x = np.linspace(-1, 1, 5)
+    np.testing.assert_allclose(Kinked().force(x, {"stiffness": 3.0}), np.where(x < 0, 3 * x, 6 * x))
+    each = Kinked().force(x[:, None], {"stiffness": np.array([1.0, 2.0])})
+    np.testing.assert_allclose(each, np.where(x < 0, x, 2 * x)[:, None] * [1.0, 2.0])
+
+
 @pytest.mark.parametrize("name", TERMS.names())
-def test_equivalent_ratio(name):
+@pytest.mark.parametrize(("amplitude", "frequency"), [(0.3, 4.47), (1.7, 0.6)])
+def test_equivalent_ratio(name, amplitude, frequency):
     """Energy lost in a cycle of a harmonic motion, by SciPy's quadrature, over that of a viscous ratio of 1."""
-    amplitude, frequency = 0.3, 4.47
     term = TERMS.get(name)
     known = {"rest": 0.2, "reference_velocity": amplitude * frequency, "reference_amplitude": amplitude}
     known |= {p.name: median(p.prior(amplitude, frequency)) for p in term.inferred}
@@ -94,15 +140,39 @@ def test_equivalent_ratio(name):
     assert by_rule != pytest.approx(1.01 * lost, rel=1e-6)  # control
 
 
+CLOSED = {
+    "cubic": ({}, lambda a, w: 3 * math.pi / 4 * w**3 * a**4),
+    "displacement": ({}, lambda a, w: math.pi / 4 * w * a**4),
+    "structural": ({}, lambda a, w: 2 * a**2),
+    "power": ({"exponent": 2.0, "reference_velocity": 1.0}, lambda a, w: 8 / 3 * w**2 * a**3),
+    "stribeck": ({"static_excess": 0.0, "stribeck_velocity": 0.3}, lambda a, w: 4 * a),
+    "dry_position": (
+        {"friction_slope": 0.3, "friction_curvature": 0.7, "reference_amplitude": 0.5},
+        lambda a, w: 4 * a * (1 + 0.7 * (a / 0.5) ** 2 / 3),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_energy_in_a_cycle_by_closed_forms(name):
+    further, lost = CLOSED[name]
+    assert TERMS.get(name).work(0.4, 3.0, further) == pytest.approx(lost(0.4, 3.0), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("name", "further"),
     [
         ("power", {"exponent": -0.3}),
-        ("power", {"exponent": 3.3, "reference_velocity": 0.2}),
+        ("power", {"exponent": 0.5, "reference_velocity": 0.2}),
+        ("power", {"exponent": 3.3}),
         ("stribeck", {"static_excess": 0.8, "stribeck_velocity": 0.02}),
-        # Without friction on one side and on both.
+        ("stribeck", {"static_excess": 3.0, "stribeck_velocity": 0.9}),
+        # Without friction on one side, on both, within, and nowhere.
         ("dry_position", {"friction_slope": 2.0, "friction_curvature": 0.5}),
         ("dry_position", {"friction_slope": 0.1, "friction_curvature": -3.0}),
+        ("dry_position", {"friction_slope": -2.5, "friction_curvature": 1.4, "reference_amplitude": 0.3}),
+        ("dry_position", {"friction_slope": 0.0, "friction_curvature": 0.0}),
+        ("dry_position", {"friction_slope": 1.5, "friction_curvature": 0.0}),
     ],
 )
 def test_a_closed_form_is_the_work_of_the_kernel(name, further):
@@ -131,6 +201,25 @@ def test_a_closed_form_is_the_work_of_the_kernel(name, further):
     assert term.work(a, w, further) != pytest.approx(1.0001 * lost, rel=1e-8)  # control
 
 
+def test_a_stribeck_friction_that_nowhere_rises_is_its_kinetic_one():
+    """At a Stribeck velocity far above the motion's it is the static friction all along."""
+    term = TERMS.get("stribeck")
+    static = term.work(0.4, 3.0, {"static_excess": 0.5, "stribeck_velocity": 1e4})
+    assert static == pytest.approx(1.5 * 4 * 0.4, rel=1e-6)
+
+
+@pytest.mark.parametrize("model", all_sums())
+def test_force_of_every_sum(model):
+    osc = Oscillator(parse_model(model), "linear")
+    p = {
+        n: v
+        for n, v in {"zeta": 0.4, "mu_c": 0.3, "mu_q": 0.2, "epsilon": 0.1}.items()
+        if n in osc.parameters
+    }
+    expected = [drag(p)(float(v), 0.0) for v in GRID]
+    np.testing.assert_allclose(osc.damping_force(np.zeros(GRID.size), GRID, p), expected, atol=1e-12)
+
+
 def test_names_of_models():
     assert parse_model("viscous + coulomb") == ("viscous", "coulomb")
     for wrong in ("viscous+viscous", "", "viscous+"):
@@ -147,7 +236,6 @@ def uneven(name):
 
 @pytest.mark.parametrize("name", LAW_PLUGINS.names())
 def test_contract_of_a_law(name):
-    """Its force by other means; and by regression on clean forces, whatever part of the law is known, the rest."""
     law, p = LAW_PLUGINS.get(name), uneven(name)
     assert isinstance(law, RestoringLaw)
     assert law.name == name
@@ -158,7 +246,12 @@ def test_contract_of_a_law(name):
     values = np.array([p[n] for n in law.parameters])
     np.testing.assert_allclose([law.kernel(float(x), values) for x in GRID], expected, atol=1e-13)
 
-    p = {n: p[n] for n in law.parameters}
+
+@pytest.mark.parametrize("name", LAW_PLUGINS.names())
+def test_linear_form_finds_what_is_free(name):
+    """Whatever part of the law is known: regression on clean forces gives back the rest."""
+    law = LAW_PLUGINS.get(name)
+    p = {n: uneven(name)[n] for n in law.parameters}
     force = np.asarray(law.force(GRID, p))
     for count in range(len(p) + 1):
         for known in itertools.combinations(p, count):
@@ -169,17 +262,33 @@ def test_contract_of_a_law(name):
                 assert v == pytest.approx(p[n], rel=1e-7, abs=1e-9), (known, n)
 
 
-@pytest.mark.parametrize(
-    ("name", "known"), [*((n, {}) for n in LAW_PLUGINS.names()), ("horizontal_pendulum", {"gravity": -243.0})]
-)
-def test_start_has_the_frequency_and_the_rest_position(name, known):
+@pytest.mark.parametrize("name", LAW_PLUGINS.names())
+def test_start_has_the_frequency_and_the_rest_position(name):
     law = LAW_PLUGINS.get(name)
-    p = law.start(20.0, 0.21, known)
+    p = law.start(6.3, 0.21, {})
     assert set(p) == set(law.parameters)
-    assert {n: p[n] for n in known} == known
     osc = Oscillator(("viscous",), name)
     assert osc.equilibrium(p, 0.2) == pytest.approx(0.21, abs=1e-9)
-    assert osc.natural_frequency(p, 0.2) == pytest.approx(20.0, rel=1e-9)
+    assert osc.natural_frequency(p, 0.2) == pytest.approx(6.3, rel=1e-9)
+
+
+@pytest.mark.parametrize("gravity", [1.0, -243.0, 30.0])
+def test_start_with_known_gravity(gravity):
+    p = LAW_PLUGINS.get("horizontal_pendulum").start(20.0, 0.5, {"gravity": gravity})
+    osc = Oscillator(("viscous",), "horizontal_pendulum")
+    assert p["gravity"] == gravity
+    assert osc.equilibrium(p, 0.5) == pytest.approx(0.5, abs=1e-9)
+    assert osc.natural_frequency(p, 0.5) == pytest.approx(20.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", LAW_PLUGINS.names())
+def test_start_keeps_what_is_known(name):
+    law = LAW_PLUGINS.get(name)
+    known = {
+        law.parameters[0]: LAWS[name][law.parameters[0]],
+        law.parameters[-1]: LAWS[name][law.parameters[-1]],
+    }
+    assert {n: law.start(4.0, 0.1, known)[n] for n in known} == known
 
 
 def test_equilibrium_of_the_paper():

@@ -6,12 +6,14 @@ import math
 from typing import Any
 
 import numpy as np
+import pytest
 
+from bayesdamp.inference.deviation.numbers import bounds
 from bayesdamp.inference.deviation.numbers.bounds import bounds_of_others
 from bayesdamp.inference.deviation.numbers.draws import probabilities
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
-from bayesdamp.physics.damping import others
+from bayesdamp.physics.damping import TERMS, others
 from bayesdamp.types import Signal
 from tests.inference.deviation.decays import A, W, decay
 from tests.physics.independent import trajectory
@@ -28,6 +30,35 @@ def weighed(noise: float) -> tuple[Weighing, CandidateResult]:
     weighing = weighing_of(Signal(TIMES, y), restoring=["linear"])
     each = probabilities(weighing, False)
     return weighing, max(weighing.results, key=lambda r: each[r.candidate])
+
+
+@pytest.mark.parametrize("name", ["cubic", "stribeck", "dry_position"])
+def test_a_tangent_is_the_change_of_the_motion_with_a_little_of_the_form(name: str) -> None:
+    """The motions with a little more and a little less of the form are solved by SciPy, with the form's own force."""
+    y = decay(lambda t, x, v: 2 * ZETA * v, TIMES)[0]
+    weighing = weighing_of(
+        Signal(TIMES, y + 1e-4 * np.random.default_rng(1).standard_normal(y.size)),
+        damping=["viscous"], restoring=["linear"], approximate=False,
+    )  # fmt: skip
+    result, term = weighing.results[0], TERMS.get(name)
+    forms = list(bounds._forms(weighing, result, name))
+    tangents = bounds._tangents(weighing, result, forms, False)
+    assert tangents is not None
+    epsilon = weighing.solvers["linear"].epsilon
+    for form, tangent in zip(forms, tangents.T, strict=True):
+        more = term.at(form.values)
+        less = term.at(form.less) if form.less else lambda x, v, e: 0.0
+        c = 1e-3 / max(abs(more(A, W * A, epsilon)), 1e-3)
+
+        def with_form(size: float, more: Any = more, less: Any = less) -> np.ndarray:
+            return decay(
+                lambda t, x, v: 2 * ZETA * v + size * (more(x, v, epsilon) - less(x, v, epsilon)), TIMES
+            )[0]
+
+        truth = (with_form(c) - with_form(-c)) / (2 * c)
+        assert truth.shape == tangent.shape
+        np.testing.assert_allclose(tangent, truth, atol=1e-2 * np.abs(truth).max())
+        assert np.abs(tangent - 1.03 * truth).max() > 1e-2 * np.abs(truth).max()  # control
 
 
 def test_every_form_is_bounded_by_itself() -> None:

@@ -2,19 +2,51 @@
 
 import numpy as np
 import pytest
+from scipy import optimize, stats
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.sample_noise import noises_of, prepared_for
 from bayesdamp.inference.deviation.weighing import weigh_all
+from bayesdamp.inference.noise import NOISES, IndependentNoise
 from bayesdamp.inference.noise._residuals import FittedNoise
+from bayesdamp.types import InputError
 
 GAPS = np.full(1999, 0.01)
 T = 0.01 * np.arange(2000)
 MADE = {"stiffness": 20.0, "duration": 12.0, "samples": 600, "noise_sd": 0.002}
 ASKED = {"damping": ["viscous", "coulomb"], "restoring": ["linear"], "sample": False}
 RATIO = 0.05 / 20.0**0.5
+
+
+def straight_line(noise: FittedNoise, y: np.ndarray, columns: np.ndarray, rounds: int) -> np.ndarray:
+    """Return coefficients by repeated least squares to working residuals."""
+    c = np.linalg.lstsq(columns, y, rcond=None)[0]
+    for _ in range(rounds):
+        r = y - columns @ c
+        variance = noise.variance(r, columns[:, 0], GAPS)
+        working = columns @ c + noise.working_residuals(r, GAPS, variance)
+        c = np.linalg.lstsq(columns, working, rcond=None)[0]
+    return c
+
+
+def test_working_residuals_lead_to_the_mode_of_the_density():
+    """SciPy's maximum of Student's likelihood; one fit to the record itself is far from it."""
+    rng = np.random.default_rng(1)
+    columns = np.column_stack([np.cos(4 * T), np.sin(4 * T)])
+    y = columns @ [1.0, 0.5] + 0.05 * rng.standard_t(2.0, T.size)
+    noise = FittedNoise("student_t", {"noise_sd": 0.05, "noise_dof": 2.0})
+
+    def depth(c: np.ndarray) -> float:
+        return -float(np.sum(stats.t.logpdf((y - columns @ c) / 0.05, 2.0)))
+
+    best = optimize.minimize(
+        depth, [1.0, 0.5], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-9}
+    ).x
+    sd = 0.05 * np.sqrt(2 / T.size)
+    assert np.abs(straight_line(noise, y, columns, 20) - best).max() < 1e-3 * sd
+    assert np.abs(straight_line(noise, y, columns, 0) - best).max() > 0.3 * sd
 
 
 def test_variance_of_heavy_tails():
@@ -24,13 +56,14 @@ def test_variance_of_heavy_tails():
     assert noise.variance(r, np.cos(4 * T), GAPS) == pytest.approx(0.1**2 * 6 / 4, rel=0.1)
 
 
-def test_variance_of_correlated_noise():
+@pytest.mark.parametrize("frequency", [0.5, 4.0, 30.0])
+def test_variance_of_correlated_noise(frequency: float):
     """It is the power of an autoregressive process of order 1 at the frequency of the shift."""
-    noise, rho = FittedNoise("correlated", {"noise_sd": 1.0, "noise_time": 0.05}), np.exp(-0.01 / 0.05)
-    for frequency in (0.5, 30.0):
-        power = (1 - rho**2) / (1 - 2 * rho * np.cos(0.01 * frequency) + rho**2)
-        found = noise.variance(np.ones(T.size), np.cos(frequency * T), GAPS)
-        assert found == pytest.approx(power, rel=0.05)
+    rho = np.exp(-0.01 / 0.05)
+    power = (1 - rho**2) / (1 - 2 * rho * np.cos(0.01 * frequency) + rho**2)
+    noise = FittedNoise("correlated", {"noise_sd": 1.0, "noise_time": 0.05})
+    found = noise.variance(np.ones(T.size), np.cos(frequency * T), GAPS)
+    assert found == pytest.approx(power, rel=0.05)
 
 
 def spoilt(seed: int = 3) -> bd.Signal:
@@ -64,23 +97,99 @@ def test_gaussian_noise_stays_gaussian():
     assert (own.value, own.low, own.high) == (plain.value, plain.low, plain.high)
 
 
-def test_white_noise_is_white_under_exact_laws():
-    """For two records each; with correlated noise, the control, the variance near the oscillation is larger."""
-    asked = [MotionCandidate(("viscous",), "linear")]
-    for own in ({}, {"noise": "correlated", "noise_time": 0.1}):
-        for seed in range(2):
-            signal = bd.simulate({"viscous": 0.05}, "linear", seed=seed, theta0=0.3, **MADE, **own)
-            assert (weigh_all(prepared(signal), asked, approximate=False).inflation == 1.0) == (not own)
+@pytest.mark.parametrize(("noise_time", "white"), [(None, True), (0.1, False)])
+def test_white_noise_is_white_under_exact_laws(noise_time: float | None, white: bool):
+    """For four records each; with correlated noise, the control, the variance near the oscillation is larger."""
+    own = {} if noise_time is None else {"noise": "correlated", "noise_time": noise_time}
+    factors = []
+    for seed in range(4):
+        signal = bd.simulate({"viscous": 0.05}, "linear", seed=seed, theta0=0.3, **MADE, **own)
+        asked = [MotionCandidate(("viscous",), "linear")]
+        factors.append(weigh_all(prepared(signal), asked, approximate=False).inflation)
+    assert all((one == 1.0) == white for one in factors)
 
 
-def test_outliers_reach_the_answer_on_a_record_of_very_many_cycles():
+def test_what_a_wrong_law_leaves_is_no_heavy_tail():
+    """For a stiffening spring under a linear law, residuals are large only at first, and smooth."""
+    signal = bd.simulate({"viscous": 0.05}, "duffing", cubic=3.0, seed=5, theta0=0.5, **MADE)
+    verdict, _ = first_ratio(signal)
+    assert not any("ahead of Gaussian noise" in remark for remark in verdict.remarks)
+
+
+def test_coarse_steps_are_rounding_and_not_noise():
+    """With steps of a sixteenth of the amplitude the interval under `quantised` contains the truth and is narrower."""
+    plain = bd.simulate({"viscous": 0.05}, "linear", seed=6, theta0=0.3, **MADE)
+    step = 0.3 / 16
+    signal = bd.signal(plain.t, step * np.round(plain.y / step))
+    verdict, own = first_ratio(signal)
+    _, white = first_ratio(signal, noise="gaussian")
+    assert any("quantised" in remark for remark in verdict.remarks)
+    assert own.low < RATIO < own.high
+    assert own.high - own.low < 0.8 * (white.high - white.low)
+
+
+def test_a_fit_with_deviations_has_the_noise_too(tmp_path):
+    """Its interval contains the truth and is narrower than under Gaussian noise; a fit read from a file is the same."""
+    signal = spoilt()
+    own, plain = (
+        bd.fit(signal, bd.Model("viscous", restoring="linear", deviation="law", noise=noise))
+        for noise in ("student_t", "gaussian")
+    )
+    (low, high), (plain_low, plain_high) = own.intervals["zeta"], plain.intervals["zeta"]
+    assert own.noise == "student_t"
+    assert low < 0.05 < high
+    assert high - low < 0.7 * (plain_high - plain_low)
+    own.save(tmp_path / "fit.npz")
+    assert bd.load(tmp_path / "fit.npz").intervals == own.intervals
+
+
+class Laplacian(IndependentNoise):
+    """A user's own noise: double exponential."""
+
+    name = "laplacian"
+    heavy_tailed = True
+
+    def log_density(self, r, p):
+        return -np.abs(r) / p["noise_sd"] - np.log(2 * p["noise_sd"])
+
+
+def test_a_noise_model_of_a_users_own_changes_the_answer():
+    NOISES.add("laplacian", Laplacian())
+    try:
+        signal = spoilt()
+        verdict, own = first_ratio(signal, noise="laplacian")
+        _, plain = first_ratio(signal, noise="gaussian")
+        assert "laplacian" in noises_of("auto")
+    finally:
+        NOISES.remove("laplacian")
+    assert any("laplacian" in remark for remark in verdict.remarks)
+    assert own.low < RATIO < own.high
+    assert own.high - own.low < 0.7 * (plain.high - plain.low)
+
+
+def test_an_unknown_noise_model_is_refused():
+    with pytest.raises(InputError, match="student_t"):
+        bd.compare(spoilt(), noise="student")
+    with pytest.raises(InputError, match="noise_dof"):
+        bd.compare(spoilt(), noise="gaussian", known={"noise_dof": 3.0})
+
+
+@pytest.mark.parametrize(("outliers", "averages"), [(0.0, True), (0.02, False)])
+def test_outliers_reach_the_answer_on_a_record_of_very_many_cycles(outliers: float, averages: bool):
     """One in fifty samples is off by many times the noise, which amplitudes and phases, as means over cycles, would
     show as Gaussian noise.
 
     Control: a record without outliers is averaged.
     """
-    made = {"stiffness": 900.0, "duration": 100.0, "samples": 15_000, "noise_sd": 0.003, "seed": 3}
-    for outliers, averages in ((0.0, True), (0.02, False)):
-        signal = bd.simulate({"viscous": 0.02}, outliers=outliers, **made)
-        data = prepared_for(signal, noises_of("auto"), {}, {}, average=True)
-        assert (data.averaged is not None) == averages
+    signal = bd.simulate(
+        {"viscous": 0.02},
+        stiffness=900.0,
+        duration=100.0,
+        samples=15_000,
+        noise_sd=0.003,
+        outliers=outliers,
+        seed=3,
+    )
+    data = prepared_for(signal, noises_of("auto"), {}, {}, average=True)
+    assert (data.averaged is not None) == averages
+    assert prepared_for(signal, ("gaussian",), {}, {}, average=True).averaged is not None

@@ -6,13 +6,14 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
 
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import HalfNormal, LogNormal
+from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Seed, Signal
 
 KNOWN = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.1, "theta0": 0.3, "omega0": 0.0, "noise_sd": 0.02}
@@ -66,11 +67,17 @@ def log_density(square: np.ndarray, sd: np.ndarray | float, n: int = TIMES.size)
 CASES: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, tuple[float, float]]]] = {
     # damping, the record, and the range of each parameter that holds the posterior
     "one far": (("coulomb",), record(0.0, 0.12, 4), {"mu_c": (0.06, 0.18)}),
+    "one touching": (("coulomb",), record(0.0, 0.0, 3), {"mu_c": (0.0, 0.12)}),
     "two far": (("viscous", "coulomb"), record(0.2, 0.2, 5), {"zeta": (0.0, 0.45), "mu_c": (0.0, 0.4)}),
     "two touching": (
         ("viscous", "coulomb"),
         record(0.06, 0.0, 3),
         {"zeta": (0.0, 0.14), "mu_c": (0.0, 0.16)},
+    ),
+    "three far": (
+        ("viscous", "coulomb"),
+        record(0.2, 0.2, 5),
+        {"zeta": (0.08, 0.4), "mu_c": (0.0, 0.33), "noise_sd": (0.0135, 0.028)},
     ),
     "three touching": (
         ("viscous", "coulomb"),
@@ -137,3 +144,32 @@ def exact_draws(case: str, seed: int, chains: int = 4, count: int = 1000) -> Dra
         columns.append(walls[i] + rng.uniform(size=i.size) * (walls[i + 1] - walls[i]))
     target, _ = problem(case)
     return Draws.of(target, np.stack(columns, axis=-1).reshape(chains, count, -1))
+
+
+LINE_PRIORS = {
+    "rest_angle": Normal(mean=0.02, sd=0.1),
+    "theta0": Normal(mean=0.25, sd=0.2),
+    "omega0": Normal(mean=0.0, sd=0.8),
+}
+
+
+@lru_cache
+def line() -> tuple[Target, Mode, float, np.ndarray, np.ndarray]:
+    """A linear oscillator whose damping is known: linear in its start and its rest angle, with normal priors. The
+    target, its mode, the log evidence in closed form, and mean and covariance of the posterior in scores."""
+    zeta, k, sd = 0.3, 20.0, 0.02
+    w = np.sqrt(k - zeta**2)
+    decay = np.exp(-zeta * TIMES)
+    cosine = decay * (np.cos(w * TIMES) + zeta / w * np.sin(w * TIMES))
+    design = np.stack([1 - cosine, cosine, decay * np.sin(w * TIMES) / w], axis=-1)
+    y = design @ [0.03, 0.3, 0.1] + sd * np.random.default_rng(8).standard_normal(TIMES.size)
+    centre = np.array([p.mean for p in LINE_PRIORS.values()])
+    scale = np.diag([p.sd for p in LINE_PRIORS.values()])
+    spread = design @ scale
+    covariance = spread @ spread.T + sd**2 * np.eye(TIMES.size)
+    log_evidence = float(multivariate_normal(design @ centre, covariance).logpdf(y))
+    known = {"zeta": zeta, "stiffness": k, "noise_sd": sd}
+    target = Target(Signal(TIMES, y), Oscillator(("viscous",), "linear"), "gaussian", LINE_PRIORS, known)
+    mode = find_mode(target, {Seed("s"): {"rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}}, noise_level=sd)
+    inside = np.linalg.inv(spread.T @ spread / sd**2 + np.eye(3))
+    return target, mode, log_evidence, inside @ spread.T @ (y - design @ centre) / sd**2, inside

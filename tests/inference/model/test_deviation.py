@@ -61,6 +61,16 @@ def scores() -> np.ndarray:
     return exact().target.scores(TRUTH) + 0.01 * np.random.default_rng(1).standard_normal((4, 3))
 
 
+def test_no_knots_are_exact_laws() -> None:
+    """Value, gradient and information to rounding. Control: with a knot they are others."""
+    for z in scores():
+        ours, theirs, other = (of.curvature(z) for of in (deviating(0), exact(), deviating(1)))
+        for item, two, three in zip(ours, theirs, other, strict=True):
+            assert item == pytest.approx(two, rel=1e-12, abs=1e-9)
+            assert three != pytest.approx(two, rel=1e-6, abs=1e-6)
+        assert deviating(0).log_likelihood(z) == pytest.approx(exact().log_likelihood(z), rel=1e-12)
+
+
 def test_knots_are_a_mixture_of_dense_normal_distributions() -> None:
     """Against SciPy's. Control: one combination alone."""
     of, z = deviating(3), scores()[0]

@@ -8,44 +8,75 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 from scipy import stats
+from scipy.integrate import quad
 
 from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Prior, Uniform
 
 PRIORS = {
-    "normal": (Normal(mean=-0.3, sd=2.0), stats.norm(-0.3, 2.0)),
-    "halfnormal": (HalfNormal(scale=0.2), stats.halfnorm(scale=0.2)),
-    "lognormal": (LogNormal(median=3.0, sigma=0.7), stats.lognorm(0.7, scale=3.0)),
-    "uniform": (Uniform(low=-1.0, high=3.0), stats.uniform(-1.0, 4.0)),
-    "loguniform": (LogUniform(low=0.01, high=5.0), stats.loguniform(0.01, 5.0)),
+    "normal": (Normal(mean=-0.3, sd=2.0), stats.norm(-0.3, 2.0), (-40.0, 40.0)),
+    "halfnormal": (HalfNormal(scale=0.2), stats.halfnorm(scale=0.2), (0.0, 5.0)),
+    "lognormal": (LogNormal(median=3.0, sigma=0.7), stats.lognorm(0.7, scale=3.0), (1e-9, 300.0)),
+    "uniform": (Uniform(low=-1.0, high=3.0), stats.uniform(-1.0, 4.0), (-1.0, 3.0)),
+    "loguniform": (LogUniform(low=0.01, high=5.0), stats.loguniform(0.01, 5.0), (0.01, 5.0)),
 }
+CASES = pytest.mark.parametrize("name", PRIORS)
 
 
-def test_density_against_scipy():
-    """Control: a normal of the same mean and sd has another."""
-    for name, (prior, law) in PRIORS.items():
-        x = np.asarray(law.ppf(np.linspace(0.001, 0.999, 41)))
-        found = np.asarray(prior.log_density(x))
-        np.testing.assert_allclose(found, law.logpdf(x), atol=1e-10, err_msg=name)
-        assert name == "normal" or not np.allclose(
-            found, stats.norm(law.mean(), law.std()).logpdf(x), atol=1e-2
-        )
-        low, high = law.support()
-        for end in (low - 0.1, high + 0.1):
-            assert not math.isfinite(end) or float(prior.log_density(end)) == -math.inf, name
+@CASES
+def test_density_is_normalised(name):
+    prior, law, (low, high) = PRIORS[name]
+    middle = float(law.median())
+    total = sum(
+        quad(lambda x: math.exp(float(prior.log_density(x))), *ends, epsabs=1e-11, limit=200)[0]
+        for ends in ((low, middle), (middle, high))
+    )
+    assert total == pytest.approx(1.0, abs=1e-8)
 
 
-def test_scores_go_back_and_forth_and_have_the_stated_density():
+@CASES
+def test_density_against_scipy(name):
+    prior, law, _ = PRIORS[name]
+    x = np.asarray(law.ppf(np.linspace(0.001, 0.999, 41)))
+    np.testing.assert_allclose(np.asarray(prior.log_density(x)), law.logpdf(x), atol=1e-10)
+
+
+@CASES
+def test_outside_the_support(name):
+    prior, law, _ = PRIORS[name]
+    low, high = law.support()
+    for x in (low - 0.1, high + 0.1):
+        if math.isfinite(x):
+            assert float(prior.log_density(x)) == -math.inf
+
+
+@CASES
+def test_scores_go_back_and_forth(name):
+    prior, law, _ = PRIORS[name]
+    x = np.asarray(law.ppf(np.linspace(0.001, 0.999, 41)))
+    z = prior.score(x)
+    np.testing.assert_allclose(np.asarray(prior.value(z)), x, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(np.asarray(prior.transform(z, *prior.numbers)), x, rtol=1e-10, atol=1e-12)
+
+
+@CASES
+def test_normal_scores_have_the_stated_density(name):
     """Change of variables: N(z)·|dz/dx| is the density at x, twice that where the score is reflected."""
-    for name, (prior, law) in PRIORS.items():
-        x = np.asarray(law.ppf(np.linspace(0.001, 0.999, 41)))
-        z = prior.score(x)
-        np.testing.assert_allclose(np.asarray(prior.value(z)), x, rtol=1e-10, atol=1e-12, err_msg=name)
-        np.testing.assert_allclose(np.asarray(prior.transform(z, *prior.numbers)), x, rtol=1e-10, atol=1e-12)
-        z = np.linspace(0.1, 2.5, 13)
-        slope = np.abs((prior.value(z + 1e-6) - prior.value(z - 1e-6)) / 2e-6)
-        expected = np.log((2.0 if prior.reflected else 1.0) * stats.norm.pdf(z) / slope)
-        found = np.asarray(prior.log_density(prior.value(z)))
-        np.testing.assert_allclose(found, expected, atol=1e-10, err_msg=name)
+    prior = PRIORS[name][0]
+    z = np.linspace(0.1, 2.5, 13)
+    slope = np.abs((prior.value(z + 1e-6) - prior.value(z - 1e-6)) / 2e-6)
+    images = 2.0 if prior.reflected else 1.0
+    expected = np.log(images * stats.norm.pdf(z) / slope)
+    np.testing.assert_allclose(np.asarray(prior.log_density(prior.value(z))), expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", [n for n in PRIORS if n != "normal"])
+def test_negative_control(name):
+    """A normal of the same mean and sd is not taken for any of the others."""
+    prior, law, (low, high) = PRIORS[name]
+    wrong = stats.norm(law.mean(), law.std())
+    x = np.asarray(law.ppf(np.linspace(0.01, 0.99, 21)))
+    assert not np.allclose(np.asarray(prior.log_density(x)), wrong.logpdf(x), atol=1e-2)
+    assert abs(wrong.cdf(high) - wrong.cdf(low) - 1) > 1e-4
 
 
 def test_folded_scores():
@@ -59,16 +90,24 @@ def test_scores_at_the_ends_are_finite():
         assert np.all(np.isfinite(np.asarray(prior.score(np.array([low, high])))))
 
 
-def test_nonsense_is_refused():
-    for table in (
+@pytest.mark.parametrize(
+    "table",
+    [
         {"prior": "normal", "mean": 0.0, "sd": -1.0},
         {"prior": "uniform", "low": 2.0, "high": 1.0},
+        {"prior": "loguniform", "low": 0.0, "high": 1.0},
         {"prior": "halfnormal", "scale": float("nan")},
         {"prior": "halfnormal", "scale": 1.0, "sd": 1.0},
         {"prior": "cauchy", "scale": 1.0},
-    ):
-        with pytest.raises(ValidationError):
-            TypeAdapter(Prior).validate_python(table)
+    ],
+)
+def test_nonsense_is_refused(table):
+    with pytest.raises(ValidationError):
+        TypeAdapter(Prior).validate_python(table)
+
+
+def test_words():
+    assert Normal(mean=0.5, sd=2.0).describe() == "normal(mean 0.5, sd 2)"
 
 
 def test_a_score_far_out_is_a_finite_parameter() -> None:

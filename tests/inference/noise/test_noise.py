@@ -48,6 +48,10 @@ def density(name: str, r: np.ndarray, p: dict[str, float] = P) -> np.ndarray:
     return np.asarray(stats.multivariate_normal.logpdf(r, cov=covariance))
 
 
+def test_every_noise_has_an_independent_density():
+    assert NAMES == ["correlated", "gaussian", "quantised", "student_t"]
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_log_likelihood(name):
     model = NOISES.get(name)
@@ -68,40 +72,57 @@ def test_negative_control_the_wrong_clock():
 @pytest.mark.parametrize("name", NAMES)
 def test_slope(name):
     """Against central differences of SciPy's density, one residual at a time; not at other residuals."""
-    model, r, step = NOISES.get(name), drawn(name, np.random.default_rng(1))[0], 1e-4 * P["noise_sd"]
-    steps = step * np.eye(r.size)
-    expected = [(density(name, r + e).sum() - density(name, r - e).sum()) / (2 * step) for e in steps]
-    within = {"rtol": 1e-6, "atol": 1e-6 / P["noise_sd"]}
-    np.testing.assert_allclose(model.slope(r, GAPS, P), expected, **within)
-    assert not np.allclose(model.slope(1.01 * r, GAPS, P), expected, **within)
+    r = drawn(name, np.random.default_rng(1))[0]
+    step = 1e-4 * P["noise_sd"]
+    expected = [
+        (density(name, r + e).sum() - density(name, r - e).sum()) / (2 * step) for e in step * np.eye(r.size)
+    ]
+    atol = 1e-6 / P["noise_sd"]
+    np.testing.assert_allclose(NOISES.get(name).slope(r, GAPS, P), expected, rtol=1e-6, atol=atol)
+    assert not np.allclose(NOISES.get(name).slope(1.01 * r, GAPS, P), expected, rtol=1e-6, atol=atol)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_parameter_slopes(name):
+@pytest.mark.parametrize("share", [1e-3, 1.0, 1e3])
+def test_parameter_slopes(name, share):
     """Against central differences, which are the default, for noise that is fast, slow and in between."""
-    model, r = NOISES.get(name), drawn(name, np.random.default_rng(1))[0]
-    for share in (1e-3, 1.0, 1e3):
-        p = {**P, "noise_time": share * P["noise_time"]}
-        expected = NoiseModel.parameter_slopes(model, r, GAPS, p)
-        for n, slope in model.parameter_slopes(r, GAPS, p).items():
-            assert slope * p[n] == pytest.approx(expected[n] * p[n], rel=1e-6, abs=1e-5)
+    model, p = NOISES.get(name), {**P, "noise_time": share * P["noise_time"]}
+    r = drawn(name, np.random.default_rng(1))[0]
+    expected = NoiseModel.parameter_slopes(model, r, GAPS, p)
+    for parameter, slope in model.parameter_slopes(r, GAPS, p).items():
+        assert slope * p[parameter] == pytest.approx(expected[parameter] * p[parameter], rel=1e-6, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if n != "correlated"])
+def test_the_default_slope_is_the_closed_form(name):
+    """Also for residuals far out in the tails, and parameters that differ from draw to draw."""
+    model = NOISES.get(name)
+    assert isinstance(model, IndependentNoise)
+    r = drawn(name, np.random.default_rng(1), 2) * np.array([[1.0], [20.0]])
+    p = {**P, "noise_sd": np.array([0.02, 0.03])}
+    slope = model.slope(r, GAPS, p)
+    atol = 1e-7 * np.max(np.abs(slope))
+    np.testing.assert_allclose(IndependentNoise.slope(model, r, GAPS, p), slope, rtol=1e-7, atol=atol)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_leading_axes(name):
+@pytest.mark.parametrize(
+    "method", ["log_likelihood", "slope", "information_root", "whiten", "log_likelihoods"]
+)
+def test_leading_axes(name, method):
     """Six records at once, with parameters by draw, as one after the other."""
     model, rng = NOISES.get(name), np.random.default_rng(7)
     r = drawn(name, rng, 6).reshape(2, 3, T.size)
     p = {n: P[n] * rng.uniform(0.5, 2.0, (2, 3)) for n in (*model.parameters, *model.constants)}
+    together = getattr(model, method)(r, GAPS, p)
+    for i in np.ndindex(2, 3):
+        own = {n: float(v[i]) for n, v in p.items()}
+        np.testing.assert_allclose(together[i], getattr(model, method)(r[i], GAPS, own), rtol=1e-12)
     first = {n: float(v[0, 0]) for n, v in p.items()}
-    for method in ("log_likelihood", "slope", "information_root", "whiten", "log_likelihoods"):
-        together, shared = (getattr(model, method)(r, GAPS, q) for q in (p, first))
-        for i in np.ndindex(2, 3):
-            own = {n: float(v[i]) for n, v in p.items()}
-            np.testing.assert_allclose(together[i], getattr(model, method)(r[i], GAPS, own), rtol=1e-12)
-        assert shared.shape == together.shape
-        np.testing.assert_allclose(shared[0, 0], together[0, 0], rtol=1e-12)
-        assert not np.allclose(shared[0, 1], together[0, 1], rtol=1e-6)
+    shared = getattr(model, method)(r, GAPS, first)
+    assert shared.shape == together.shape
+    np.testing.assert_allclose(shared[0, 0], together[0, 0], rtol=1e-12)
+    assert not np.allclose(shared[0, 1], together[0, 1], rtol=1e-6)
 
 
 def slow_log_likelihood(r: np.ndarray, time: float) -> float:
@@ -144,19 +165,25 @@ def test_rounded_noise_keeps_its_digits_in_the_tails():
     assert not np.allclose(quantised.slope(r, gaps, coarse), expected, rtol=1e-3)
 
 
-def is_white(white: np.ndarray) -> bool:
-    """4,000 scores are normal (Kolmogorov–Smirnov) and uncorrelated. False alarms: 1e-3 and 1e-4."""
-    lag = np.mean(white[:, 1:] * white[:, :-1]) * np.sqrt(white[:, 1:].size)
-    return bool(stats.kstest(white.ravel(), "norm").pvalue > 1e-3 and abs(lag) < 3.9)
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_whitened_noise_is_white(name):
-    """Negative control: divided by their sd alone residuals are not white normal scores."""
+    """4,000 scores: normal (Kolmogorov–Smirnov) and uncorrelated. False alarms: 1e-3 and 1e-4 a model."""
+    model = NOISES.get(name)
     many = drawn(name, np.random.default_rng(2), 40)
-    assert is_white(NOISES.get(name).whiten(many, GAPS, P))
-    if name in ("correlated", "student_t"):
-        assert not is_white(NOISES.get("gaussian").whiten(many, GAPS, P))
+    white = model.whiten(many, GAPS, P)
+    assert white.shape == many.shape
+    assert stats.kstest(white.ravel(), "norm").pvalue > 1e-3
+    lag = np.mean(white[:, 1:] * white[:, :-1]) * np.sqrt(white[:, 1:].size)
+    assert abs(lag) < 3.9
+
+
+@pytest.mark.parametrize("name", ["correlated", "student_t"])
+def test_negative_control_white_residuals(name):
+    """Divided by their sd alone such residuals are not white normal scores."""
+    many = drawn(name, np.random.default_rng(2), 40)
+    white = NOISES.get("gaussian").whiten(many, GAPS, P)
+    lag = np.mean(white[:, 1:] * white[:, :-1]) * np.sqrt(white[:, 1:].size)
+    assert abs(lag) > 3.9 or stats.kstest(white.ravel(), "norm").pvalue < 1e-3
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -184,6 +211,16 @@ def test_start_is_near_and_contract(name):
     assert set(start) == set(model.parameters)
     for n, value in start.items():
         assert 1 / 3 < value / P[n] < 3, n
+
+
+def test_a_fine_step_is_gaussian_noise_and_a_coarse_one_is_not():
+    r = drawn("gaussian", np.random.default_rng(6))[0]
+    gaussian = NOISES.get("gaussian").log_likelihood(r, GAPS, P)
+    by_step = [
+        NOISES.get("quantised").log_likelihood(r, GAPS, {**P, "noise_step": step}) for step in (1e-4, 0.1)
+    ]
+    assert by_step[0] == pytest.approx(gaussian, abs=1e-3)
+    assert abs(by_step[1] - gaussian) > 10
 
 
 def test_a_record_without_steps_has_no_quantised_noise():
