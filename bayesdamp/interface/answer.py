@@ -14,11 +14,12 @@ from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.numbers.rivals import place_of
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.sample_noise import GAUSSIAN, SampleNoise, noises_of
+from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.sampling import with_samples
 from bayesdamp.inference.deviation.single import found_of
 from bayesdamp.inference.deviation.specimen import DampingRun, OtherForm, WeighedRun, damping_run
 from bayesdamp.inference.deviation.weighing import CandidateResult, Known, Weighing
+from bayesdamp.inference.noise._residuals import GAUSSIAN, SampleNoise
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior

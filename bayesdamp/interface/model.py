@@ -18,8 +18,8 @@ from bayesdamp.estimators.shared import has_noise
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.findings import SENSOR
-from bayesdamp.inference.deviation.quick import averaging_of
-from bayesdamp.inference.deviation.sample_noise import MOST_CYCLES, noises_of, prepared_for
+from bayesdamp.inference.deviation.quick import MOST_CYCLES, averaging_of
+from bayesdamp.inference.deviation.sample_noise import noises_of, prepared_for
 from bayesdamp.inference.deviation.single import Single, single
 from bayesdamp.inference.deviation.weighing import START, weigh_all
 from bayesdamp.inference.fit.mode import Mode, restore_mode

@@ -5,12 +5,13 @@ The averaged motion is compared with these: as many numbers for a million cycles
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bayesdamp.inference.noise._residuals import FittedNoise
 from bayesdamp.physics.kernel.averaged import NUMBERS, OFFSETS, REAL_OFFSETS, TURNS, Track
 from bayesdamp.records.oscillation.features import Features
 
@@ -39,6 +40,10 @@ BENT = 0.3
 """Largest curvature of amplitude and phase within a block, as a share of their sd, for which their mean describes them;
 by chance alone it is 0.1."""
 PASSES = 3
+ROUNDS = 10
+"""Changes of the working residuals, at most."""
+SETTLED = 0.05
+"""Largest change of the motion by the last of them, in standard deviations of the whole record's noise."""
 CLOSE = 0.1
 """Posterior standard deviations by which averaging may move a parameter."""
 
@@ -116,7 +121,9 @@ class _BlockFit:
     freedom: int
 
 
-def average_of(t: np.ndarray, y: np.ndarray, features: Features, first: float) -> Averaged | None:
+def average_of(
+    t: np.ndarray, y: np.ndarray, features: Features, first: float, noise: FittedNoise | None = None
+) -> Averaged | None:
     """Take a record as amplitudes and phases.
 
     None where the record has few cycles, is not sampled evenly enough, or where neither changes smoothly.
@@ -129,7 +136,31 @@ def average_of(t: np.ndarray, y: np.ndarray, features: Features, first: float) -
         Of the record.
     first : float
         The time of t = 0 on the features' clock, in s.
+    noise : FittedNoise, optional
+        Model of the samples' noise, under which amplitudes and phases are the most probable ones; by default white
+        Gaussian noise.
     """
+    averaged = _least_squares(t, y, features, first)
+    if noise is None:
+        return averaged
+    gaps, working = np.diff(t), y
+    for _ in range(ROUNDS):
+        if averaged is None:
+            return None
+        motion = working - averaged.residual
+        residual = y - motion
+        variance = noise.variance(residual, motion - motion.mean(), gaps)
+        working = motion + noise.working_residuals(residual, gaps, variance)
+        averaged = _least_squares(t, working, features, first)
+        if averaged is not None:
+            moved = working - averaged.residual - motion
+            if float(moved @ moved) < SETTLED**2 * variance:
+                break
+    return None if averaged is None else replace(averaged, residual=averaged.residual + y - working)
+
+
+def _least_squares(t: np.ndarray, y: np.ndarray, features: Features, first: float) -> Averaged | None:
+    """Take values as amplitudes and phases by least squares; None and arguments as of `average_of`."""
     from scipy.interpolate import BSpline
 
     duration = float(t[-1])

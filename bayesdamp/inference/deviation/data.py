@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from bayesdamp.inference.deviation.averaged import Averaged, average_of
+from bayesdamp.inference.noise._residuals import CORRELATED, GAUSSIAN, SampleNoise
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.averaged import NUMBERS, AveragedSolver
 from bayesdamp.physics.kernel.windows import Windows
@@ -28,6 +29,9 @@ decade of amplitudes do not hold over two, and what is left there is mostly the 
 FEWEST_CYCLES = 4.0
 SOLVED = 1e-6
 """Share of the amplitude to which motions are solved."""
+LEAST_SQUARES = (GAUSSIAN, CORRELATED)
+"""Noise models under which amplitudes and phases are those of least squares: they only have the noise near the
+oscillation, which their scatter measures."""
 ORDERS = {"angle": 0, "velocity": 1, "acceleration": 2}
 
 
@@ -68,6 +72,8 @@ class Data:
         Which samples are in each window.
     readings : ndarray, shape (n,), optional
         y before outliers and rounding were taken out of it (`working`).
+    noise_model : SampleNoise
+        Of the samples, where t and y are amplitudes and phases; that of samples is chosen with the motion.
     """
 
     t: np.ndarray
@@ -87,6 +93,7 @@ class Data:
     record: Signal | None = None
     rows: np.ndarray | None = None
     readings: np.ndarray | None = None
+    noise_model: SampleNoise = field(default_factory=SampleNoise)
 
     @property
     def recorded(self) -> np.ndarray:
@@ -161,7 +168,7 @@ class Data:
         return (SOLVED * self.recorded_amplitude) ** 2
 
 
-def prepared(signal: Signal, average: bool = True) -> Data:
+def prepared(signal: Signal, average: bool = True, noise_model: SampleNoise | None = None) -> Data:
     """Prepare the data of a signal.
 
     Parameters
@@ -170,6 +177,8 @@ def prepared(signal: Signal, average: bool = True) -> Data:
         The record.
     average : bool
         Whether a record of very many cycles may be taken as amplitudes and phases.
+    noise_model : SampleNoise, optional
+        Of the samples, for amplitudes and phases; by default Gaussian.
 
     Raises
     ------
@@ -196,8 +205,10 @@ def prepared(signal: Signal, average: bool = True) -> Data:
     cycles = float((t[-1] if windows is None else windows.times[-1, -1]) / shape.period)
     start = _start(t, y, signal.quantity, shape)
     last = int(np.searchsorted(every_t, t[-1])) + 1
-    averaged = average_of(every_t[:last], every_y[:last], shape, float(signal.t[0])) if average else None
-    record = None
+    averaged, record = None, None
+    if average:
+        fitted = None if noise_model is None or noise_model.name in LEAST_SQUARES else noise_model.fitted
+        averaged = average_of(every_t[:last], every_y[:last], shape, float(signal.t[0]), fitted)
     if averaged is not None:
         t, y, thinned, windows, rows = averaged.t, averaged.y, averaged.samples, None, None
     else:
@@ -207,7 +218,7 @@ def prepared(signal: Signal, average: bool = True) -> Data:
     final_amplitude = max(shape.final_amplitude, LEAST * shape.amplitude)
     return Data(
         t, y, signal.quantity, shape.amplitude, final_amplitude, shape.frequency, shape.rest, cycles, noise, start,
-        thinned, shape, averaged, windows, record, rows,
+        thinned, shape, averaged, windows, record, rows, noise_model=noise_model or SampleNoise(),
     )  # fmt: skip
 
 

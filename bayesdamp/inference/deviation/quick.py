@@ -14,7 +14,7 @@ from bayesdamp.inference.deviation.candidate import MotionCandidate, refit
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.numbers.bounds import columns_of
 from bayesdamp.inference.deviation.numbers.rivals import exponents_of, with_rivals
-from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, MOST_CYCLES, prepared_for
+from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, prepared_for
 from bayesdamp.inference.deviation.weighing import START, CandidateResult, Known, Weighing, weigh_all
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import all_sums, parse_model
@@ -25,6 +25,9 @@ from bayesdamp.types import Reference, Signal
 
 NEAR = 10.0
 """Nats behind the best up to which a candidate is corrected with the equation of motion."""
+MOST_CYCLES = 1200.0
+"""Cycles up to which the ODE is fitted where amplitudes and phases are not close to it: the tangents then take 1 GB
+(measured)."""
 
 
 def weighing_of(

@@ -9,40 +9,35 @@ Both depend on the motion, so that they are updated in turn.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from bayesdamp.inference.deviation.averaged import ROUNDS, SETTLED
 from bayesdamp.inference.deviation.candidate import Linearised, linearise, refit, relinearise
-from bayesdamp.inference.deviation.data import Data, prepared
+from bayesdamp.inference.deviation.data import LEAST_SQUARES, Data, prepared
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.noise._residuals import FittedNoise, fit_noise
+from bayesdamp.inference.noise._residuals import CORRELATED, GAUSSIAN, FittedNoise, SampleNoise, fit_noise
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE
 from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal, Signal
 
-GAUSSIAN = "gaussian"
-CORRELATED = "correlated"
 AUTOMATIC = (GAUSSIAN, CORRELATED, "student_t", "quantised")
 """Noise models that are weighed by default."""
 LEAD = 5.0
 """Nats by which another noise model must be ahead of Gaussian noise (conventional)."""
 ORDER = 8
 """Of the autoregression that shows whether residuals can be predicted from those before them (conventional)."""
-MOST_CYCLES = 1200.0
-"""Cycles up to which the ODE is solved where amplitudes and phases do not describe the record: the tangents then take
-1 GB (measured)."""
-WORTH = 0.7
-"""Share of its variance to which another noise model must reduce the noise for the ODE to be solved where amplitudes
-and phases would do: that takes twice as long."""
-ROUNDS = 10
-"""Changes of the working residuals, at most."""
-SETTLED = 0.05
-"""Largest change of the motion by the last of them, in standard deviations of the whole record's noise."""
+REFITS = 2
+"""Number of times that the noise model of amplitudes and phases is chosen, the second time from what they leave under
+the first."""
 BAND = (0.3, 2.0)
 """Frequencies near the oscillation, in units of its own."""
+STRETCHES, SEEN = 64, 50_000
+"""Number of stretches, and of samples in them, from which the noise model of a longer record is chosen: enough for
+its parameters to a per cent (conventional)."""
 
 
 def noises_of(asked: str | Sequence[str]) -> tuple[str, ...]:
@@ -60,8 +55,8 @@ def prepared_for(
 ) -> Data:
     """Return the data of a signal under these noise models.
 
-    Amplitudes and phases of a record of very many cycles have Gaussian noise. They are not used where another model is
-    the likeliest for their residuals and reduces the noise enough.
+    Amplitudes and phases of a record of very many cycles are those of the noise model that is chosen for what they
+    leave. The noise model of samples is chosen later, from what the motion leaves (`adapt`).
 
     Parameters
     ----------
@@ -77,54 +72,45 @@ def prepared_for(
     Raises
     ------
     Refusal
-        Where the record does not oscillate.
+        Where the record does not oscillate, or none of the noise models applies to it.
     """
-    data = prepared(signal, average=average and GAUSSIAN in names)
-    if data.averaged is None or len(names) == 1 or data.cycles > MOST_CYCLES:
+    data = prepared(signal, average)
+    if data.averaged is None or tuple(names) == (GAUSSIAN,):
         return data
-    residual = data.averaged.residual
-    record = replace(signal, t=signal.t[: residual.size], y=signal.y[: residual.size])
-    fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
-    weighed = _fit_all(names, residual, fit_one)
-    noise = SampleNoise(max(weighed, key=lambda model: model.log_evidence), weighed)
-    if noise.name in (GAUSSIAN, CORRELATED) or noise.ahead < max(LEAD, predictable(residual)):
-        return data
-    gaps = np.diff(signal.t[: residual.size])
-    variance = noise.fitted.variance(residual, record.y - record.y.mean(), gaps)
-    worth = variance < WORTH * float(residual @ residual) / residual.size
-    return prepared(signal, average=False) if worth else data
+    t = np.asarray(signal.t, float)
+    for _ in range(REFITS):
+        residual = data.averaged.residual
+        seen = _stretches(residual.size)
+        record = replace(signal, t=t[seen], y=np.asarray(signal.y)[seen])
+        fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
+        noise = _choose(_fit_all(names, residual[seen], fit_one), predictable(residual[seen]))
+        data = prepared(signal, average, noise)
+        if data.averaged is None or noise.name in LEAST_SQUARES:
+            break
+    return data
 
 
-@dataclass(frozen=True)
-class SampleNoise:
-    """The noise of a record's samples.
+def _stretches(count: int) -> np.ndarray:
+    """Return the places of the samples from which noise is chosen: all of them, or stretches along the record."""
+    if count <= SEEN:
+        return np.arange(count)
+    firsts = np.linspace(0, count - SEEN // STRETCHES, STRETCHES).astype(int)
+    return (firsts[:, None] + np.arange(SEEN // STRETCHES)).ravel()
 
-    Attributes
-    ----------
-    fitted : FittedNoise
-        The model that the answer uses, and its parameters.
-    weighed : tuple of FittedNoise
-        All models that apply to the record, on the residuals of the sum of all terms.
+
+def _choose(weighed: Sequence[FittedNoise], gain: float) -> SampleNoise:
+    """Return the likeliest noise model, or Gaussian noise where it is not clearly ahead of that.
+
+    What can be predicted, by `gain` nats, may not be noise, but a second mode, or the misfit of a law that does not
+    hold.
     """
-
-    fitted: FittedNoise = field(default_factory=FittedNoise)
-    weighed: tuple[FittedNoise, ...] = ()
-
-    @property
-    def name(self) -> str:
-        """The noise model that the answer uses."""
-        return self.fitted.name
-
-    @property
-    def likeliest(self) -> str:
-        """The noise model of highest evidence, which may be the correlated one that the answer allows for otherwise."""
-        return max(self.weighed, key=lambda model: model.log_evidence, default=self.fitted).name
-
-    @property
-    def ahead(self) -> float:
-        """Nats by which the answer's model is ahead of Gaussian noise; nan where that was not weighed."""
-        logs = {model.name: model.log_evidence for model in self.weighed}
-        return logs.get(self.name, np.nan) - logs.get(GAUSSIAN, np.nan)
+    best = max(weighed, key=lambda model: model.log_evidence)
+    plain = next((model for model in weighed if model.name == GAUSSIAN), None)
+    if plain is not None and (
+        best.name == CORRELATED or best.log_evidence - plain.log_evidence < max(LEAD, gain)
+    ):
+        best = plain
+    return SampleNoise(best, tuple(weighed))
 
 
 @dataclass(frozen=True)
@@ -176,40 +162,32 @@ def adapt(
     Returns
     -------
     Adapted or None
-        None where only Gaussian noise can be used.
+        None where only Gaussian noise can be used, or the record is taken as amplitudes and phases, whose noise was
+        chosen before.
 
     Raises
     ------
     Refusal
         Where none of the noise models applies to the record.
     """
-    if tuple(names) == (GAUSSIAN,):
-        return None
     record, variance = data.record, 0.0
-    if record is None:
-        if GAUSSIAN in names:
-            return None
-        raise Refusal(
-            f"{data.cycles:.0f} cycles are compared as amplitudes and phases, whose noise is Gaussian; "
-            f"{names[0]} noise cannot be used"
-        )
+    if tuple(names) == (GAUSSIAN,) or record is None:
+        return None
     motion = _at_samples(solver, record, at)
     if motion is None:
         return None
     fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
     weighed = _fit_all(names, record.y - motion, fit_one)
-    by_name = {model.name: model for model in weighed}
-    noise, plain = max(weighed, key=lambda model: model.log_evidence), by_name.get(GAUSSIAN)
     gaps, gain = np.diff(record.t), predictable(record.y - motion)
-    ahead = np.inf if plain is None else noise.log_evidence - plain.log_evidence
-    if plain is not None and (ahead < LEAD or noise.name == CORRELATED or gain > ahead):
-        # What can be predicted may not be noise, but a second mode, or the misfit of a law that does not hold. It is
-        # left to the power of the residual near the oscillation (`inflation`), which is at least that of correlated
-        # noise where this explains as much as any autoregression.
-        other = by_name.get(CORRELATED, plain)
-        if other.log_evidence - plain.log_evidence > max(LEAD, gain - LEAD):
+    chosen = _choose(weighed, gain)
+    noise = chosen.fitted
+    if noise.name == GAUSSIAN:
+        # What can be predicted is left to the power of the residual near the oscillation (`inflation`), which is at
+        # least that of correlated noise where this explains as much as any autoregression.
+        other = next((model for model in weighed if model.name == CORRELATED), noise)
+        if other.log_evidence - noise.log_evidence > max(LEAD, gain - LEAD):
             variance = other.variance(record.y - motion, motion - motion.mean(), gaps) / data.thinned
-        return Adapted(data, SampleNoise(plain, weighed), variance)
+        return Adapted(data, chosen, variance)
     for _ in range(ROUNDS):
         residual = record.y - motion
         variance = noise.variance(residual, motion - motion.mean(), gaps)

@@ -21,14 +21,14 @@ from bayesdamp.inference.deviation.numbers.curves import ratio_at, ratios_drawn
 from bayesdamp.inference.deviation.numbers.deviations import size_of
 from bayesdamp.inference.deviation.numbers.draws import CandidateDraws, Quantity, noise_sds, quantity
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise
+from bayesdamp.inference.deviation.sample_noise import AUTOMATIC
 from bayesdamp.inference.deviation.sampling import DrawMotions, motions_near, sampled_result
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing, weigh_all
 from bayesdamp.inference.fit.mode import LinearPosterior, Mode
 from bayesdamp.inference.model.deviation import Deviation
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.noise._residuals import FittedNoise
+from bayesdamp.inference.noise._residuals import FittedNoise, SampleNoise
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel import Motion, Solver
@@ -437,7 +437,9 @@ def first_half(single: Single) -> Single:
 def put_together(signal: Signal, restoring: str, end: Found) -> Single:
     """Return the candidate on its record, without a search. Raises Refusal where it was found on another record."""
     damping = tuple(t for t in end.terms if TERMS.get(t).parameter in end.priors)
-    return _rebuild(prepared(signal, end.averaged), MotionCandidate(damping, restoring), end)
+    return _rebuild(
+        prepared(signal, end.averaged, SampleNoise(end.noise)), MotionCandidate(damping, restoring), end
+    )
 
 
 def _rebuild(data: Data, candidate: MotionCandidate, end: Found, knots: np.ndarray | None = None) -> Single:

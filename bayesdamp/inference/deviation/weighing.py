@@ -27,12 +27,11 @@ from bayesdamp.inference.deviation.gaussian.tempered import Sampled
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.sample_noise import (
     AUTOMATIC,
-    GAUSSIAN,
-    SampleNoise,
     adapt,
     inflation,
     predictable,
 )
+from bayesdamp.inference.noise._residuals import GAUSSIAN, SampleNoise
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
@@ -297,7 +296,8 @@ def weigh_all(
         kappa = inflation(data.t, at.left, data.frequency, at.u.size, adapted.variance)
         variance = kappa * adapted.variance
         noise_sd = float(np.sqrt(adapted.variance))
-    elif noise_sd is None:
+    elif noise_sd is None or data.noise_model.name != GAUSSIAN:
+        noise_sd = None
         variance, kappa = _noise(data, abouts, approximate)
         if adapted is not None and adapted.variance > variance:
             variance, kappa = adapted.variance, kappa * adapted.variance / variance
@@ -325,7 +325,7 @@ def weigh_all(
     return Weighing(
         data, reference, fits.epsilon, tuple(frictions), fits.solvers, tuple(results), variance, kappa,
         {c: refused[c] for c in order if c in refused}, noise_known=noise_sd is not None,
-        noise=SampleNoise() if adapted is None else adapted.noise, epsilon_known="epsilon" in stated,
+        noise=data.noise_model if adapted is None else adapted.noise, epsilon_known="epsilon" in stated,
     )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Signal
 
+GAUSSIAN, CORRELATED = "gaussian", "correlated"
 STEP = 0.02
 """Step of second differences, in scores."""
 SHIFT = 0.3
@@ -36,7 +37,7 @@ class FittedNoise:
         Log density of the residuals in nats, integrated over the parameters by Laplace's approximation.
     """
 
-    name: str = "gaussian"
+    name: str = GAUSSIAN
     values: Mapping[str, float] = field(default_factory=dict)
     log_evidence: float = float("nan")
 
@@ -80,6 +81,38 @@ class FittedNoise:
             As `variance` computes it.
         """
         return -variance * NOISES.get(self.name).slope(residual, gaps, self.values)
+
+
+@dataclass(frozen=True)
+class SampleNoise:
+    """The noise of a record's samples.
+
+    Attributes
+    ----------
+    fitted : FittedNoise
+        The model that the answer uses, and its parameters.
+    weighed : tuple of FittedNoise
+        All models that apply to the record, on the residuals of the sum of all terms.
+    """
+
+    fitted: FittedNoise = field(default_factory=FittedNoise)
+    weighed: tuple[FittedNoise, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The noise model that the answer uses."""
+        return self.fitted.name
+
+    @property
+    def likeliest(self) -> str:
+        """The noise model of highest evidence, which may be the correlated one that the answer allows for otherwise."""
+        return max(self.weighed, key=lambda model: model.log_evidence, default=self.fitted).name
+
+    @property
+    def ahead(self) -> float:
+        """Nats by which the answer's model is ahead of Gaussian noise; nan where that was not weighed."""
+        logs = {model.name: model.log_evidence for model in self.weighed}
+        return logs.get(self.name, np.nan) - logs.get(GAUSSIAN, np.nan)
 
 
 def fit_noise(
