@@ -238,7 +238,7 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
         sampled = _sampled(store, spec, repeat)
         best = max((motions.log_evidence for motions in sampled.values()), default=math.nan)
         for model, motions in sampled.items():
-            diagnostic = f"{motions.temperatures} temperatures, acceptance {motions.acceptance:.2f}"
+            diagnostic = f"temperatures: {motions.temperatures}, acceptance {motions.acceptance:.2f}"
             evidence = Evidence(model, SMC, motions.log_evidence, motions.stderr, diagnostic)
             row = _evidence_row(evidence, _deviation(study, spec), best, math.nan)
             yield {**_head(spec, repeat, model), "method": SMC, **row}
