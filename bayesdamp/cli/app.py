@@ -8,50 +8,103 @@ import sys
 import traceback
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from bayesdamp import __version__
 from bayesdamp.cli.border import discard_output, machine_refusal, one_line, prepare_streams, print_error
-from bayesdamp.cli.commands.claims import claims
-from bayesdamp.cli.commands.compare import compare
-from bayesdamp.cli.commands.completion import answer_shell, completion
-from bayesdamp.cli.commands.doctor import doctor
-from bayesdamp.cli.commands.init import init
-from bayesdamp.cli.commands.look import look
-from bayesdamp.cli.commands.simulate import simulate
-from bayesdamp.cli.commands.study import calibrate, check, report, study
+from bayesdamp.cli.commands.completion import answer_shell
 from bayesdamp.machine import kill_as_interrupt
 from bayesdamp.types import BayesdampError, InputError
 
 FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 UNREAD = 141
 """Exit status in a shell of a process that SIGPIPE ends: `bayesdamp look rig.csv | head -3` is not a mistake."""
+COMMANDS = {
+    "look": (
+        "Show what is read of a file: columns, units, clock, the free decay in it, and what looks wrong.",
+        "bayesdamp look rig.csv",
+    ),
+    "init": (
+        "Write a commented study of files next to them; nothing is computed, and no file is overwritten.",
+        "bayesdamp init rig.csv",
+    ),
+    "study": (
+        "Run what is missing of a study, and write its report.",
+        "bayesdamp study quickstart",
+    ),
+    "compare": (
+        "Find which damping records have, how large it is, how well its law holds, and how certain that is.",
+        "bayesdamp compare rig.csv --quick",
+    ),
+    "calibrate": (
+        "Check the intervals: draw from a study's own prior, simulate, infer, and compare with the truth.",
+        "bayesdamp calibrate studies/calibration.toml --records 100",
+    ),
+    "check": (
+        "Read a study and its records, list its tasks and report errors; nothing is run.",
+        "bayesdamp check rig.toml",
+    ),
+    "simulate": (
+        "Write a simulated record to try the program on: a CSV of times in s and angles in rad.",
+        "bayesdamp simulate --damping viscous=0.1,coulomb=0.05 --restoring pendulum --out play.csv",
+    ),
+    "report": (
+        "Write the report of a run again; nothing is computed.",
+        "bayesdamp report reports/rig",
+    ),
+    "claims": (
+        "Measure each claim of the paper on the eleven estimators, and report whether it holds.",
+        "bayesdamp claims --paper reports/paper --noise reports/noise",
+    ),
+    "doctor": (
+        "Check the installation: versions, cache, compiled kernels, machine, and the answer on a small record.",
+        "bayesdamp doctor",
+    ),
+    "completion": (
+        "Print the shell's completion script.",
+        "bayesdamp completion bash > ~/.local/share/bash-completion/completions/bayesdamp",
+    ),
+}
+"""The commands in the order of the help, each with what it does and an example. A command is the function of its name
+in the module of its name in `bayesdamp.cli.commands`."""
+SETTINGS = {"help_option_names": ["-h", "--help"]}
+
+
+class Commands(TyperGroup):
+    """The commands. The module of a command is imported when the command runs, and not for the list of all."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = {name: TyperCommand(name, help=summary) for name, (summary, _) in COMMANDS.items()}
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Return the command to run, with its options, and the words after its name."""
+        name, _, rest = super().resolve_command(ctx, args)
+        return name, command(name or ""), rest
+
+
+@lru_cache(maxsize=len(COMMANDS))
+def command(name: str) -> Any:
+    """Return a command with its options. Cached, because a test runs hundreds."""
+    function = getattr(import_module(f"bayesdamp.cli.commands.{name}"), name)
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, context_settings=SETTINGS)
+    alone.command(name, epilog=f"Example: {COMMANDS[name][1]}")(function)
+    return typer.main.get_command(alone)
+
+
 app = typer.Typer(
     name="bayesdamp",
+    cls=Commands,
     help="Find which damping a decaying oscillation has, how large it is, and how certain that is.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings=SETTINGS,
 )
-EXAMPLES = {
-    look: "bayesdamp look rig.csv",
-    init: "bayesdamp init rig.csv",
-    study: "bayesdamp study quickstart",
-    compare: "bayesdamp compare rig.csv --quick",
-    calibrate: "bayesdamp calibrate studies/calibration.toml --records 100",
-    check: "bayesdamp check rig.toml",
-    simulate: "bayesdamp simulate --damping viscous=0.1,coulomb=0.05 --restoring pendulum --out play.csv",
-    report: "bayesdamp report reports/rig",
-    claims: "bayesdamp claims --paper reports/paper --noise reports/noise",
-    doctor: "bayesdamp doctor",
-    completion: "bayesdamp completion bash > ~/.local/share/bash-completion/completions/bayesdamp",
-}
-"""The commands in the order of the help, each with an example."""
-for command, example in EXAMPLES.items():
-    app.command(epilog=f"Example: {example}")(command)
 
 
 def _show_version(wanted: bool) -> None:
@@ -128,9 +181,9 @@ def _usage_error(error: Any, given: Sequence[str]) -> str:
         line += suggest_option(getattr(error, "option_name", None) or "")
     if not line:
         return ""
-    known = given[:1] and given[0] in {command.__name__ for command in EXAMPLES}
-    command = f"bayesdamp {given[0]} --help" if known else "bayesdamp --help"
-    return f"{line}{'' if line.endswith('?') else ';'} see {command}"
+    known = given[:1] and given[0] in COMMANDS
+    help_on = f"bayesdamp {given[0]} --help" if known else "bayesdamp --help"
+    return f"{line}{'' if line.endswith('?') else ';'} see {help_on}"
 
 
 @lru_cache(maxsize=1)

@@ -1,44 +1,30 @@
-"""Show what `bayesdamp look` reads of a file: words and a small plot on the terminal, and a page of HTML."""
+"""Show what `bayesdamp look` reads of a file: words and a small plot on the terminal."""
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.text import Text
 
 from bayesdamp.cli.records import MAYBE_ENVELOPE, FileRecord
-from bayesdamp.cli.single_file import GENERATOR
 from bayesdamp.records.envelope.reading import read_envelope
 from bayesdamp.records.envelope.window import bounded
+from bayesdamp.records.files.contents import Contents
 from bayesdamp.records.files.names import seconds_of_unit, unit_said
+from bayesdamp.records.oscillation.features import holes
+from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.table import Table
 from bayesdamp.types import Refusal
 from bayesdamp.units import UNITS
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
-    from matplotlib.figure import Figure
-
-    from bayesdamp.records.files.contents import Contents
 
 MANY = 4
 """Largest number of holes that are listed one by one."""
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 """Bits of the Unicode braille patterns, by row and column of the dot."""
-_INSIDE = "#0072B2"
-_POINTS = 4000
-_STYLE = (
-    "body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}"
-    "table{border-collapse:collapse;display:block;overflow-x:auto}"
-    "td,th{padding:.1em .8em;text-align:left;border-bottom:1px solid #ddd}"
-    "figure{margin:0;overflow-x:auto}img{max-width:100%;height:auto}.doubt{color:#a04000}"
-    "@media(max-width:640px){img{max-width:none;width:600px}}"
-)
 
 
 @dataclass(frozen=True)
@@ -99,9 +85,6 @@ def view_motion(record: FileRecord, several: bool) -> RecordView:
 
 def _holes(t: np.ndarray, y: np.ndarray, begin: float) -> list[str]:
     """Return a line on where the free decay has no samples, which its rate does not show; none where it has them."""
-    from bayesdamp.records.oscillation.features import holes
-    from bayesdamp.records.oscillation.spectrum import coarse_period
-
     gaps = holes(t, coarse_period(t, y)[0])
     listed = ", ".join(f"{b - a:.3g} s from {begin + a:.4g} s on" for a, b in gaps[:MANY])
     more = f" and {len(gaps) - MANY} more" if len(gaps) > MANY else ""
@@ -193,50 +176,3 @@ def plot(
         text.append(f"{ruler}\n", "cyan")
     text.append(f"{t[0]:.4g} s to {t[-1]:.4g} s, {y.min():.4g} to {y.max():.4g}")
     return text
-
-
-def page_of(file: Path, contents: Contents, views: Sequence[RecordView]) -> str:
-    """Return the HTML page on what a file holds and what is read of it; one file that opens anywhere."""
-    from functools import partial
-
-    from markupsafe import Markup
-
-    from bayesdamp.report.drawing import Drawings
-
-    def items(lines: Iterable[object], look: str = "") -> Markup:
-        return Markup("").join(Markup('<li class="{}">{}</li>').format(look, str(line)) for line in lines)
-
-    records = Markup("")
-    for view in views:
-        lines = items(view.lines) + items(view.doubts, "doubt")
-        drawing = Drawings(None).add(view.name, view.reading, partial(_figure, view))
-        records += Markup("<h2>{}</h2><ul>{}</ul>{}").format(view.name, lines, drawing)
-    return Markup(
-        '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-        "{6}<title>{0}</title><style>{1}</style><h1>{0}</h1><p>{2}</p>{3}<ul>{4}</ul>{5}</html>\n"
-    ).format(
-        file.name,
-        Markup(_STYLE),
-        contents.format,
-        columns_table(contents),
-        items(f"{name}: {value}" for name, value in contents.facts.items()),
-        records,
-        Markup(GENERATOR),
-    )
-
-
-def _figure(view: RecordView) -> Figure:
-    from matplotlib.figure import Figure
-
-    from bayesdamp.report.style import QUIET, WIDTH
-
-    t, y, window = view.t, view.y, view.window
-    every = max(1, t.size // _POINTS)
-    figure = Figure(figsize=(WIDTH, 2.6))
-    axes = figure.add_subplot()
-    axes.plot(t[::every], y[::every], color=QUIET, linewidth=0.8)
-    if window is not None:
-        inside = (t >= window[0]) & (t <= window[1])
-        axes.plot(np.where(inside, t, np.nan)[::every], y[::every], color=_INSIDE, linewidth=0.9)
-    axes.set(xlabel="time in s", ylabel=view.name[:40].replace("$", r"\$"))
-    return figure

@@ -19,6 +19,7 @@ def option(group: str, text: str, *names: str, **more: Any) -> Any:
     return typer.Option(*names, help=text, rich_help_panel=group, **more)
 
 
+StudyFile = Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")]
 Angle = Annotated[str | None, option(READING, "Column of the recorded quantity, by name or number from 1.")]
 Time = Annotated[str | None, option(READING, "Column of the times, by name or number.")]
 TimeUnit = Annotated[str | None, option(READING, "Unit of the times: s, ms, us, ns or min.")]

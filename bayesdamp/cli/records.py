@@ -7,17 +7,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bayesdamp.cli.options import bound, wrong
+from bayesdamp.interface.no_free_decay import no_free_decay
+from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.cleaning.decimate import decimated
+from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.files.names import SECONDS, by_name
 from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
 from bayesdamp.records.opening import read_each
+from bayesdamp.records.oscillation.first_look import first_words
 from bayesdamp.records.read import FASTEST, FROM_FIRST, SLOWEST, read_records
 from bayesdamp.records.record import RawRecord, read_as, unwrapped
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
+from bayesdamp.verdict.units import in_unit
 
 if TYPE_CHECKING:
     from bayesdamp.config.compare import Asked
@@ -150,8 +155,6 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
 
 def _cleaned(record: FileRecord, options: ReadingOptions) -> FileRecord:
     """Return the record with the free decay in it, or with the reason why there is none."""
-    from bayesdamp.records.cleaning.clean import clean  # imports slowly
-
     try:
         signal = clean(
             decimated(unwrapped(record.raw, record.unit, record.quantity)),
@@ -173,11 +176,6 @@ def first_words_on(records: Sequence[FileRecord], options: ReadingOptions) -> li
     For each record its frequency and damping without any law, or what it is if not the free decay of one oscillator;
     nothing where nothing oscillates. Then a line for each file whose unit is assumed.
     """
-    from bayesdamp.interface.no_free_decay import no_free_decay
-    from bayesdamp.records.cleaning.window import other_decays
-    from bayesdamp.records.oscillation.first_look import first_words  # imports slowly
-    from bayesdamp.verdict.units import in_unit
-
     lines = []
     assumed: dict[str, None] = {}
     for record in records:
@@ -201,37 +199,6 @@ def first_words_on(records: Sequence[FileRecord], options: ReadingOptions) -> li
             lines += [f"{whose}: {others}"] if others else []
     unit = "No unit given; assuming an angle in rad. Use --unit deg, m or mm to change this."
     return [*lines, *(f"{name}: {unit}" for name in assumed)]
-
-
-def chosen_envelopes(
-    paths: Sequence[Path], unit: str | None, **options: Any
-) -> tuple[list[Asked], list[InputError]]:
-    """Return the envelopes of files as entries of a study's [[signal]], and what is wrong with other files.
-
-    Parameters
-    ----------
-    paths
-        The files.
-    unit
-        Unit of the readings; None where the files give it.
-    **options
-        As in a [[signal]]: time, angle, rate, frequency, start, stop.
-
-    Raises
-    ------
-    InputError
-        Where none can be read.
-    """
-    from bayesdamp.config import Recording  # imports slowly
-    from bayesdamp.pipeline.envelopes import read_recording
-
-    def check(path: Path) -> Asked:
-        # Not validated as a table of a study, because the user did not write its keys.
-        source = Recording.model_construct(file=path.name, path=path.resolve(), unit=unit or "", **options)
-        read_recording(source, path.name)
-        return {"file": str(path), "unit": unit, "quantity": "envelope", **options}
-
-    return read_each(paths, check)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from bayesdamp.store.files import create, no_room, refuse_special, write_bytes
 from bayesdamp.types import InputError
 
 FIRST_LINE = "# simulated by bayesdamp\n"
@@ -38,8 +39,6 @@ class SingleFile:
 
     def check(self) -> None:
         """Refuse a file that must not or cannot be written, before anything is computed. Raises InputError."""
-        from bayesdamp.store.files import refuse_special
-
         try:
             above = next(filter(os.path.lexists, self.path.absolute().parents), None)  # `/` has none
             if above is not None and not above.is_dir():
@@ -72,8 +71,6 @@ class SingleFile:
         OSError
             Where the disk is full.
         """
-        from bayesdamp.store.files import create, no_room, write_bytes
-
         self.check()
         write = write_bytes if os.path.lexists(self.path) else create
         try:

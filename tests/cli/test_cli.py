@@ -6,10 +6,8 @@ from __future__ import annotations
 import csv
 import math
 import signal
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -17,7 +15,6 @@ import pytest
 import bayesdamp
 from bayesdamp.cli import main
 from bayesdamp.cli.runs import compilation_notice
-from bayesdamp.pipeline import Depth
 from bayesdamp.types import InputError, Refusal
 from tests.failures import Failures
 
@@ -48,12 +45,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def study_module(monkeypatch: pytest.MonkeyPatch, run_study: Callable[..., int]) -> None:
-    """Put a pipeline in place that does as the test says."""
-    fake = ModuleType("bayesdamp.pipeline")
-    fake.run_study = run_study  # type: ignore[attr-defined]
-    fake.Depth = Depth  # type: ignore[attr-defined]
-    fake.cells = lambda study: ["signal/one", "posterior/one/nuts"]  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "bayesdamp.pipeline", fake)
+    """Put a function that does as the test says in place of the pipeline's."""
+    monkeypatch.setattr("bayesdamp.cli.runs.run_study", run_study)
+    monkeypatch.setattr(
+        "bayesdamp.cli.commands.check.cells", lambda study: ["signal/one", "posterior/one/nuts"]
+    )
 
 
 def one_line(capsys: pytest.CaptureFixture[str]) -> str:

@@ -5,30 +5,30 @@ from __future__ import annotations
 import shlex
 
 import pytest
-import typer
 
 from bayesdamp.cli import main
-from bayesdamp.cli.app import app
+from bayesdamp.cli.app import COMMANDS, command
 from tests.failures import Failures
 
-COMMANDS = {name: command for name, command in typer.main.get_command(app).commands.items()}  # type: ignore[attr-defined]
+LOADED = {name: command(name) for name in COMMANDS}
 
 
 def test_help_has_an_example(capsys: pytest.CaptureFixture[str]) -> None:
     with Failures() as failures:
-        for name, command in COMMANDS.items():
+        for name, loaded in LOADED.items():
             with failures.of(name):
+                assert loaded.help.splitlines()[0] == COMMANDS[name][0], "in the list of all commands"
                 assert main([name, "-h"]) == 0
                 assert "Example: bayesdamp" in " ".join(capsys.readouterr().out.split())
-                words = shlex.split(command.epilog.removeprefix("Example: bayesdamp ").split(" > ")[0])
+                words = shlex.split(loaded.epilog.removeprefix("Example: bayesdamp ").split(" > ")[0])
                 assert words[0] == name
-                known = {option for p in command.params for option in p.opts}
+                known = {option for p in loaded.params for option in p.opts}
                 assert {word for word in words if word.startswith("--")} <= known
-                assert command.make_context(name, words[1:])  # raises on what it does not know
+                assert loaded.make_context(name, words[1:])  # raises on what it does not know
 
 
 def test_options_stand_in_groups() -> None:
     for name in ("compare", "look", "init", "study"):
-        options = [p for p in COMMANDS[name].params if p.param_type_name == "option" and p.name != "help"]
+        options = [p for p in LOADED[name].params if p.param_type_name == "option" and p.name != "help"]
         loose = [p.name for p in options if getattr(p, "rich_help_panel", None) is None]
         assert set(loose) <= {"html"}, name

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.cli import looking, main
+from bayesdamp.cli import look_page, main
 from bayesdamp.cli.single_file import CLAIMS_PAGE, GENERATOR, LOOK_PAGE, SIMULATED
 
 ROOT = Path(__file__).parents[2]
@@ -25,7 +25,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captu
     """Of a simulated record."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr("bayesdamp.claims.CLAIMS", ())  # which take seconds to measure
+    monkeypatch.setattr("bayesdamp.cli.commands.claims.CLAIMS", ())  # which take seconds to measure
     assert main([*SIMULATE, "ok.csv"]) == 0
     capsys.readouterr()
     return tmp_path
@@ -78,7 +78,7 @@ def test_a_file_that_comes_up_meanwhile_stays(
         (folder / "new.html").write_text("mine")
         return "page"
 
-    monkeypatch.setattr(looking, "page_of", slow)
+    monkeypatch.setattr(look_page, "page_of", slow)
     assert main(["look", "ok.csv", "--html", "new.html"]) == 2
     assert "was not made by bayesdamp" in capsys.readouterr().err
     assert (folder / "new.html").read_text() == "mine"

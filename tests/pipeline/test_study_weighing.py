@@ -17,8 +17,6 @@ from tests.pipeline.test_study import SMALL
 pytestmark = pytest.mark.slow
 
 TEXT = SMALL[: SMALL.index('[[signal]]\nname = "clean"')] + (
-    '[estimators]\nuse = ["least_squares"]\n[models]\ncompare = ["viscous", "quadratic"]\n'
-    '[posterior]\nsamplers = ["nuts"]\nwarmup = 200\ndraws = 500\n'
     '[evidence]\nmethods = ["importance", "bridge"]\nreferee = "always"\n'
 )
 

@@ -113,7 +113,7 @@ def test_claims_judge_by_the_shipped_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The negative control of the commands. Claims that need no run take seconds to measure."""
-    monkeypatch.setattr("bayesdamp.claims.CLAIMS", (*accuracy.IN_NOISE, *accuracy.TIMES))
+    monkeypatch.setattr("bayesdamp.cli.commands.claims.CLAIMS", (*accuracy.IN_NOISE, *accuracy.TIMES))
     page = tmp_path / "claims.md"
     runs = ["--paper", str(SHIPPED / "paper"), "--noise", str(SHIPPED / "noise")]
     assert main(["claims", *runs, "--out", str(page)]) == 0, capsys.readouterr().err

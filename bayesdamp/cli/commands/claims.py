@@ -7,7 +7,11 @@ from typing import Annotated
 
 import typer
 
+from bayesdamp.claims import CLAIMS, judged, written
+from bayesdamp.claims.judge import Runs
 from bayesdamp.cli.single_file import CLAIMS_PAGE, SingleFile
+from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.results.sweeping import series
 from bayesdamp.types import InputError
 
 
@@ -19,11 +23,6 @@ def claims(
     out: Annotated[Path, typer.Option(help="The page to write (Markdown).")] = Path("reports/claims.md"),
 ) -> None:
     """Measure each claim of the paper on the eleven estimators, and report whether it holds."""
-    from bayesdamp.claims import CLAIMS, judged, written
-    from bayesdamp.claims.judge import Runs
-    from bayesdamp.report.results.run import RunFolder
-    from bayesdamp.report.results.sweeping import series
-
     for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
         if folder is not None and not (folder / "run.json").is_file():
             raise InputError(

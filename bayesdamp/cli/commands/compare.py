@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from bayesdamp.cli import options as o
+from bayesdamp.cli import records as r
+from bayesdamp.cli.arguments import check_folder, check_names, choose_folder
 from bayesdamp.cli.border import one_line, print_error
 from bayesdamp.cli.options import READING, RUNNING, WEIGHED
-from bayesdamp.cli.runs import FIRST_WORDS, check_folder, check_names, choose_folder, run_and_print
+from bayesdamp.cli.runs import FIRST_WORDS, run_and_print
+from bayesdamp.config import Recording
+from bayesdamp.config.compare import Asked, comparison
+from bayesdamp.pipeline import Depth
+from bayesdamp.pipeline.envelopes import read_recording
+from bayesdamp.pipeline.run import WRONG_CELLS
+from bayesdamp.plugins import read_modules, use
+from bayesdamp.records.envelope.reading import are_envelopes
+from bayesdamp.records.opening import read_each
+from bayesdamp.report.terminal import conclude
 from bayesdamp.types import InputError
 
 ALONE = 6
@@ -94,10 +106,6 @@ def compare(
     if out is not None:
         check_folder(out, "")
     sums = [name.strip() for given in damping or () for name in given.split(",")]
-    from bayesdamp.cli import records as r
-    from bayesdamp.plugins import read_modules, use
-    from bayesdamp.records.envelope.reading import are_envelopes
-
     plugins = read_modules(plugin or ())
     use(plugins)  # they may contain readers
     words: list[str] = []
@@ -109,7 +117,7 @@ def compare(
             if value:
                 raise InputError(f"--{name}: does not apply to envelope records; remove it")
         ends = {"start": o.bound(start, "--start"), "stop": o.bound(stop, "--stop")}
-        signals, failed = r.chosen_envelopes(
+        signals, failed = _envelopes(
             records, unit, time=time, angle=angle, rate=rate, frequency=frequency, **ends
         )
     else:
@@ -128,8 +136,6 @@ def compare(
             words = [*chosen.doubted, *first, *r.one_command(chosen.records, reading), *chosen.notes]
     # Threads of this process answer a single record: other processes would only wait.
     alone = len(signals) <= (ALONE if envelopes else 1) and not exact and scheduler is None
-    from bayesdamp.config.compare import comparison
-
     study = comparison(
         signals,
         restoring=restoring or (),
@@ -147,13 +153,38 @@ def compare(
     if folder.name != study.name and out is None and not quiet:
         before = folder.with_name(study.name)
         typer.echo(f"{before} has the answer to another question; this one goes to {folder}", err=True)
-    from bayesdamp.pipeline import Depth
-    from bayesdamp.pipeline.run import WRONG_CELLS
-    from bayesdamp.report.terminal import conclude
-
     depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
     options = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
     status = run_and_print(study, folder, depth, conclude, as_json=as_json, **options)
     for error in failed:
         print_error(one_line(f"failed: {error}"))
     return WRONG_CELLS if failed else status
+
+
+def _envelopes(
+    paths: Sequence[Path], unit: str | None, **options: Any
+) -> tuple[list[Asked], list[InputError]]:
+    """Return the envelopes of files as entries of a study's [[signal]], and what is wrong with other files.
+
+    Parameters
+    ----------
+    paths
+        The files.
+    unit
+        Unit of the readings; None where the files give it.
+    **options
+        As in a [[signal]]: time, angle, rate, frequency, start, stop.
+
+    Raises
+    ------
+    InputError
+        Where none can be read.
+    """
+
+    def check(path: Path) -> Asked:
+        # Not validated as a table of a study, because the user did not write its keys.
+        source = Recording.model_construct(file=path.name, path=path.resolve(), unit=unit or "", **options)
+        read_recording(source, path.name)
+        return {"file": str(path), "unit": unit, "quantity": "envelope", **options}
+
+    return read_each(paths, check)

@@ -6,6 +6,10 @@ import os
 from typing import Annotated
 
 import typer
+from typer.completion import (
+    completion_init,  # pyright: ignore[reportPrivateImportUsage]
+    get_completion_script,  # pyright: ignore[reportPrivateImportUsage]
+)
 
 from bayesdamp.plugins import nearest
 from bayesdamp.types import InputError
@@ -18,8 +22,6 @@ def completion(
     shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")],
 ) -> int:
     """Print the shell's completion script."""
-    from typer.completion import get_completion_script  # pyright: ignore[reportPrivateImportUsage]
-
     if shell not in SHELLS:
         raise InputError(f"completion {shell}: unknown shell{nearest(shell, SHELLS)}")
     typer.echo(get_completion_script(prog_name="bayesdamp", complete_var=VARIABLE, shell=shell))
@@ -29,6 +31,4 @@ def completion(
 def answer_shell() -> None:
     """Answer a shell that asks for completions."""
     if VARIABLE in os.environ:
-        from typer.completion import completion_init  # pyright: ignore[reportPrivateImportUsage]
-
         completion_init()

@@ -10,7 +10,11 @@ from typing import Annotated
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.runs import check_names
+from bayesdamp.cli.arguments import check_names
+from bayesdamp.cli.records import ReadingOptions, as_signals, chosen_records
+from bayesdamp.cli.study_file import study_text
+from bayesdamp.config.checks import StudyError
+from bayesdamp.store.files import create, no_room
 from bayesdamp.types import InputError
 
 
@@ -31,8 +35,6 @@ def init(
     channel: o.Channels = None,
 ) -> int:
     """Write a commented study of files next to them; nothing is computed, and no file is overwritten."""
-    from bayesdamp.cli.records import ReadingOptions, as_signals, chosen_records
-
     check_names(files)
     file = files[0]
     if len({path.absolute().parent for path in files}) > 1:
@@ -51,10 +53,6 @@ def init(
     chosen = chosen_records(files, options, every=True)
     for line in [*chosen.doubted, *chosen.notes]:
         typer.echo(line, err=True)
-    from bayesdamp.cli.study_file import study_text
-    from bayesdamp.config.checks import StudyError
-    from bayesdamp.store.files import create, no_room
-
     try:
         text = study_text(as_signals(chosen.records, options), out)
     except StudyError as error:

@@ -7,9 +7,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
 
+from bayesdamp.cli import looking, records
 from bayesdamp.cli import options as o
 from bayesdamp.cli.single_file import LOOK_PAGE, SingleFile
+from bayesdamp.plugins import read_modules, use
+from bayesdamp.records.envelope.reading import are_envelopes
+from bayesdamp.records.opening import contents
 from bayesdamp.types import InputError
 
 COLUMNS, PLOTS, FACTS = 24, 4, 12
@@ -35,13 +40,6 @@ def look(
     html: Annotated[Path | None, typer.Option(help="Also write a page of HTML with this name.")] = None,
 ) -> int:
     """Show what is read of a file: columns, units, clock, the free decay in it, and what looks wrong."""
-    from rich.console import Console
-
-    from bayesdamp.cli import looking, records
-    from bayesdamp.plugins import read_modules, use
-    from bayesdamp.records.envelope.reading import are_envelopes
-    from bayesdamp.records.opening import contents
-
     page = SingleFile(html, LOOK_PAGE, "--html", (file, *(plugin or ()))) if html is not None else None
     if page is not None:
         page.check()
@@ -83,6 +81,8 @@ def look(
             width = max(NARROWEST, min(console.width, 100) - 2)  # a terminal may have no width
             console.print(looking.plot(view.t, view.y, view.window, width))
     if page is not None:
-        page.write(looking.page_of(file, content, views))
+        from bayesdamp.cli.look_page import page_of  # imports Matplotlib
+
+        page.write(page_of(file, content, views))
         typer.echo(html)
     return 0

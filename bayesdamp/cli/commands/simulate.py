@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 
 from bayesdamp.cli import options as o
+from bayesdamp.cli.simulated import as_csv, defaults_used, parse_pairs, simulated
 from bayesdamp.cli.single_file import SIMULATED, SingleFile
+from bayesdamp.plugins import read_modules, use
 
 
 def simulate(
@@ -42,9 +44,6 @@ def simulate(
     plugin: o.Plugins = None,
 ) -> int:
     """Write a simulated record to try the program on: a CSV of times in s and angles in rad."""
-    from bayesdamp.cli.simulated import as_csv, defaults_used, parse_pairs, simulated
-    from bayesdamp.plugins import read_modules, use
-
     file = SingleFile(out, SIMULATED, "--out", tuple(plugin or ()))
     file.check()
     use(read_modules(plugin or ()))

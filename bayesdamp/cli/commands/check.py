@@ -1,0 +1,43 @@
+"""`bayesdamp check`: check a study file."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import typer
+from rich.console import Console
+
+from bayesdamp.cli import options as o
+from bayesdamp.cli.arguments import read_study
+from bayesdamp.config import in_keys
+from bayesdamp.pipeline import cells
+from bayesdamp.pipeline.run import read_records
+from bayesdamp.store.cells import Place
+from bayesdamp.table import Table
+
+
+def check(file: o.StudyFile, plugin: o.Plugins = None) -> int:
+    """Read a study and its records, list its tasks and report errors; nothing is run."""
+    loaded = read_study(file, plugin)
+    with in_keys():
+        read_records(loaded)
+    use = loaded.estimators
+    contents = {
+        "signals": [f"{s.name} (x{s.repeats})" if s.repeats > 1 else s.name for s in loaded.signals],
+        "models": loaded.models.compare,
+        "restoring laws": dict.fromkeys(law for s in loaded.signals for law in s.restoring),
+        "estimators": use.use,
+        "stages": use.stages,
+        "samplers": loaded.posterior.samplers,
+        "noise": loaded.noises,
+        "evidence": loaded.evidence.methods,
+    }
+    counts = Counter(Place.of(name).kind for name in cells(loaded))
+    console = Console()
+    rows = [(label, ", ".join(names) or "none") for label, names in contents.items()]
+    summary = Table(["", "what the study asks for"], rows)
+    console.print(summary.rich(title=f"{loaded.name}: {file}", title_justify="left"))
+    tasks = [(kind, str(number)) for kind, number in (*counts.items(), ("all", counts.total()))]
+    console.print(Table(["tasks", "number"], tasks).rich())
+    typer.echo(f"{file}: ok")
+    return 0
