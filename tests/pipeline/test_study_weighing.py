@@ -73,7 +73,7 @@ def _with(folder: Path, referee: str) -> Path:
 def test_what_the_answer_depends_on_is_there(run):
     store = Store(run)
     widths = store.read("sensitivity/noisy/0/viscous/widths")
-    whole = store.read("evidence/noisy/0/viscous/importance").meta["log_evidence"]
+    whole = store.read("evidence/noisy/0/viscous/importance").meta["evidence"]["log_evidence"]
     assert widths.arrays["log_evidence"][4] == pytest.approx(whole, abs=1e-3)
     half = store.read("sensitivity/noisy/0/quadratic/half").meta
     assert half["evidence"]["outcome"] == "ok"
@@ -89,7 +89,7 @@ def test_the_report_shows_it(run):
     for text in (
         "What the evidence depends on",
         "from the first half",
-        "averaged over the models",
+        "averaged over the damping models",
         "combined",
     ):
         assert text in page
