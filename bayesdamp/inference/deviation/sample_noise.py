@@ -84,8 +84,10 @@ def prepared_for(
         record = replace(signal, t=t[seen], y=np.asarray(signal.y)[seen])
         fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
         noise = _choose(_fit_all(names, residual[seen], fit_one), predictable(residual[seen]))
+        if noise.name in LEAST_SQUARES:
+            return replace(data, noise_model=noise)
         data = prepared(signal, average, noise)
-        if data.averaged is None or noise.name in LEAST_SQUARES:
+        if data.averaged is None:
             break
     return data
 
