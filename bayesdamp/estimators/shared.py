@@ -36,7 +36,7 @@ EDGE = 1.5
 """Knot spacings left out at each end of a smoothing spline, where its derivatives are poor."""
 LEAST_SAMPLES_PER_CYCLE = 6.0
 ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}
-"""How often the recorded quantity is a derivative of the displacement by time."""
+"""Order of the time derivative of the displacement that each quantity is."""
 Curve = Callable[[np.ndarray], np.ndarray]
 
 

@@ -22,7 +22,7 @@ A_CYCLE = 80
 """Least number of means in a cycle where neighbouring samples are averaged. The same means are taken of the motion, so
 that this number sets the cost and not the answer."""
 HOLE = 2.0
-"""Time without samples, in windows, that no mean reaches across (conventional)."""
+"""Shortest gap between samples, in windows, that no window extends over (conventional)."""
 LEAST = 0.05
 """Share of the first amplitude below which the rest of a record is left out. Laws that hold to a few per cent over a
 decade of amplitudes do not hold over two, and what is left there is mostly the sensor's step and friction at rest."""

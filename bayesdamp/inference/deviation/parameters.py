@@ -113,7 +113,7 @@ class Parameters(Scores):
         return z
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
-        """Return the log of the prior's density at z, (..., d), over that of the same prior of scores z: 0, (...)."""
+        """Return the log ratio of the prior density at z, (..., d), to a standard normal density: 0, (...)."""
         return np.zeros(z.shape[:-1])
 
 
@@ -179,7 +179,7 @@ class Straight(Parameters):
         return new
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
-        """Return the log of the prior's density at v, (..., d), over that of the same prior of scores v: (...).
+        """Return the log ratio of the prior density at v, (..., d), to the standard normal density of scores, (...).
 
         It is −∞ where the prior has no density.
         """

@@ -34,7 +34,7 @@ WALL = 1e-9
 LONGEST = 3.0
 """Largest change of a score in one step: three prior sds."""
 HOPELESS = 1e-7
-"""Nats that a failed step must have promised for the climb to go on with a shorter one."""
+"""Expected gain of a failed step, in nats, below which no shorter step is tried."""
 STEPS = 60
 BUDGET = 0.01
 """Largest change of the log likelihood (nats) that a finer solution of the motion may make within NEAR sds of the mode;

@@ -41,7 +41,7 @@ TOUCHED = 0.25
 LEAST_BEFORE = 6
 """Turning points before a hole by which its first swings are judged."""
 OTHER = 0.1
-"""Share of the worth of the used stretch from which another one is a free decay, and not a hum within the noise."""
+"""Least worth of another free decay, as a share of that of the used stretch; less may be a hum within the noise."""
 TAIL = 0.01
 """Share of the power of all swings below which a decay is a tail that represents little of the record
 (conventional)."""

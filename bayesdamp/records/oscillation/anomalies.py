@@ -30,7 +30,7 @@ TOUCHES = 0.15
 FALLS = 0.8
 """Largest share of the first peak that the last one has: pulses, or a counter, do not decay."""
 NOISE = 0.1
-"""Share of the largest peak by which noise may move values of one sign to the other."""
+"""Largest excursion below zero that noise may cause in values of one sign, as a share of the largest peak."""
 BETWEEN = 0.3
 """Least share of a peak that the median of its half-cycle has: 0.71 for |sin|, 0.5 for sin², near 0 for pulses."""
 PER_PERIOD, MOST = 24, 200_000
