@@ -258,9 +258,9 @@ def _threshold(
     a: np.ndarray, b: np.ndarray, threshold: float, ridge: float
 ) -> tuple[np.ndarray, float] | None:
     """Return the terms (p,) of bool that survive, and the smallest ridge coefficient; None if none does."""
-    quickly = optional_package("sklearn").config_context(skip_parameter_validation=True, assume_finite=True)
+    unchecked = optional_package("sklearn").config_context(skip_parameter_validation=True, assume_finite=True)
     method = optional_package("pysindy").STLSQ(threshold=threshold, alpha=ridge, max_iter=50, unbias=False)
-    with warnings.catch_warnings(), quickly:
+    with warnings.catch_warnings(), unchecked:
         warnings.simplefilter("ignore")  # that all terms fell, which ends the path
         fit = method.fit(a, b)
     weights = np.abs(np.asarray(fit.coef_)[0])
