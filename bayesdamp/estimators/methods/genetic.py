@@ -138,7 +138,8 @@ class Genes:
                 continue
             if name in self.further:
                 prior = self.further[name]
-                ranges.append(prior.value(np.array([0.0 if prior.reflected else -2.5, 2.5])))
+                lowest = 0.0 if prior.reflected else -2.5
+                ranges.append([float(prior.value(np.asarray(z))) for z in (lowest, 2.5)])
                 continue
             centre, half = self.base[name], {"theta0": 0.2 * a, "omega0": 0.2 * a * f}.get(name)
             if name == "stiffness":
