@@ -44,6 +44,10 @@ from bayesdamp.config.signals import (
     resolve_signal,
 )
 from bayesdamp.config.study import Estimators, Models, Published, SignalSpec, Study
+from bayesdamp.estimators import ESTIMATORS, names_for_all
+from bayesdamp.inference.evidence import EVIDENCES
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.samplers import SAMPLERS
 from bayesdamp.physics.damping import TERMS, all_sums
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plain_text import read_plain
@@ -129,20 +133,6 @@ def _read_question(path: Path) -> tuple[dict[str, Any], Path, dict[str, str]]:
     return tables, whole[0] if whole else places[0], plugins
 
 
-def _read_tables(path: Path) -> dict[str, Any]:
-    try:
-        raw = tomllib.loads(read_plain(path, "the path of a study file (TOML)"))
-    except tomllib.TOMLDecodeError as error:
-        what, place = re.fullmatch(r"(.*?)(?: \(at (.*)\))?", str(error), re.DOTALL).groups()  # type: ignore[union-attr]
-        right = "write key = value"
-        raise StudyError(place or "", f"is not TOML: {what[:1].lower()}{what[1:]}; {right}") from None
-    except (ValueError, RecursionError) as error:  # an endless number, tables a thousand deep
-        raise StudyError("", f"is not TOML that can be read ({error}); write key = value") from None
-    if not raw:
-        raise StudyError("", "is empty; a study starts with version = 1 and has at least one [[signal]]")
-    return raw
-
-
 def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
     """Read and check a study file. Paths of signals' files and of plug-ins start at its folder.
 
@@ -160,15 +150,25 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
     """
     path = Path(path)
     try:
-        if path.suffix != ".json":
-            return resolve_study(_read_tables(path), path, plugins)
-        tables, folder, modules = _read_question(path)
-        study = resolve_study(tables, folder / path.name, plugins)
-        missing = modules.keys() - {m.digest for m in study.plugins}
-        if missing:
-            what = f"the run had the plug-in {modules[min(missing)]}, which is missing or has changed"
-            raise InputError(f"{what}; give it with --plugin")
-        return study
+        if path.suffix == ".json":
+            tables, folder, modules = _read_question(path)
+            study = resolve_study(tables, folder / path.name, plugins)
+            missing = modules.keys() - {m.digest for m in study.plugins}
+            if missing:
+                what = f"the run had the plug-in {modules[min(missing)]}, which is missing or has changed"
+                raise InputError(f"{what}; give it with --plugin")
+            return study
+        try:
+            tables = tomllib.loads(read_plain(path, "the path of a study file (TOML)"))
+        except tomllib.TOMLDecodeError as error:
+            what, place = re.fullmatch(r"(.*?)(?: \(at (.*)\))?", str(error), re.DOTALL).groups()  # type: ignore[union-attr]
+            what = f"is not TOML: {what[:1].lower()}{what[1:]}; write key = value"
+            raise StudyError(place or "", what) from None
+        except (ValueError, RecursionError) as error:  # an endless number, tables a thousand deep
+            raise StudyError("", f"is not TOML that can be read ({error}); write key = value") from None
+        if not tables:
+            raise StudyError("", "is empty; a study starts with version = 1 and has at least one [[signal]]")
+        return resolve_study(tables, path, plugins)
     except (StudyError, InputError) as error:
         raise InputError(str(error), str(path)) from None
 
@@ -190,17 +190,17 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     StudyError, InputError
         Without the file's name.
     """
-    from bayesdamp.estimators import ESTIMATORS
-    from bayesdamp.inference.evidence import EVIDENCES
-    from bayesdamp.inference.noise import NOISES
-    from bayesdamp.inference.samplers import SAMPLERS
-
     header = read_section(Header, {n: v for n, v in raw.items() if n in Header.model_fields}, "")
     check_keys(raw, [*Header.model_fields, *_TABLES], "")
     named = read_section(PluginsTable, raw.get("plugins", {}), "plugins").modules or ()
     modules = tuple(dict.fromkeys((*read_modules(named, path.parent), *plugins)))
     use(modules)
-    models = _read_models(raw.get("models", {}))
+    table = read_section(ModelsTable, raw.get("models", {}), "models")
+    sums = canonical_models(tuple(all_sums() if table.compare == "all" else table.compare), "models.compare")
+    further = [p.name for t in damping_order() for p in TERMS.get(t).inferred]
+    check_keys(table.prior, [*damping_order(), *further], "models.prior")
+    priors = {n: read_prior(v, f"models.prior.{n}", negative=n in further) for n, v in table.prior.items()}
+    models = Models(sums, priors, check_laws(table.restoring or (), "models.restoring"), table.prune)
     signals = _read_signals(raw, path.parent, models.restoring)
     estimators = _read_estimators(raw.get("estimators", {}))
     published: tuple[Published, ...] = ()
@@ -235,32 +235,8 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
         plugins=modules,
         tables=raw,
     )
-    for spec in study.signals:
-        for model in spec.estimate or ():
-            if model not in study.dampings(spec):
-                what = f"names {model}, which this signal does not compare"
-                raise StudyError(f"signal[{spec.name}].estimate", f"{what}; it must be one of its models")
-    _check_specimens(study)
-    if "laplace" not in study.evidence.methods:
-        limits = {"models.prune": study.models.prune, "posterior.best": study.posterior.best}
-        for key, value in limits.items():
-            if value is not None:
-                raise StudyError(key, 'needs "laplace" among evidence.methods; name it there')
+    _check_across_tables(study)
     return study
-
-
-def _read_models(raw: object) -> Models:
-    checked = read_section(ModelsTable, raw, "models")
-    names = all_sums() if checked.compare == "all" else checked.compare
-    compare = canonical_models(tuple(names), "models.compare")
-    further = [p.name for t in damping_order() for p in TERMS.get(t).inferred]
-    check_keys(checked.prior, [*damping_order(), *further], "models.prior")
-    return Models(
-        compare,
-        {n: read_prior(v, f"models.prior.{n}", negative=n in further) for n, v in checked.prior.items()},
-        check_laws(checked.restoring or (), "models.restoring"),
-        checked.prune,
-    )
 
 
 def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> tuple[SignalSpec, ...]:
@@ -272,9 +248,8 @@ def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> t
 
     written = tables_of("signal")
     lists = [entry["restoring"] for entry in written if isinstance(entry.get("restoring"), list)]
-    own = [
-        law for names in lists for law in names if law in LAWS.names()
-    ]  # others are refused with their signal
+    # Unknown laws are refused with their signal.
+    own = [law for names in lists for law in names if law in LAWS.names()]
     base = check_base(raw.get("system", {}), (*laws, *own))
     if not written:
         raise StudyError("signal", "is missing; a study has at least one [[signal]]")
@@ -288,8 +263,6 @@ def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> t
 
 
 def _read_estimators(raw: object) -> Estimators:
-    from bayesdamp.estimators import ESTIMATORS, names_for_all
-
     given = check_table(raw, "estimators")
     own = list(EstimatorsTable.model_fields)
     variants: dict[str, str] = {}
@@ -338,8 +311,16 @@ def _read_published(path: Path, signals: Iterable[str], estimators: Iterable[str
     return tuple(Published(*(row[c] or "" for c in _PUBLISHED)) for row in rows)
 
 
-def _check_specimens(study: Study) -> None:
-    """Refuse repeats of a specimen in rad and in m, or with other candidates, and specimens in a sweep."""
+def _check_across_tables(study: Study) -> None:
+    """Check what depends on several tables: models to estimate, evidence to prune by, and specimens.
+
+    Repeats of a specimen must have one dimension and the same candidates; a sweep allows no specimens.
+    """
+    for spec in study.signals:
+        for model in spec.estimate or ():
+            if model not in study.dampings(spec):
+                what = f"names {model}, which this signal does not compare"
+                raise StudyError(f"signal[{spec.name}].estimate", f"{what}; it must be one of its models")
     for name, (first, *others) in study.every_specimen.items():
         if study.tables.get("sweep"):
             what = "cannot be combined with a [[sweep]]; remove one of the two"
@@ -354,3 +335,7 @@ def _check_specimens(study: Study) -> None:
             if spec.restoring != first.restoring or not same:
                 right = "repeats must have the same compare and restoring"
                 raise StudyError(key, f"{repeat}, under other models; {right}")
+    if "laplace" not in study.evidence.methods:
+        for key, value in (("models.prune", study.models.prune), ("posterior.best", study.posterior.best)):
+            if value is not None:
+                raise StudyError(key, 'needs "laplace" among evidence.methods; name it there')

@@ -17,6 +17,8 @@ from bayesdamp.config.sections import (
     RecoveryTable,
     SimulateTable,
 )
+from bayesdamp.estimators import parse_options
+from bayesdamp.inference.noise import NOISES
 from bayesdamp.plugins import PluginModule
 from bayesdamp.serial import split
 from bayesdamp.types import InputError, System, candidate_name, candidate_parts
@@ -211,8 +213,6 @@ class Study:
     @property
     def noises(self) -> tuple[str, ...]:
         """Return the noise models of the study; of several, one is chosen for each record."""
-        from bayesdamp.inference.noise import NOISES
-
         given = self.posterior.noise
         if isinstance(given, str):
             return tuple(NOISES.present()) if given == "auto" else (given,)
@@ -231,8 +231,6 @@ class Study:
 
         Raises InputError for an option that it does not have or that has a wrong value.
         """
-        from bayesdamp.estimators import parse_options
-
         try:
             return parse_options(self.estimators.method(name), self.estimators.options.get(name), name)
         except InputError as error:

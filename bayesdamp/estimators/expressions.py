@@ -51,7 +51,7 @@ class Expression:
         return _collected([*self.terms, *other.terms])
 
     def __mul__(self, other: Expression) -> Expression:
-        return _collected([(_product(a + b), x * y) for a, x in self.terms for b, y in other.terms])
+        return _collected([(a + b, x * y) for a, x in self.terms for b, y in other.terms])
 
     def scaled(self, factor: float) -> Expression:
         """Return factor · expression."""
@@ -157,18 +157,15 @@ def _is_unit(atom: Atom) -> bool:
     return atom.kind == "abs" and len(atom.inner.terms) == 1
 
 
-def _product(atoms: tuple[Atom, ...]) -> tuple[Atom, ...]:
-    """Put atoms in order, and write |v|·|v| as v·v."""
-    size = Atom("abs", Expression.variable(1.0))
-    pairs = 2 * (atoms.count(size) // 2)
-    rest = [atom for atom in atoms if atom != size] + [size] * (atoms.count(size) - pairs)
-    return tuple(sorted([*rest, *[Atom("v")] * pairs], key=repr))
-
-
 def _collected(terms: list[tuple[tuple[Atom, ...], float]]) -> Expression:
+    """Add equal products, whose atoms are put in order; |v|·|v| is written as v·v."""
+    size = Atom("abs", Expression.variable(1.0))
     total: dict[tuple[Atom, ...], float] = {}
     for atoms, c in terms:
-        total[atoms] = total.get(atoms, 0.0) + c
+        pairs = 2 * (atoms.count(size) // 2)
+        rest = [atom for atom in atoms if atom != size] + [size] * (atoms.count(size) - pairs)
+        product = tuple(sorted([*rest, *[Atom("v")] * pairs], key=repr))
+        total[product] = total.get(product, 0.0) + c
     return Expression(tuple(sorted(((a, c) for a, c in total.items() if c != 0.0), key=repr)))
 
 

@@ -17,6 +17,7 @@ from bayesdamp.estimators.shared import (
     further_priors,
     noise_level,
     oscillator,
+    ratios_per_unit,
     start_parameters,
 )
 from bayesdamp.numerics.levenberg_marquardt import Expansion, Schedule, Step, levenberg_marquardt
@@ -76,18 +77,14 @@ class _TrajectoryFit:
     def _parameters(self, x: np.ndarray) -> dict[str, float]:
         return {**self.base, **dict(zip(self.names, map(float, x)))}
 
-    def residuals(self, x: np.ndarray) -> np.ndarray:
-        """Return the residuals (n,), in the unit of the record."""
-        return self.trajectories.record(self._parameters(x)) - self.signal.y
-
     def linearise(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residuals (n,) and their Jacobian by the unknown parameters (n, k)."""
+        """Return the residuals (n,), in the unit of the record, and their Jacobian by the unknown parameters (n, k)."""
         values, slopes = self.trajectories.with_slopes(self._parameters(x), self.names)
         return values - self.signal.y, slopes.T
 
     def mean_square(self, x: np.ndarray, escaped: float) -> float:
         """Return the mean square of the residuals, or `escaped` if the trajectory escapes."""
-        r = self.residuals(x)
+        r = self.trajectories.record(self._parameters(x)) - self.signal.y
         value = float(np.mean(r**2)) if np.all(np.isfinite(r)) else np.inf
         return value if np.isfinite(value) else escaped
 
@@ -113,9 +110,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     priors = further_priors(problem, features)
     names = (*osc.coefficients, *priors, *free_names(problem))
     size = float(np.abs(features.turning_amplitudes).max())
-    units = np.array(
-        [1e-5 / term.ratio_per_unit(features.amplitude, features.frequency) for term in osc.terms]
-    )
+    units = 1e-5 / ratios_per_unit(problem, features)
     fit = _TrajectoryFit(signal, osc, names, base, size)
     lowest = [
         -np.inf if isinstance(p, Normal) else float(p.value(np.asarray(0.0 if p.reflected else -8.0)))

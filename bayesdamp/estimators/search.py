@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from itertools import product
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.priors import Prior
 
@@ -32,8 +33,6 @@ def brent(cost: Callable[[float], float], guess: float, unit: float) -> tuple[fl
     float, ndarray
         The best x, and the cost of each evaluation.
     """
-    from scipy.optimize import minimize_scalar
-
     costs: list[float] = []
 
     def counted(x: float) -> float:
@@ -45,7 +44,7 @@ def brent(cost: Callable[[float], float], guess: float, unit: float) -> tuple[fl
     low, high = centre / factor, centre * factor
     x = centre
     for _ in range(12):
-        result = minimize_scalar(
+        result = scipy.optimize.minimize_scalar(
             counted, bounds=(low, high), method="bounded", options={"xatol": 1e-9 * max(centre, unit)}
         )
         x = float(result.x)  # pyright: ignore[reportAttributeAccessIssue]
@@ -70,8 +69,6 @@ def search_further(
     This is variable projection (Golub and Pereyra 1973) if the cost is what the best coefficients leave. Nelder and
     Mead's search runs over the parameters' normal scores, from the best point of a grid.
     """
-    from scipy.optimize import minimize
-
     if not priors:
         return {}
 
@@ -86,5 +83,7 @@ def search_further(
 
     starts = [np.array(z) for z in product(*[(-1.0, 0.1, 1.0)] * len(priors))]
     options = {"xatol": 1e-5, "fatol": 0.0, "maxfev": 400}
-    result = minimize(bounded_cost, min(starts, key=bounded_cost), method="Nelder-Mead", options=options)
+    result = scipy.optimize.minimize(
+        bounded_cost, min(starts, key=bounded_cost), method="Nelder-Mead", options=options
+    )
     return values(result.x)

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.physics.damping import median
 from bayesdamp.physics.oscillator import Oscillator
@@ -75,6 +76,13 @@ class SmoothedMotion:
 def oscillator(problem: Problem) -> Oscillator:
     """Return the oscillator of a problem: its damping terms and its restoring law."""
     return Oscillator(damping=tuple(problem.damping), restoring=problem.system.restoring)
+
+
+def ratios_per_unit(problem: Problem, features: Features) -> np.ndarray:
+    """Return each damping term's equivalent damping ratio per unit of its coefficient, at the record's amplitude."""
+    return np.array(
+        [t.ratio_per_unit(features.amplitude, features.frequency) for t in oscillator(problem).terms]
+    )
 
 
 def known_restoring(problem: Problem) -> dict[str, float]:
@@ -152,8 +160,6 @@ def decay_start(problem: Problem, features: Features) -> dict[str, float]:
     The logarithmic decrement at amplitude A is π times the sum of the terms' equivalent damping ratios at A. It is
     solved by non-negative least squares, each swing weighted by its amplitude. The result is rough, but never far off.
     """
-    from scipy.optimize import nnls
-
     osc = oscillator(problem)
     # Half the distance of neighbouring turning points needs no midline.
     sizes = np.abs(np.diff(features.turning_values)) / 2
@@ -164,7 +170,7 @@ def decay_start(problem: Problem, features: Features) -> dict[str, float]:
     sizes, times = sizes[good], times[good]
     w = features.frequency
     if sizes.size < 2:
-        return {term.parameter: 0.01 / term.ratio_per_unit(features.amplitude, w) for term in osc.terms}
+        return dict(zip(osc.coefficients, (0.01 / ratios_per_unit(problem, features)).tolist()))
     middle = np.sqrt(sizes[1:] * sizes[:-1])
     rate = -np.diff(np.log(sizes)) / (w * np.diff(times))
     arguments = further_values(problem, features)
@@ -177,8 +183,8 @@ def decay_start(problem: Problem, features: Features) -> dict[str, float]:
             ratios.append([term.ratio_per_unit(a, w) for a in middle.tolist()])
     columns = np.column_stack(ratios)
     scale = columns.max(axis=0)
-    coefficients = nnls(columns / scale * middle[:, None], rate * middle)[0] / scale
-    return {term.parameter: float(value) for term, value in zip(osc.terms, coefficients)}
+    coefficients = scipy.optimize.nnls(columns / scale * middle[:, None], rate * middle)[0] / scale
+    return dict(zip(osc.coefficients, map(float, coefficients)))
 
 
 def solve(a: np.ndarray, b: np.ndarray, rcond: float | None = None) -> np.ndarray:
@@ -294,8 +300,6 @@ def pieces(signal: Signal, period: float) -> list[Signal]:
 def _motion_without_gap(
     signal: Signal, problem: Problem, features: Features, noise: float, knots_per_period: float
 ) -> SmoothedMotion:
-    from scipy.interpolate import make_interp_spline
-
     t, y = signal.t, signal.y
     if t.size < FEWEST:
         raise Refusal("the samples before the first gap are too few; let the record begin after it")
@@ -310,7 +314,7 @@ def _motion_without_gap(
         edge = min(20, t.size // 10)
         rows = np.arange(edge, t.size - edge)
         bandwidth = np.pi / gap
-        spline = make_interp_spline(t, y, k=DEGREE)
+        spline = scipy.interpolate.make_interp_spline(t, y, k=DEGREE)
     else:
         spacing = max(features.period / knots_per_period, 2.2 * gap)
         knots = _knots(t, spacing)
@@ -325,7 +329,7 @@ def _motion_without_gap(
         bandwidth = np.pi / spacing
 
     def smooth(x: np.ndarray) -> BSpline:
-        return make_interp_spline(t, x, k=DEGREE) if clean else _least_squares(t, x, knots)
+        return scipy.interpolate.make_interp_spline(t, x, k=DEGREE) if clean else _least_squares(t, x, knots)
 
     curves, guessed = integrate(spline, signal, problem, features)
     theta, omega, alpha = (curve(t) for curve in curves)
@@ -358,12 +362,10 @@ def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def _least_squares(t: np.ndarray, y: np.ndarray, inner: np.ndarray) -> BSpline:
-    from scipy.interpolate import make_lsq_spline
-
     for degree in range(DEGREE, 0, -2):  # a few samples before a gap allow only a lower degree
         knots = np.r_[(t[0],) * (degree + 1), inner, (t[-1],) * (degree + 1)]
         try:
-            return make_lsq_spline(t, y, knots, k=degree)
+            return scipy.interpolate.make_lsq_spline(t, y, knots, k=degree)
         except (ValueError, np.linalg.LinAlgError):
             continue
     raise Refusal("the samples are too few or too unevenly spaced for a smoothing spline")

@@ -16,6 +16,7 @@ from bayesdamp.estimators.shared import (
     further_priors,
     noise_level,
     oscillator,
+    ratios_per_unit,
     start_parameters,
 )
 from bayesdamp.physics.trajectories import Trajectories
@@ -64,12 +65,9 @@ class Envelope(Estimator[EnvelopeOptions]):
         if features.cycles < LEAST_CYCLES:
             raise Refusal(f"{features.cycles:.1f} cycles: an envelope needs at least {LEAST_CYCLES:.0f}")
         match = _EnvelopeMatch(signal, problem, options, features)
-        terms, free = match.osc.terms, free_names(problem)
-        guess = decay_start(problem, features)
-        units = np.array(
-            [1e-5 / term.ratio_per_unit(features.amplitude, features.frequency) for term in terms]
-        )
-        coefficients = np.maximum([guess[term.parameter] for term in terms], units)
+        free, guess = free_names(problem), decay_start(problem, features)
+        units = 1e-5 / ratios_per_unit(problem, features)
+        coefficients = np.maximum([guess[name] for name in match.osc.coefficients], units)
 
         scaled = "theta0" in free or "omega0" in free
         if len(match.names) == 1 and not scaled:

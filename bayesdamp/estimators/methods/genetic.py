@@ -74,11 +74,15 @@ class Genetic(Estimator[GeneticOptions]):
         features = checked_features(signal)
         genes = Genes(signal, problem, features)
         people = rng.random((options.population * len(genes.names), len(genes.names)))
-        size = float(np.abs(features.turning_amplitudes).max())
-        fitness = _Fitness(signal, genes, size, max(options.readings // len(people), 200))
-        misfit = fitness(people)
+        count = min(max(options.readings // len(people), 200), signal.t.size)
+        rows = np.unique(np.linspace(0, signal.t.size - 1, count).round().astype(int))
+        tolerance = TOLERANCE * float(np.abs(features.turning_amplitudes).max())
+        trajectories = Trajectories(genes.osc, signal.t[rows], signal.quantity, genes.base, tolerance)
         best, mean, leaders = [], [], []
         while True:
+            left = trajectories.many(genes.decode(people)) - signal.y[rows]
+            misfit = np.sqrt(np.mean(left**2, axis=1))
+            misfit = np.where(np.isfinite(misfit), misfit, np.inf)  # a trajectory that escapes
             order = np.argsort(misfit, kind="stable")
             people, misfit = people[order], misfit[order]
             best.append(float(misfit[0]))
@@ -89,7 +93,6 @@ class Genetic(Estimator[GeneticOptions]):
             if len(best) > options.generations or are_equal or best[-1] > (1 - GAIN) * earlier:
                 break
             people = _next_generation(people, genes, options, rng)
-            misfit = fitness(people)
         if not np.isfinite(best[-1]):
             raise Refusal("every trajectory within the search range escapes")
         values = genes.decode(np.array(leaders))
@@ -127,32 +130,29 @@ class Genes:
             for name in self.osc.law.parameters
             if name in self.names and (name == "stiffness" or name.endswith("angle"))
         ]
-        self.low, self.high = np.array([self._range(name, signal, features) for name in self.names]).T
+        a, f, ranges = features.amplitude, features.frequency, []
+        terms = dict(zip(self.osc.coefficients, self.osc.terms))
+        for name in self.names:
+            if name in terms:
+                ranges.append((0.0, ALONE * coefficient_alone(terms[name], features)))
+                continue
+            if name in self.further:
+                prior = self.further[name]
+                lowest = 0.0 if prior.reflected else -2.5
+                ranges.append([float(prior.value(np.asarray(z))) for z in (lowest, 2.5)])
+                continue
+            centre, half = self.base[name], {"theta0": 0.2 * a, "omega0": 0.2 * a * f}.get(name)
+            if name == "stiffness":
+                centre, half = f, PHASE / (signal.t[-1] - signal.t[0]) + 0.005 * f
+            elif half is None:
+                half = {"rad": 0.1 * a, "1/(rad² s²)": f**2 / a**2}.get(self.osc.law.unit(name), f**2)
+            if name in self.balanced and name != "stiffness":
+                centre, half = features.rest, half if signal.quantity == "angle" else a
+            ranges.append((centre - half, centre + half))
+        self.low, self.high = np.array(ranges).T
         meaning = {name: "frequency" if name == "stiffness" else "midline" for name in self.balanced}
         self.labels = [meaning.get(name, name) for name in self.names]
         self.positive = np.arange(len(self.names)) < len(self.osc.terms) + len(self.further)
-
-    def _range(self, name: str, signal: Signal, features: Features) -> tuple[float, float]:
-        """Return the lowest and highest value that are searched at first, as the record suggests."""
-        a, f = features.amplitude, features.frequency
-        if name in self.osc.coefficients:
-            return 0.0, ALONE * coefficient_alone(self.osc.terms[self.osc.coefficients.index(name)], features)
-        if name in self.further:
-            prior = self.further[name]
-            ends = (0.0, 2.5) if prior.reflected else (-2.5, 2.5)
-            return tuple(float(prior.value(np.asarray(z))) for z in ends)  # type: ignore[return-value]
-        if name == "stiffness":
-            half = PHASE / (signal.t[-1] - signal.t[0]) + 0.005 * f
-            return f - half, f + half
-        half = {"theta0": 0.2 * a, "omega0": 0.2 * a * f}.get(name)
-        centre = self.base[name]
-        if half is None:
-            unit = self.osc.law.unit(name)
-            half = {"rad": 0.1 * a, "1/(rad² s²)": f**2 / a**2}.get(unit, f**2)
-            if name in self.balanced:
-                centre = features.rest
-                half = half if signal.quantity == "angle" else a
-        return centre - half, centre + half
 
     def decode(self, u: np.ndarray) -> dict[str, np.ndarray]:
         """Return every parameter of the trajectories u (m, d): name to values (m,)."""
@@ -237,20 +237,6 @@ def _next_generation(
     step = options.mutation * np.ptp(turned, axis=0) * rng.normal(size=mixed.shape)
     mixed = (mixed + np.where(rng.random(mixed.shape) < options.mutated, step, 0.0)) @ axes
     return np.concatenate([people[:elite], np.where(genes.positive, np.abs(mixed), mixed)])
-
-
-class _Fitness:
-    """Root mean square misfit of trajectories to a record, in the unit of the record; inf where one escapes."""
-
-    def __init__(self, signal: Signal, genes: Genes, size: float, samples: int) -> None:
-        self.genes = genes
-        rows = np.unique(np.linspace(0, signal.t.size - 1, min(samples, signal.t.size)).round().astype(int))
-        self.y, t = signal.y[rows], signal.t[rows]
-        self.trajectories = Trajectories(genes.osc, t, signal.quantity, genes.base, TOLERANCE * size)
-
-    def __call__(self, u: np.ndarray) -> np.ndarray:
-        misfit = np.sqrt(np.mean((self.trajectories.many(self.genes.decode(u)) - self.y) ** 2, axis=1))
-        return np.where(np.isfinite(misfit), misfit, np.inf)
 
 
 PLUGIN = Genetic()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from pydantic import Field
 from scipy.linalg import logm
@@ -43,33 +41,6 @@ class KoopmanOptions(Options):
     lag: float = Field(default=0.0, ge=0.0, le=0.2)
 
 
-@dataclass(frozen=True)
-class Observables:
-    """Values of the dictionary at times a lag apart: before, after (m, p), and the lag in s.
-
-    columns (m, c), offset (m,): the restoring law's linear form at the times of `before`, with the same filter.
-    """
-
-    before: np.ndarray
-    after: np.ndarray
-    columns: np.ndarray
-    offset: np.ndarray
-    lag: float
-
-
-@dataclass(frozen=True)
-class Operator:
-    """The one-step matrix K and the generator L, both (r, r) on r directions.
-
-    directions (p, r): map from observables to the directions; back (r, p): map from the directions to observables.
-    """
-
-    one_step: np.ndarray
-    generator: np.ndarray
-    directions: np.ndarray
-    back: np.ndarray
-
-
 class Koopman(Estimator[KoopmanOptions]):
     """g(x(t + τ)) ≈ K g(x(t)) for the paper's dictionary g; the damping is read off log(K)/τ.
 
@@ -91,27 +62,29 @@ class Koopman(Estimator[KoopmanOptions]):
         library = candidates(problem, features, signal.unit, mixed=True)
         osc = oscillator(problem)
         smoothed = motion(signal, problem, features)
-        observed = observe(signal, smoothed, problem, library, features, options.lag)
-        operator = decompose(observed, CLEAN_RANK if smoothed.clean else NOISY_RANK)
+        before, after, columns, offset, lag = observe(
+            signal, smoothed, problem, library, features, options.lag
+        )
+        rank = CLEAN_RANK if smoothed.clean else NOISY_RANK
+        one_step, generator, directions, back = decompose(before, after, lag, rank)
 
         index = {candidate.damping: i for i, candidate in enumerate(library) if candidate.damping}
         # Twice θ̇ is the observable: half its row is θ̈ as a sum over the dictionary.
-        row = 0.5 * operator.back.T[index["viscous"]] @ operator.generator @ operator.directions.T
-        g = observed.before
-        shapes = g[:, [index[name] for name in problem.damping]]
-        x = solve(np.column_stack([shapes, observed.columns]), -(g @ row) - observed.offset, 1e-12)
+        row = 0.5 * back.T[index["viscous"]] @ generator @ directions.T
+        shapes = before[:, [index[name] for name in problem.damping]]
+        x = solve(np.column_stack([shapes, columns]), -(before @ row) - offset, 1e-12)
         values = {name: float(c) for name, c in zip(osc.coefficients, x)}
-        if observed.columns.shape[1]:
+        if columns.shape[1]:
             form = osc.law.linear_form(smoothed.everywhere[0], known_restoring(problem))
             values |= form.decode(x[shapes.shape[1] :])
         values |= free_start(problem, smoothed.theta0, smoothed.omega0)
-        of_step, of_generator = np.linalg.eigvals(operator.one_step), np.linalg.eigvals(operator.generator)
+        of_step, of_generator = np.linalg.eigvals(one_step), np.linalg.eigvals(generator)
         of_step = of_step[np.argsort(-np.abs(of_step))]
         of_generator = of_generator[np.argsort(-of_generator.real)]
         details = {
             "dictionary": [candidate.name for candidate in library],
-            "lag": observed.lag,
-            "rank": int(operator.one_step.shape[0]),
+            "lag": lag,
+            "rank": len(one_step),
             "acceleration": row.tolist(),
             "step_eigenvalues_re": of_step.real.tolist(),
             "step_eigenvalues_im": of_step.imag.tolist(),
@@ -128,9 +101,11 @@ def observe(
     library: list[CandidateTerm],
     features: Features,
     lag: float,
-) -> Observables:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
     """Compute pairs of the dictionary's values a lag apart; lag: in periods, 0 to choose it.
 
+    Returned are the values before and after, (m, p), the restoring law's linear form at the times of the former, with
+    the same filter, as columns (m, c) and offset (m,), and the lag in s.
     The state is that of the smoothed motion; on an uneven clock it is put on an even one. All observables of a noisy
     record have one smooth compact filter, θ and θ̇ from the record itself.
     """
@@ -161,7 +136,7 @@ def observe(
     if not before:
         raise Refusal("the record is too short for pairs of states a lag apart")
     laws = np.vstack(forms)
-    return Observables(np.vstack(before), np.vstack(after), laws[:, :-1], laws[:, -1], tau)
+    return np.vstack(before), np.vstack(after), laws[:, :-1], laws[:, -1], tau
 
 
 def _filter(
@@ -183,22 +158,26 @@ def _filter(
     return smooth
 
 
-def decompose(observed: Observables, rank: float) -> Operator:
+def decompose(
+    before: np.ndarray, after: np.ndarray, lag: float, rank: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Compute K by least squares on the directions of the dictionary that the record explores, and its generator.
 
     rank: directions below this share of the largest are cut off.
+    Returned are the one-step matrix K and its generator L, both (r, r) on r directions, and the maps from observables
+    to directions, (p, r), and back, (r, p).
     """
-    both = np.vstack([observed.before, observed.after])
+    both = np.vstack([before, after])
     scale = np.linalg.norm(both, axis=0)
     _, sizes, vectors = np.linalg.svd(np.linalg.qr(both / scale, mode="r"))
     explored = sizes > rank * sizes[0]
     turn = vectors[explored].T / sizes[explored]
-    before, after = observed.before / scale @ turn, observed.after / scale @ turn
+    before, after = before / scale @ turn, after / scale @ turn
     forwards = np.linalg.lstsq(before, after, rcond=None)[0].T
     backwards = np.linalg.lstsq(after, before, rcond=None)[0].T
-    generator = (_log(forwards) - _log(backwards)) / (2.0 * observed.lag)
+    generator = (_log(forwards) - _log(backwards)) / (2.0 * lag)
     back = (vectors[explored] * sizes[explored, None]) * scale
-    return Operator(forwards, generator, turn / scale[:, None], back)
+    return forwards, generator, turn / scale[:, None], back
 
 
 def _log(matrix: np.ndarray) -> np.ndarray:

@@ -81,8 +81,7 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
         terms = len(osc.coefficients)
         count = terms + len(others)
         if options.variant == "tls":
-            noise = _noise_of_columns(smoothed, osc, arguments, len(others), len(drift))
-            weight, x = np.ones(target.size), _total(a, target, noise)
+            weight, x = np.ones(target.size), _total(a, target, smoothed, osc, arguments, len(drift))
         else:
             weight, x = _weighted(a, target, smoothed.t, features.period, options.variant)
         if smoothed.response is None or options.variant == "tls":
@@ -92,9 +91,8 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
             noise = _noise_of_equation(smoothed, osc, x[:terms], restoring, arguments)
             covariance = _propagated(a, weight, noise)
 
-        variance = np.diag(covariance)[
-            :count
-        ]  # rounding may take one below zero if columns are nearly the same
+        # Rounding may take a variance below zero if columns are nearly the same.
+        variance = np.diag(covariance)[:count]
         stderr = dict(zip(osc.coefficients, np.sqrt(np.where(variance >= 0, variance, np.nan)).tolist()))
         values = {**dict(zip(osc.coefficients, map(float, x))), **further}
         if others:
@@ -134,11 +132,25 @@ def _weighted(
     return weight, x
 
 
-def _total(a: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Solve by total least squares: errors in the columns of a (n, c) and in b, of sizes `noise` (c + 1,).
+def _total(
+    a: np.ndarray,
+    b: np.ndarray,
+    smoothed: SmoothedMotion,
+    osc: Oscillator,
+    arguments: dict[str, float],
+    drift: int,
+) -> np.ndarray:
+    """Solve by total least squares: errors in the columns of a (n, c) and in b, from white noise within the bandwidth.
 
-    Columns without error are eliminated first (mixed least and total least squares).
+    Columns without error, of which `drift` are last in a, are eliminated first (mixed least and total least squares).
     """
+    step = 1e-4 * float(np.abs(smoothed.omega).max())
+    up, down = (
+        np.array(osc.shapes(smoothed.theta, smoothed.omega + change, arguments)) for change in (step, -step)
+    )
+    slopes = smoothed.bandwidth / np.sqrt(3.0) * np.sqrt(np.mean(((up - down) / (2 * step)) ** 2, axis=1))
+    restoring = np.ones(a.shape[1] - slopes.size - drift)
+    noise = np.r_[slopes, restoring, np.full(drift, 1e-6), smoothed.bandwidth**2 / np.sqrt(5.0)]
     scaled = np.column_stack([a, b]) / noise
     vector = np.linalg.svd(np.linalg.qr(scaled, mode="r"))[2][-1]
     if abs(vector[-1]) < 1e-12:
@@ -146,20 +158,6 @@ def _total(a: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
             "total least squares has no solution: the record does not determine the unknown parameters"
         )
     return -vector[:-1] / vector[-1] * noise[-1] / noise[:-1]
-
-
-def _noise_of_columns(
-    smoothed: SmoothedMotion, osc: Oscillator, arguments: dict[str, float], restoring: int, drift: int
-) -> np.ndarray:
-    """Return the relative size of the noise in each column and in the target: white noise within the bandwidth."""
-    band = smoothed.bandwidth
-    velocity = band / np.sqrt(3.0)
-    step = 1e-4 * float(np.abs(smoothed.omega).max())
-    up, down = (
-        np.array(osc.shapes(smoothed.theta, smoothed.omega + change, arguments)) for change in (step, -step)
-    )
-    slopes = velocity * np.sqrt(np.mean(((up - down) / (2 * step)) ** 2, axis=1))
-    return np.r_[slopes, np.ones(restoring), np.full(drift, 1e-6), band**2 / np.sqrt(5.0)]
 
 
 def _covariance(

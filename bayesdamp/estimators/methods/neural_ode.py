@@ -16,11 +16,8 @@ import numpy as np
 from pydantic import Field
 
 from bayesdamp.estimators._protocol import Estimator, Options, optional_package
-from bayesdamp.estimators.shared import checked_features, free_names
-from bayesdamp.types import Estimate, Problem, Refusal, Signal
-
-GRID = 41
-"""Velocities at which the learnt force is reported."""
+from bayesdamp.estimators.shared import checked_features
+from bayesdamp.types import Estimate, Problem, Signal
 
 
 class NeuralOdeOptions(Options):
@@ -52,38 +49,11 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
         self, signal: Signal, problem: Problem, options: NeuralOdeOptions, rng: np.random.Generator
     ) -> Estimate:
         """Train a network for the force in the equation of motion, and project it on the damping terms."""
-        torch = optional_package("torch")
+        optional_package("torch")
         optional_package("torchdiffeq")
-        from bayesdamp.estimators.networks.shooting import Shooting
-        from bayesdamp.estimators.networks.training import gauss_newton, generator, single_thread
+        from bayesdamp.estimators.networks.shooting import train
 
-        features = checked_features(signal)
-        with single_thread(), torch.no_grad():
-            settings = options.model_dump(exclude={"rounds"})
-            shooting = Shooting(signal, problem, features, random=generator(rng), **settings)
-            training = gauss_newton(
-                shooting.residuals,
-                shooting.linearise,
-                shooting.start,
-                options.rounds,
-                shooting.project,
-                steady=1e-3,
-            )
-            if not np.all(np.isfinite(training.watched)):
-                raise Refusal("the training came to trajectories that are not finite")
-            coefficients = training.watched * shooting.units
-            values = dict(zip(shooting.coefficients, map(float, coefficients[-1])))
-            free = shooting.free_values(training.x)
-            velocity = np.linspace(-shooting.peak, shooting.peak, GRID)
-            details = {
-                "velocity": velocity.tolist(),
-                "force": shooting.force(training.x, velocity).tolist(),
-                "law": (shooting.damping_shapes(velocity)[0] @ coefficients[-1]).tolist(),
-            }
-        values |= {name: free[name] for name in free_names(problem)}
-        trace = {"loss": training.losses, **dict(zip(shooting.coefficients, coefficients.T))}
-        count, outcome = training.evaluations, training.outcome
-        return Estimate(self.name, "initial", values, {}, trace, details, evaluations=count, outcome=outcome)
+        return train(signal, problem, checked_features(signal), rng, **options.model_dump())
 
 
 PLUGIN = NeuralOde()

@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import Field
 
 from bayesdamp.estimators._protocol import Estimator, Options, optional_package
-from bayesdamp.estimators.shared import checked_features, free_start
-from bayesdamp.types import Estimate, Problem, Refusal, Signal
+from bayesdamp.estimators.shared import checked_features
+from bayesdamp.types import Estimate, Problem, Signal
 
 
 class PinnOptions(Options):
@@ -51,25 +51,9 @@ class Pinn(Estimator[PinnOptions]):
     ) -> Estimate:
         """Train coefficients together with a network for the motion, by its residual in the equation."""
         optional_package("torch")
-        from bayesdamp.estimators.networks.collocation import Collocation
-        from bayesdamp.estimators.networks.training import gauss_newton, single_thread
+        from bayesdamp.estimators.networks.collocation import train
 
-        features = checked_features(signal)
-        with single_thread():
-            loss = Collocation(signal, problem, features, rng, **options.model_dump(exclude={"rounds"}))
-            training = gauss_newton(
-                loss.residuals, loss.linearise, loss.start, options.rounds, loss.scaled_damping
-            )
-        if not np.all(np.isfinite(training.losses)):
-            raise Refusal("the network's training came to numbers that are not finite")
-        watched = training.watched * loss.units.numpy()[: len(loss.coefficients)]
-        names = (*loss.coefficients, *loss.restoring)
-        values = dict(zip(names, map(float, loss.physical(training.x))))
-        values |= free_start(problem, *loss.start_of(training.x))
-        trace = {"loss": training.losses, **dict(zip(loss.coefficients, watched.T))}
-        details = {"start": options.start, "started_from": watched[0].tolist(), **loss.misfits(training.x)}
-        count, outcome = training.evaluations, training.outcome
-        return Estimate(self.name, "initial", values, {}, trace, details, evaluations=count, outcome=outcome)
+        return train(signal, problem, checked_features(signal), rng, **options.model_dump())
 
 
 PLUGIN = Pinn()

@@ -17,14 +17,8 @@ import numpy as np
 from pydantic import Field
 
 from bayesdamp.estimators._protocol import Estimator, Options, optional_package
-from bayesdamp.estimators.shared import checked_features, free_names
-from bayesdamp.types import Estimate, Problem, Refusal, Signal
-
-WIDEST = float(np.log(5.0))
-"""Half the first range of the logarithm of the coefficient."""
-NARROWEST = float(np.log(1.1))
-"""Half the last range."""
-MOST_ROUNDS = 6
+from bayesdamp.estimators.shared import checked_features
+from bayesdamp.types import Estimate, Problem, Signal
 
 
 class RnnOptions(Options):
@@ -60,40 +54,9 @@ class Rnn(Estimator[RnnOptions]):
     ) -> Estimate:
         """Train a recurrent network on simulated records, and let it read the coefficient off the record."""
         optional_package("torch")
-        from bayesdamp.estimators.networks.recurrent import RecurrentNetwork, Simulator
-        from bayesdamp.estimators.networks.training import generator, single_thread
+        from bayesdamp.estimators.networks.recurrent import train
 
-        features = checked_features(signal)
-        simulator = Simulator(signal, problem, features, rng)
-        with single_thread():
-            network = RecurrentNetwork(simulator, generator(rng), **options.model_dump())
-            centre, half, inside = simulator.centre, WIDEST, False
-            answers, errors, losses = [], [], []
-            for _ in range(MOST_ROUNDS):
-                answer, error, loss = network.train(centre, half)
-                losses.append(loss)
-                answers.append(centre + half * answer)
-                errors.append(half * error)
-                inside = abs(answer) < 0.95
-                centre += half * float(np.clip(answer, -1.0, 1.0))
-                if inside and half <= NARROWEST:
-                    break
-                half = max(NARROWEST, min(half / 2, 5.0 * half * error)) if inside else half
-        if not inside:
-            raise Refusal("the record's damping lies outside of all that the network was trained on")
-        parameter = simulator.parameter
-        value = float(np.exp(answers[-1]))
-        values = {parameter: value, **{name: simulator.base[name] for name in free_names(problem)}}
-        stderr = {parameter: value * errors[-1]}
-        trace = {"loss": np.concatenate(losses), parameter: np.exp(answers)}
-        details = {
-            "cell": options.cell,
-            "range": [float(np.exp(centre - half)), float(np.exp(centre + half))],
-            "relative_error": float(errors[-1]),
-            "stretches": simulator.stretches.count,
-        }
-        count = simulator.simulated
-        return Estimate(self.name, "initial", values, stderr, trace, details, evaluations=count)
+        return train(signal, problem, checked_features(signal), rng, **options.model_dump())
 
 
 PLUGIN = Rnn()

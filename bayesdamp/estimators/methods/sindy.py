@@ -125,7 +125,7 @@ class Sindy(Estimator[SindyOptions]):
         def force(theta: np.ndarray) -> np.ndarray:
             return law.linear_form(theta, known).offset
 
-        functions = _evaluate(library, state.theta, state.omega)
+        functions = np.column_stack([c.function(state.theta, state.omega) for c in library])
         target = -(state.alpha[state.rows] + state.project(force(state.theta)))
         columns = np.column_stack([state.project(column) for column in functions.T])
         elapsed = state.t[state.rows] - state.t[0]
@@ -208,20 +208,6 @@ def _differentiate(signal: Signal, problem: Problem, features: Features) -> Deri
     )
 
 
-def _evaluate(library: list[CandidateTerm], theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """Return the library on states (n,), as pysindy evaluates it: (n, p)."""
-    from pysindy import CustomLibrary
-
-    def of_two(candidate: CandidateTerm):
-        def function(x, v):  # pysindy counts the arguments
-            return candidate.function(np.asarray(x), np.asarray(v))
-
-        return function
-
-    whole = CustomLibrary([of_two(candidate) for candidate in library])
-    return np.asarray(whole.fit_transform(np.column_stack([theta, omega])))
-
-
 def sparse_models(
     columns: np.ndarray, target: np.ndarray, dissipates: np.ndarray, freedom: float
 ) -> list[SparseModel]:
@@ -272,12 +258,11 @@ def _threshold(
     a: np.ndarray, b: np.ndarray, threshold: float, ridge: float
 ) -> tuple[np.ndarray, float] | None:
     """Return the terms (p,) of bool that survive, and the smallest ridge coefficient; None if none does."""
-    from pysindy import STLSQ
-    from sklearn import config_context
-
-    with warnings.catch_warnings(), config_context(skip_parameter_validation=True, assume_finite=True):
+    unchecked = optional_package("sklearn").config_context(skip_parameter_validation=True, assume_finite=True)
+    method = optional_package("pysindy").STLSQ(threshold=threshold, alpha=ridge, max_iter=50, unbias=False)
+    with warnings.catch_warnings(), unchecked:
         warnings.simplefilter("ignore")  # that all terms fell, which ends the path
-        fit = STLSQ(threshold=threshold, alpha=ridge, max_iter=50, unbias=False).fit(a, b)
+        fit = method.fit(a, b)
     weights = np.abs(np.asarray(fit.coef_)[0])
     mask = weights != 0.0
     return (mask, float(weights[mask].min())) if mask.any() else None

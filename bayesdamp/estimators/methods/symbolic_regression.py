@@ -158,23 +158,16 @@ class Force:
         self._basis = np.linalg.svd(columns_of_unit_length, full_matrices=False)[0]
         duration = float(t[-1] - t[0])
         self.independent = t.size if self.motion.clean else max(self.motion.bandwidth * duration / np.pi, 4.0)
-        self._damping_force = self.target - self._columns @ self._first_coefficients()
+        self._damping_force = self.target
+        if columns:
+            hats = int(np.clip(self.independent // 6, 4, HATS))
+            hats += 1 - hats % 2  # an odd number: one is at rest
+            places = float(np.abs(self.omega).max()) * np.linspace(-1, 1, hats)
+            shapes = np.delete(np.eye(hats), hats // 2, axis=0)
+            free = [self.motion.project(np.interp(self.omega, places, shape)) for shape in shapes]
+            x = solve(np.column_stack([self._columns, *free]), self.target, 1e-10)
+            self._damping_force = self.target - self._columns @ x[: len(columns)]
         self._variance = float(np.var(self._damping_force))
-
-    def _first_coefficients(self) -> np.ndarray:
-        """Fit the restoring force together with an arbitrary function of θ̇; the restoring coefficients."""
-        count = self._columns.shape[1]
-        if count == 0:
-            return np.zeros(0)
-        hats = int(np.clip(self.independent // 6, 4, HATS))
-        hats += 1 - hats % 2  # an odd number: one is at rest
-        places = float(np.abs(self.omega).max()) * np.linspace(-1, 1, hats)
-        free = [
-            self.motion.project(np.interp(self.omega, places, row))
-            for i, row in enumerate(np.eye(hats))
-            if i != hats // 2
-        ]
-        return solve(np.column_stack([self._columns, *free]), self.target, 1e-10)[:count]
 
     def thin(self, samples: int) -> tuple[np.ndarray, np.ndarray]:
         """Return velocities and forces at evenly spread samples, each (m,), and as many mirrored.

@@ -166,23 +166,18 @@ def significant_pairs(
             f"{v.size} persistence lifetimes exceed the noise cutoff of {cutoff:.2g}; at least 2 are needed"
         )
     if options.variant == "published":
-        floor = _floor(sigma, 0.5 * float(np.median(p - v)), features)
+        amplitude = 0.5 * float(np.median(p - v))
+        if sigma >= 1e-9 * amplitude:
+            quarter = int(features.samples_per_cycle / 4)
+            phase = 2 * math.pi / features.samples_per_cycle * np.arange(-quarter, quarter + 1)
+            drop = amplitude * (1.0 - np.cos(phase))
+
+            def below(lift: float) -> float:
+                return float(np.sum(log_ndtr((lift + drop) / sigma))) - math.log(0.5)
+
+            floor = 2.0 * max(brentq(below, -6 * sigma, 10 * sigma), 0.0)  # type: ignore[arg-type]
         v, p = v + floor / 2, p - floor / 2
     return Pairs(v, p, np.round((born - born[0]) / features.period).astype(int), floor)
-
-
-def _floor(sigma: float, amplitude: float, features: Features) -> float:
-    """Return what noise adds to a lifetime: twice the median of the highest sample's lift at a turning point."""
-    if sigma < 1e-9 * amplitude:
-        return 0.0
-    quarter = int(features.samples_per_cycle / 4)
-    phase = 2 * math.pi / features.samples_per_cycle * np.arange(-quarter, quarter + 1)
-    drop = amplitude * (1.0 - np.cos(phase))
-
-    def below(lift: float) -> float:
-        return float(np.sum(log_ndtr((lift + drop) / sigma))) - math.log(0.5)
-
-    return 2.0 * max(brentq(below, -6 * sigma, 10 * sigma), 0.0)  # type: ignore[arg-type]
 
 
 def _published_coefficient(damping: str, pairs: Pairs, omega: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -38,6 +37,7 @@ from bayesdamp.estimators.shared import (
     noise_level,
     oscillator,
     pieces,
+    ratios_per_unit,
 )
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
@@ -91,10 +91,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         first, every = np.zeros(len(few)), np.ones(len(few), bool)
         if not all_known:  # how noise passes depends on the stiffness
             first[[candidate.name for candidate in few].index("θ")] = features.frequency**2
-        ratio = {
-            name: term.ratio_per_unit(features.amplitude, features.frequency)
-            for name, term in zip(problem.damping, osc.terms)
-        }
+        ratio = dict(zip(problem.damping, ratios_per_unit(problem, features)))
         tried = []
         for width in (options.width,) if options.width else WIDTHS:
             rows = _assemble(stretches, few, problem, features, width * features.period)
@@ -204,7 +201,13 @@ def _column(
     if candidate.damping == "viscous" and stretch.order < 2:
         linear = 2.0 * weights(n, stretch.h, width, 1 - stretch.order)
         return linear @ stretch.y, linear
-    values = _average(f, stretch) if candidate.jumps else f(theta, omega)
+    if candidate.jumps:  # its mean over the cell around each sample counts a jump at its place
+        part = (np.arange(SUBDIVIDED) + 0.5) / SUBDIVIDED - 0.5
+        places = np.clip(np.arange(n)[:, None] + part, 0, n - 1)
+        cells = (np.interp(places, np.arange(n), x).ravel() for x in (theta, omega))
+        values = f(*cells).reshape(places.shape).mean(axis=1)
+    else:
+        values = f(theta, omega)
     through = sparse.csr_matrix(phi.shape)
     if stretch.order:
         return phi @ values, through
@@ -217,15 +220,6 @@ def _column(
         by_omega = (f(theta, omega + d) - f(theta, omega - d)) / (2 * d)
         through = through + phi @ sparse.diags(by_omega) @ stretch.velocity
     return phi @ values, sparse.csr_matrix(through)
-
-
-def _average(f: Callable[[np.ndarray, np.ndarray], np.ndarray], stretch: Stretch) -> np.ndarray:
-    """Return the means of f over the cells around the samples, (n,), so that a jump counts at its place."""
-    base = np.arange(stretch.y.size)
-    part = (np.arange(SUBDIVIDED) + 0.5) / SUBDIVIDED - 0.5
-    places = np.clip(base[:, None] + part, 0, base.size - 1)
-    theta, omega = np.interp(places, base, stretch.theta), np.interp(places, base, stretch.omega)
-    return f(theta.ravel(), omega.ravel()).reshape(places.shape).mean(axis=1)
 
 
 PLUGIN = WeakSindy()

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import torch
 from torch import Tensor
 
-from bayesdamp.estimators.networks.record import Phase, ScaledRecord
-from bayesdamp.estimators.networks.training import REAL, generator, jets, layers, slopes
-from bayesdamp.estimators.shared import decay_start
+from bayesdamp.estimators.networks.record import ScaledRecord, phase_of
+from bayesdamp.estimators.networks.training import (
+    REAL,
+    gauss_newton,
+    generator,
+    jets,
+    layers,
+    single_thread,
+    slopes,
+)
+from bayesdamp.estimators.shared import decay_start, free_start
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Problem, Signal
+from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 UNINFORMED = 0.05
 """Equivalent damping ratio of each term at an uninformed start."""
@@ -54,13 +64,12 @@ class Collocation(ScaledRecord):
         self.count = weights.numel()
         self.start = torch.cat([weights, physical])
 
-        phase, end = Phase(signal, features), float(signal.t[-1])
+        phase, end = phase_of(signal, features), float(signal.t[-1])
         step = 2.0 / (end * self.w)
 
         def inputs(t: np.ndarray) -> Tensor:
             """Return time from −1 to 1, sines and cosines of the phase's multiples, as jets in ωt, (n, 3, inputs)."""
-            angle, rate, change = phase.jet(t)
-            rate, change = rate / self.w, change / self.w**2
+            angle, rate, change = phase(t), phase.deriv(1)(t) / self.w, phase.deriv(2)(t) / self.w**2
             columns = [np.stack([2.0 * t / end - 1.0, np.full_like(t, step), np.zeros_like(t)], axis=1)]
             for j in range(1, harmonics + 1):
                 s, c = np.sin(j * angle), np.cos(j * angle)
@@ -80,65 +89,93 @@ class Collocation(ScaledRecord):
         """Return the damping coefficients and free restoring parameters, in SI units."""
         return (x[self.count :] * self.units).numpy()
 
-    def scaled_damping(self, x: Tensor) -> np.ndarray:
-        """Return the damping coefficients in units."""
-        return x[self.count : self.count + len(self.coefficients)].numpy()
+    def parts(self, x: Tensor) -> tuple[Tensor, ...]:
+        """Return the residuals of data, start and physics, in Aω², and the derivatives of the last.
 
-    def start_of(self, x: Tensor) -> tuple[float, float]:
-        """Return the network's θ(0) and θ̇(0)."""
-        n, n1 = jets(x[: self.count], self.first, self.sizes)[0].tolist()
-        return self.rest + self.a * n, self.a * self.w * n1
-
-    def _physics(self, jet: Tensor, x: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Return the residual (m,) in Aω², and its derivatives by N, by N', by the physical unknowns."""
-        a, w = self.a, self.w
-        values, c = self.physical(x), len(self.coefficients)
-        theta, omega = (self.rest + a * jet[:, 0]).numpy(), (a * w * jet[:, 1]).numpy()
-        force, slope, by = self.restoring_force(theta, values[c:])
-        shape, steep = self.damping_shapes(omega)
-        scale = 1.0 / (a * w * w)
+        These are by the network's output, by its slope, and by the physical unknowns.
+        """
+        a, w, weights = self.a, self.w, x[: self.count]
+        data = jets(weights, self.data, self.sizes)[:, self.order] - self.y
+        begin = jets(weights, self.first, self.sizes)[0, self.given] - self.begin
+        jet, scale = jets(weights, self.inside, self.sizes), 1.0 / (a * w * w)
+        damping, restoring = np.split(self.physical(x), [len(self.coefficients)])
+        force, slope, by = self.restoring_force((self.rest + a * jet[:, 0]).numpy(), restoring)
+        shape, steep = self.damping_shapes((a * w * jet[:, 1]).numpy())
         return (
-            jet[:, 2] + scale * torch.from_numpy(force + shape @ values[:c]),
+            data,
+            begin,
+            jet[:, 2] + scale * torch.from_numpy(force + shape @ damping),
             torch.from_numpy(scale * a * slope),
-            torch.from_numpy(scale * a * w * (steep @ values[:c])),
+            torch.from_numpy(scale * a * w * (steep @ damping)),
             torch.from_numpy(scale * np.concatenate([shape, by], axis=1) * self.units.numpy()),
         )
 
-    def _parts(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor]:
-        """Return the residuals of data, start and physics, and the three derivatives of the last."""
-        weights = x[: self.count]
-        physics = self._physics(jets(weights, self.inside, self.sizes), x)
-        data = jets(weights, self.data, self.sizes)[:, self.order] - self.y
-        begin = jets(weights, self.first, self.sizes)[0, self.given] - self.begin
-        return data, begin, *physics
-
     def residuals(self, x: Tensor) -> Tensor:
         """Return the weighted residuals (n,)."""
-        return torch.cat([weight * part for weight, part in zip(self.weight, self._parts(x)[:3])])
-
-    def misfits(self, x: Tensor) -> dict[str, float]:
-        """Return the root mean square of the data's misfit in amplitudes, and of the equation's in units of Aω²."""
-        data, _, physics, *_ = self._parts(x)
-        return {
-            "data_rms": float(data.square().mean().sqrt()),
-            "physics_rms": float(physics.square().mean().sqrt()),
-        }
+        return torch.cat([weight * part for weight, part in zip(self.weight, self.parts(x)[:3])])
 
     def linearise(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Return the weighted residuals (n,) and their Jacobian by the unknowns."""
         weights = x[: self.count]
-        *parts, by_angle, by_velocity, by_physical = self._parts(x)
+        *parts, by_angle, by_velocity, by_physical = self.parts(x)
         inside = slopes(weights, self.inside, self.sizes)
         moved = inside[:, 2] + by_angle[:, None] * inside[:, 0] + by_velocity[:, None] * inside[:, 1]
         of_data, of_start, of_physics = self.weight
-        outer = torch.cat(
-            [
-                of_data * slopes(weights, self.data, self.sizes)[:, self.order],
-                of_start * slopes(weights, self.first, self.sizes)[0, self.given],
-            ]
-        )
-        none = torch.zeros(outer.shape[0], self.units.numel(), dtype=REAL)
-        jacobian = torch.cat(
-            [torch.cat([outer, none], dim=1), of_physics * torch.cat([moved, by_physical], dim=1)]
-        )
+        data = of_data * slopes(weights, self.data, self.sizes)[:, self.order]
+        begin = of_start * slopes(weights, self.first, self.sizes)[0, self.given]
+        none = torch.zeros(len(data) + len(begin), self.units.numel(), dtype=REAL)
+        physics = of_physics * torch.cat([moved, by_physical], dim=1)
+        jacobian = torch.cat([torch.cat([torch.cat([data, begin]), none], dim=1), physics])
         return torch.cat([weight * part for weight, part in zip(self.weight, parts)]), jacobian
+
+
+@single_thread()
+def train(
+    signal: Signal,
+    problem: Problem,
+    features: Features,
+    rng: np.random.Generator,
+    *,
+    rounds: int,
+    start: str,
+    **settings: Any,
+) -> Estimate:
+    """Train a network together with the physical parameters, which are its estimate.
+
+    Parameters
+    ----------
+    signal, problem, features
+        The record, what is known of its system, and what the record shows.
+    rng
+        Random numbers of the first weights and of the instants.
+    rounds
+        Largest number of training steps.
+    start, settings
+        As `Collocation` takes them.
+
+    Raises
+    ------
+    Refusal
+        If the training comes to numbers that are not finite.
+    """
+    loss = Collocation(signal, problem, features, rng, start=start, **settings)
+    first, last = loss.count, loss.count + len(loss.coefficients)
+    training = gauss_newton(
+        loss.residuals, loss.linearise, loss.start, rounds, lambda x: x[first:last].numpy()
+    )
+    if not np.all(np.isfinite(training.losses)):
+        raise Refusal("the network's training came to numbers that are not finite")
+    x, watched = training.x, training.watched * loss.units.numpy()[: last - first]
+    values = dict(zip((*loss.coefficients, *loss.restoring), map(float, loss.physical(x))))
+    angle, velocity = jets(x[:first], loss.first, loss.sizes)[0].tolist()
+    values |= free_start(problem, loss.rest + loss.a * angle, loss.a * loss.w * velocity)
+    trace = {"loss": training.losses, **dict(zip(loss.coefficients, watched.T))}
+    data, _, physics, *_ = loss.parts(x)
+    details = {
+        "start": start,
+        "started_from": watched[0].tolist(),
+        "data_rms": float(data.square().mean().sqrt()),  # in amplitudes
+        "physics_rms": float(physics.square().mean().sqrt()),  # in units of Aω²
+    }
+    count, outcome = training.evaluations, training.outcome
+    return Estimate("pinn", "initial", values, {}, trace, details, evaluations=count, outcome=outcome)

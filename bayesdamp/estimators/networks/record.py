@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from numpy.polynomial import Polynomial
 
 from bayesdamp.estimators.networks.training import REAL
-from bayesdamp.estimators.shared import ORDER, epsilon_of, noise_level, oscillator, start_parameters
+from bayesdamp.estimators.shared import (
+    ORDER,
+    epsilon_of,
+    noise_level,
+    oscillator,
+    ratios_per_unit,
+    start_parameters,
+)
 from bayesdamp.physics.arrays import slope_of
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Problem, Signal
@@ -46,7 +54,7 @@ class ScaledRecord:
         self.base = start_parameters(signal, problem, features)
         self.a, self.w, self.order = features.amplitude, features.frequency, ORDER[signal.quantity]
         self.rest = features.rest if self.order == 0 else osc.equilibrium(self.base)
-        self.ratios = [term.ratio_per_unit(self.a, self.w) for term in osc.terms]
+        self.ratios = ratios_per_unit(problem, features)
         self.coefficients = osc.coefficients
         self.restoring = tuple(name for name in osc.law.parameters if name not in known)
         self._osc, self._epsilon = osc, epsilon_of(problem, features)
@@ -84,23 +92,15 @@ class ScaledRecord:
         return np.column_stack(values), np.column_stack(slopes)
 
 
-class Phase:
-    """The phase of a record in rad, growing by π from each crossing of the midline to the next.
+def phase_of(signal: Signal, features: Features) -> Polynomial:
+    """Return the phase of a record in rad, which grows by π from each crossing of the midline to the next.
 
     It is a polynomial in time: of degree 3 if the crossings span most of the record, so that it follows a frequency
     that drifts with the amplitude, else a straight line.
     """
-
-    def __init__(self, signal: Signal, features: Features) -> None:
-        crossings, count = features.crossing_times, features.crossing_times.size
-        span = (crossings[-1] - crossings[0]) / (signal.t[-1] - signal.t[0]) if count else 0.0
-        if count >= 8 and span > 0.75:
-            weight = np.abs(features.turning_amplitudes[1:] * features.turning_amplitudes[:-1]) ** 0.5
-            self.line = np.polynomial.Polynomial.fit(crossings, np.pi * np.arange(count), 3, w=weight)
-        else:
-            start = -features.frequency * features.turning_times[0]
-            self.line = np.polynomial.Polynomial([start, features.frequency])
-
-    def jet(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return φ, φ̇, φ̈ at times t (n,), each (n,)."""
-        return self.line(t), self.line.deriv(1)(t), self.line.deriv(2)(t)
+    crossings, count = features.crossing_times, features.crossing_times.size
+    span = (crossings[-1] - crossings[0]) / (signal.t[-1] - signal.t[0]) if count else 0.0
+    if count >= 8 and span > 0.75:
+        weight = np.abs(features.turning_amplitudes[1:] * features.turning_amplitudes[:-1]) ** 0.5
+        return Polynomial.fit(crossings, np.pi * np.arange(count), 3, w=weight)
+    return Polynomial([-features.frequency * features.turning_times[0], features.frequency])

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import torch
 from torch import Tensor
 
-from bayesdamp.estimators.networks.record import Phase, thin_record
-from bayesdamp.estimators.networks.training import REAL
-from bayesdamp.estimators.shared import noise_level, oscillator, start_parameters
+from bayesdamp.estimators.networks.record import phase_of, thin_record
+from bayesdamp.estimators.networks.training import REAL, generator, single_thread
+from bayesdamp.estimators.shared import free_names, noise_level, oscillator, start_parameters
 from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Problem, Refusal, Signal
+from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
+WIDEST = float(np.log(5.0))
+"""Half the first range of the logarithm of the coefficient."""
+NARROWEST = float(np.log(1.1))
+"""Half the last range."""
+MOST_ROUNDS = 6
 LEAST_SAMPLES = 5
 LEAST_STRETCHES = 3
 FEW = 6.0
@@ -35,11 +42,12 @@ class Stretches:
     They have several half-cycles if there were more than `MOST_STRETCHES`, and a quarter cycle if there are few.
     In each, y = a cos φ + b sin φ about the record's midline, and about the stretch's own if it is half a cycle
     or more, by least squares. The same matrices serve for any record at these times.
-    count: stretches that have enough samples. half_cycles: in a stretch.
+    count: stretches that have enough samples. half_cycles: in a stretch. spread: of each, the factor of the covariance
+    of (a, b), (2, 2), for white noise of standard deviation 1.
     """
 
     def __init__(self, signal: Signal, features: Features, t: np.ndarray) -> None:
-        phase = Phase(signal, features).jet(t)[0]
+        phase = phase_of(signal, features)(t)
         total = (phase[-1] - phase[0]) / np.pi
         self.half_cycles = float(max(1, np.ceil(total / MOST_STRETCHES))) if total >= FEW else 0.5
         self.rest = features.rest
@@ -64,11 +72,6 @@ class Stretches:
         """Return (a, b) of each stretch of records y (m, n), (m, count, 2)."""
         y = y - self.rest
         return np.stack([y[:, rows] @ solver.T for rows, solver in zip(self.rows, self.solvers)], axis=1)
-
-    def noise(self, records: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw the errors of (a, b) from white noise of standard deviation 1, (records, count, 2)."""
-        white = rng.standard_normal((records, self.count, 2))
-        return np.einsum("kij,mkj->mki", np.array(self.spread), white)
 
 
 class Simulator:
@@ -120,7 +123,8 @@ class Simulator:
     def noise(self, records: int) -> np.ndarray:
         """Draw noise in (a, b), (records, count, 2), of sizes within a factor of two of the record's."""
         size = self.sd * np.exp(np.log(2.0) * self.rng.uniform(-1.0, 1.0, records))
-        return size[:, None, None] * self.stretches.noise(records, self.rng)
+        white = self.rng.standard_normal((records, self.stretches.count, 2))
+        return size[:, None, None] * np.einsum("kij,mkj->mki", np.array(self.stretches.spread), white)
 
 
 def _sequence(quadratures: np.ndarray) -> np.ndarray:
@@ -198,3 +202,59 @@ class RecurrentNetwork:
             error = float((unseen - targets[train:]).square().mean().sqrt())
             answer = float(self._answer(scaled(simulator.record))[0])
         return answer, error, np.array(losses)
+
+
+@single_thread()
+def train(
+    signal: Signal,
+    problem: Problem,
+    features: Features,
+    rng: np.random.Generator,
+    *,
+    cell: str,
+    **settings: Any,
+) -> Estimate:
+    """Train a recurrent network in narrower and narrower ranges of the coefficient, and read the record's off it.
+
+    Parameters
+    ----------
+    signal, problem, features
+        The record, what is known of its system, and what the record shows.
+    rng
+        Random numbers of the simulated records and of the training.
+    cell, settings
+        As `RecurrentNetwork` takes them.
+
+    Raises
+    ------
+    Refusal
+        If the record's damping lies outside of all ranges.
+    """
+    simulator = Simulator(signal, problem, features, rng)
+    network = RecurrentNetwork(simulator, generator(rng), cell, **settings)
+    centre, half, inside = simulator.centre, WIDEST, False
+    answers, errors, losses = [], [], []
+    for _ in range(MOST_ROUNDS):
+        answer, error, loss = network.train(centre, half)
+        losses.append(loss)
+        answers.append(centre + half * answer)
+        errors.append(half * error)
+        inside = abs(answer) < 0.95
+        centre += half * float(np.clip(answer, -1.0, 1.0))
+        if inside and half <= NARROWEST:
+            break
+        half = max(NARROWEST, min(half / 2, 5.0 * half * error)) if inside else half
+    if not inside:
+        raise Refusal("the record's damping lies outside of all that the network was trained on")
+    parameter, value = simulator.parameter, float(np.exp(answers[-1]))
+    values = {parameter: value, **{name: simulator.base[name] for name in free_names(problem)}}
+    stderr = {parameter: value * errors[-1]}
+    trace = {"loss": np.concatenate(losses), parameter: np.exp(answers)}
+    details = {
+        "cell": cell,
+        "range": [float(np.exp(centre - half)), float(np.exp(centre + half))],
+        "relative_error": float(errors[-1]),
+        "stretches": simulator.stretches.count,
+    }
+    count = simulator.simulated
+    return Estimate("rnn", "initial", values, stderr, trace, details, evaluations=count)

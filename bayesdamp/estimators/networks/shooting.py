@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import torch
 from numpy.polynomial import Polynomial
@@ -9,11 +11,22 @@ from torch import Tensor
 from torchdiffeq import odeint
 
 from bayesdamp.estimators.networks.record import ScaledRecord
-from bayesdamp.estimators.networks.training import REAL, jets, layers, slopes
+from bayesdamp.estimators.networks.training import (
+    REAL,
+    gauss_newton,
+    generator,
+    jets,
+    layers,
+    single_thread,
+    slopes,
+)
+from bayesdamp.estimators.shared import free_start
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Problem, Signal
+from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 MOST_SEGMENTS = 160
+GRID = 41
+"""Velocities at which the learnt force is reported."""
 QUINTIC = np.array(
     [
         [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
@@ -47,7 +60,7 @@ class Shooting(ScaledRecord):
         random: torch.Generator,
     ) -> None:
         super().__init__(signal, problem, features)
-        self.units = 0.1 / np.array(self.ratios)
+        self.units = 0.1 / self.ratios
         free = np.array([self.base[name] for name in self.restoring])
         self.free_units = np.maximum(np.abs(free), self.a)
 
@@ -74,17 +87,8 @@ class Shooting(ScaledRecord):
         self.dense = torch.from_numpy(dense).reshape(-1, 2, 3)
 
         self.weight = (1.0 / self.t.size**0.5, continuity_weight)
-        states = self._first_states(s, self.recorded / (self.a * self.w**self.order), length)
-        self.start = torch.cat(
-            [weights, torch.tensor(free / self.free_units, dtype=REAL), states.reshape(-1)]
-        )
-        self.physical = self.count + free.size
-        self.peak = float(self.a * self.w * states[:, 1].abs().max())
-
-    def _first_states(self, s: np.ndarray, y: np.ndarray, length: float) -> Tensor:
-        """Fit a sinusoid near the start of each segment; angle and velocity there, (segments, 2)."""
-        states = []
-        for i in range(self.segments):
+        states, y = [], self.recorded / (self.a * self.w**self.order)
+        for i in range(self.segments):  # angle and velocity of a sinusoid that is fitted near its start
             tau = s - i * length
             near = np.argsort(np.abs(tau), kind="stable")
             near = near[: max(8, int(np.count_nonzero(np.abs(tau) < 0.75 * np.pi)))]
@@ -92,7 +96,10 @@ class Shooting(ScaledRecord):
             c, d, middle = np.linalg.lstsq(columns, y[near], rcond=1e-6)[0]
             at_rest = (middle - self.rest / self.a) if self.order == 0 else 0.0
             states.append([(c + at_rest, d), (-d, c), (-c, -d)][self.order])
-        return torch.tensor(states, dtype=REAL)
+        states = torch.tensor(states, dtype=REAL)
+        self.start = torch.cat([weights, torch.tensor(free / self.free_units, dtype=REAL), states.flatten()])
+        self.physical = self.count + free.size
+        self.peak = float(self.a * self.w * states[:, 1].abs().max())
 
     def _force(self, x: Tensor, v: Tensor) -> tuple[Tensor, Tensor]:
         """Return f(v) and its slope, both (n,), in units of Aω²: odd in v."""
@@ -102,29 +109,12 @@ class Shooting(ScaledRecord):
         n = v.numel()
         return self.force_unit * (value[:n] - value[n:]) / 2, self.force_unit * (slope[:n] + slope[n:]) / 2
 
-    def _acceleration(self, x: Tensor, state: Tensor) -> Tensor:
-        """Return the acceleration and its tangents, (n, 1 + c), from angle and velocity and theirs, (n, 2, 1 + c).
+    def _solve(self, x: Tensor, with_tangents: bool = False) -> tuple[Tensor, Tensor]:
+        """Return angle, velocity, acceleration at the nodes (segments, nodes, 3), and their tangents (…, 3, c).
 
         Tangents are derivatives by the segment's start (2), the weights and the free restoring parameters; c may be 0.
         """
-        angle, v, tangents = state[:, 0, 0], state[:, 1, 0], state[:, :, 1:]
-        values = x[self.count : self.physical].numpy() * self.free_units
-        force, slope, by = self.restoring_force((self.rest + self.a * angle).numpy(), values)
-        learnt, steep = self._force(x, v)
-        unit = self.a * self.w**2
-        acceleration = (-torch.from_numpy(force / unit) - learnt)[:, None]
-        if tangents.shape[2] == 0:
-            return acceleration
-        stiff = torch.from_numpy(slope / self.w**2)
-        moved = -stiff[:, None] * tangents[:, 0] - steep[:, None] * tangents[:, 1]
-        by_weights = slopes(x[: self.count], torch.cat([v, -v])[:, None, None], self.sizes)[:, 0]
-        n = v.numel()
-        moved[:, 2 : 2 + self.count] -= self.force_unit * (by_weights[:n] - by_weights[n:]) / 2
-        moved[:, 2 + self.count :] -= torch.from_numpy(by * self.free_units / unit)
-        return torch.cat([acceleration, moved], dim=1)
-
-    def _solve(self, x: Tensor, with_tangents: bool = False) -> tuple[Tensor, Tensor]:
-        """Return angle, velocity, acceleration at the nodes (segments, nodes, 3), and their tangents (…, 3, c)."""
+        unit, values = self.a * self.w**2, x[self.count : self.physical].numpy() * self.free_units
         columns = 2 + self.physical if with_tangents else 0
         first = torch.zeros(self.segments, 2, 1 + columns, dtype=REAL)
         first[:, :, 0] = x[self.physical :].reshape(self.segments, 2)
@@ -132,7 +122,20 @@ class Shooting(ScaledRecord):
             first[:, 0, 1] = first[:, 1, 2] = 1.0
 
         def rate(_: Tensor, state: Tensor) -> Tensor:
-            return torch.stack([state[:, 1], self._acceleration(x, state)], dim=1)
+            """Return the rates, (n, 2, 1 + c), of angle and velocity and their tangents."""
+            angle, v, tangents = state[:, 0, 0], state[:, 1, 0], state[:, :, 1:]
+            force, slope, by = self.restoring_force((self.rest + self.a * angle).numpy(), values)
+            learnt, steep = self._force(x, v)
+            acceleration = (-torch.from_numpy(force / unit) - learnt)[:, None]
+            if with_tangents:
+                stiff = torch.from_numpy(slope / self.w**2)
+                moved = -stiff[:, None] * tangents[:, 0] - steep[:, None] * tangents[:, 1]
+                by_weights = slopes(x[: self.count], torch.cat([v, -v])[:, None, None], self.sizes)[:, 0]
+                n = v.numel()
+                moved[:, 2 : 2 + self.count] -= self.force_unit * (by_weights[:n] - by_weights[n:]) / 2
+                moved[:, 2 + self.count :] -= torch.from_numpy(by * self.free_units / unit)
+                acceleration = torch.cat([acceleration, moved], dim=1)
+            return torch.stack([state[:, 1], acceleration], dim=1)
 
         path = odeint(rate, first, self.nodes, method="rk4").transpose(0, 1)  # type: ignore[union-attr]
         flat = path.reshape(-1, 2, 1 + columns)
@@ -195,9 +198,51 @@ class Shooting(ScaledRecord):
         of_law = (flat[:, None] * shapes).reshape(*velocity.shape, -1).mean(axis=1)
         return np.linalg.lstsq(of_law, power, rcond=None)[0]
 
-    def free_values(self, x: Tensor) -> dict[str, float]:
-        """Return the free restoring parameters, and the trajectory's own theta0 and omega0."""
-        values = x[self.count : self.physical].numpy() * self.free_units
-        angle, velocity = x[self.physical : self.physical + 2].tolist()
-        start = {"theta0": self.rest + self.a * angle, "omega0": self.a * self.w * velocity}
-        return {**dict(zip(self.restoring, map(float, values))), **start}
+
+@single_thread()
+@torch.no_grad()
+def train(
+    signal: Signal,
+    problem: Problem,
+    features: Features,
+    rng: np.random.Generator,
+    *,
+    rounds: int,
+    **settings: Any,
+) -> Estimate:
+    """Train a network for the damping force, and project it on the damping terms.
+
+    Parameters
+    ----------
+    signal, problem, features
+        The record, what is known of its system, and what the record shows.
+    rng
+        Random numbers of the first weights.
+    rounds
+        Largest number of training steps.
+    settings
+        As `Shooting` takes them.
+
+    Raises
+    ------
+    Refusal
+        If the training comes to trajectories that are not finite.
+    """
+    loss = Shooting(signal, problem, features, random=generator(rng), **settings)
+    training = gauss_newton(loss.residuals, loss.linearise, loss.start, rounds, loss.project, steady=1e-3)
+    if not np.all(np.isfinite(training.watched)):
+        raise Refusal("the training came to trajectories that are not finite")
+    x, coefficients = training.x, training.watched * loss.units
+    values = dict(zip(loss.coefficients, map(float, coefficients[-1])))
+    values |= dict(zip(loss.restoring, map(float, x[loss.count : loss.physical].numpy() * loss.free_units)))
+    angle, velocity = x[loss.physical : loss.physical + 2].tolist()
+    values |= free_start(problem, loss.rest + loss.a * angle, loss.a * loss.w * velocity)
+    grid = np.linspace(-loss.peak, loss.peak, GRID)
+    details = {
+        "velocity": grid.tolist(),
+        "force": loss.force(x, grid).tolist(),
+        "law": (loss.damping_shapes(grid)[0] @ coefficients[-1]).tolist(),
+    }
+    trace = {"loss": training.losses, **dict(zip(loss.coefficients, coefficients.T))}
+    count, outcome = training.evaluations, training.outcome
+    return Estimate("neural_ode", "initial", values, {}, trace, details, evaluations=count, outcome=outcome)

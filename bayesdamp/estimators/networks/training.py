@@ -97,26 +97,22 @@ def slopes(weights: Tensor, inputs: Tensor, sizes: tuple[int, ...]) -> Tensor:
     by_layer: list[Tensor] = []
     for i in reversed(range(len(network))):
         if i < len(before):
-            adjoint = _through_tanh(adjoint, before[i], after[i + 1])
+            z, h = before[i], after[i + 1]  # h = tanh(z), both as jets
+            slope = (1.0 - h * h)[:, None]
+            by_z = adjoint * slope[:, :, :1]
+            h0, s = h[:, None, 0], slope[:, :, 0]
+            bend = -2.0 * h0 * s
+            if count > 1:
+                by_z[:, :, 0] += adjoint[:, :, 1] * bend * z[:, None, 1]
+            if count > 2:
+                z1, z2 = z[:, None, 1], z[:, None, 2]
+                by_z[:, :, 0] += adjoint[:, :, 2] * (bend * z2 - 2.0 * s * (s - 2.0 * h0 * h0) * z1 * z1)
+                by_z[:, :, 1] += adjoint[:, :, 2] * (2.0 * bend * z1)
+            adjoint = by_z
         by_matrix = torch.einsum("nkjo,nji->nkoi", adjoint, after[i])
         by_layer.append(torch.cat([by_matrix.reshape(n, count, -1), adjoint[:, :, 0]], dim=2))
         adjoint = adjoint @ network[i][0]
     return torch.cat(by_layer[::-1], dim=2)
-
-
-def _through_tanh(adjoint: Tensor, z: Tensor, h: Tensor) -> Tensor:
-    """Turn derivatives by the jets h = tanh(z) into those by z, (n, outputs, j, units)."""
-    slope = (1.0 - h * h)[:, None]
-    by_z = adjoint * slope[:, :, :1]
-    if z.shape[1] > 1:
-        z1, h0, s = z[:, None, 1], h[:, None, 0], slope[:, :, 0]
-        bend = -2.0 * h0 * s
-        by_z[:, :, 0] += adjoint[:, :, 1] * bend * z1
-        if z.shape[1] > 2:
-            z2 = z[:, None, 2]
-            by_z[:, :, 0] += adjoint[:, :, 2] * (bend * z2 - 2.0 * s * (s - 2.0 * h0 * h0) * z1 * z1)
-            by_z[:, :, 1] += adjoint[:, :, 2] * (2.0 * bend * z1)
-    return by_z
 
 
 @dataclass(frozen=True)
@@ -174,21 +170,16 @@ def gauss_newton(
     losses: list[float] = []
     watched: list[np.ndarray] = []
     evaluations, damping, failed, converged = 0, FIRST, False, False
-
-    def is_calm() -> bool:
-        if len(losses) <= WINDOW:
-            return False
-        last = np.array(watched[-WINDOW - 1 :])
-        still = np.all(np.ptp(last, axis=0) <= steady * (np.abs(last[-1]) + 1e-3))
-        return bool(still) and losses[-1] > 0.1 * losses[-WINDOW - 1]
-
     for number in range(1, rounds + 1):
         r, jacobian = linearise(x)
         evaluations += 1
         loss = float(r @ r)
         losses.append(loss)
         watched.append(watch(x))
-        converged = is_calm()
+        if len(losses) > WINDOW:
+            last = np.array(watched[-WINDOW - 1 :])
+            still = bool(np.all(np.ptp(last, axis=0) <= steady * (np.abs(last[-1]) + 1e-3)))
+            converged = still and loss > 0.1 * losses[-WINDOW - 1]
         if converged or not np.isfinite(loss):
             break
         gradient, hessian = jacobian.T @ r, jacobian.T @ jacobian

@@ -35,7 +35,12 @@ class OscillationSpline:
     """
 
     def __init__(self, pieces: Sequence[np.ndarray], y: np.ndarray, period: float) -> None:
-        self.knots = [_knots(t, period) for t in pieces]
+        self.knots = []
+        for t in pieces:  # uniform knots, no more than one for two samples
+            duration = float(t[-1] - t[0])
+            spacing = max(period / KNOTS_PER_PERIOD, 2.2 * duration / (t.size - 1))
+            inner = np.linspace(t[0], t[-1], max(2, round(duration / spacing)) + 1)
+            self.knots.append(np.r_[(t[0],) * DEGREE, inner, (t[-1],) * DEGREE])
         self._designs = [
             sparse.csr_matrix(sparse.block_diag([_design(k, t, d) for k, t in zip(self.knots, pieces)]))
             for d in range(3)
@@ -101,14 +106,6 @@ class OscillationSpline:
         decade = float(best.x)  # pyright: ignore[reportAttributeAccessIssue]
         self.log_penalty = decade if score(decade) <= min(scores) else near
         score(self.log_penalty)
-
-
-def _knots(t: np.ndarray, period: float) -> np.ndarray:
-    """Return uniform knots over a piece, no more than one for two samples."""
-    duration = float(t[-1] - t[0])
-    spacing = max(period / KNOTS_PER_PERIOD, 2.2 * duration / (t.size - 1))
-    inner = np.linspace(t[0], t[-1], max(2, round(duration / spacing)) + 1)
-    return np.r_[(t[0],) * DEGREE, inner, (t[-1],) * DEGREE]
 
 
 def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
