@@ -12,8 +12,15 @@ from bayesdamp.claims.bench import TRUTH, error, initial
 from bayesdamp.claims.judge import FAR, NO_RUN, Claim, Judgement, Runs, Verdict, on_clean
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.report import words
-from bayesdamp.report.results.estimators import STAGES, EstimatorComparison, printed_error
-from bayesdamp.report.results.sweeping import ErrorSeries, ahead, interval, places
+from bayesdamp.report.results.estimators import (
+    STAGES,
+    ErrorSeries,
+    EstimatorComparison,
+    ahead,
+    interval,
+    places,
+    printed_error,
+)
 
 HYBRID = 0.1
 """Per cent: the paper's threshold."""

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from bayesdamp.report.markup import markdown_table
-from bayesdamp.report.results.estimators import EstimatorComparison, compare_estimators
+from bayesdamp.report.results.estimators import ErrorSeries, EstimatorComparison, compare_estimators, series
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.results.sweeping import ErrorSeries, series
 
 Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be judged"]
 """*Better than claimed*: so far below a printed figure that it does not confirm it."""

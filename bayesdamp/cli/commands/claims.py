@@ -21,8 +21,8 @@ def claims(
     """Measure each claim of the paper on the eleven estimators, and report whether it holds."""
     from bayesdamp.claims import CLAIMS, judged, written
     from bayesdamp.claims.judge import Runs
+    from bayesdamp.report.results.estimators import series
     from bayesdamp.report.results.run import RunFolder
-    from bayesdamp.report.results.sweeping import series
 
     for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
         if folder is not None and not (folder / "run.json").is_file():

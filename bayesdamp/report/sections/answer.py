@@ -1,8 +1,9 @@
-"""The answer on each record, at the top of the page."""
+"""The answer on each record, at the top of the page, and the overview of many records."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 from markupsafe import Markup
@@ -11,13 +12,21 @@ from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
-from bayesdamp.report.figures.curves import exponent
+from bayesdamp.report.figures.curves import exponent, overview
 from bayesdamp.report.figures.record import motions
-from bayesdamp.report.markup import fill, folded, paragraph
-from bayesdamp.report.results.answers import ANCHOR, RecordAnswer, answer_of
+from bayesdamp.report.markup import fill, folded, heading, paragraph, stack
+from bayesdamp.report.results.answers import (
+    ANCHOR,
+    RecordAnswer,
+    answer_of,
+    answers,
+    curve_of,
+    overview_table,
+    short_names,
+    specimens,
+)
 from bayesdamp.report.results.checks import Check, Checks, sampled
-from bayesdamp.report.results.reading import models_by_rank, ranking
-from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.results.run import RunFolder, models_by_rank, ranking
 from bayesdamp.report.sections import Section, by_signal
 from bayesdamp.store.contents import WeighedCandidate
 from bayesdamp.table import Table
@@ -61,12 +70,18 @@ EMBEDDED = 24
 """Number of envelopes up to which the page contains their figures; for more it links to those in `figures/`."""
 SHOWN = 0.005
 """Probability from which a damping sum is listed."""
+FEWEST = 3
+"""Number of records from which the report has an overview."""
+SORTS = (
+    "One line for each record; click on a header to sort. The damping ratio is the equivalent viscous one."
+)
 
 
 class AnswerSection(Section):
     """The verdict on each record: a sentence, three numbers, a figure, and its checks."""
 
     order = 5
+    name = "answer"
     title = "Which damping, and how large"
 
     def applies(self, run: RunFolder) -> bool:
@@ -228,4 +243,38 @@ def _motions(run: RunFolder, signal: str, v: Verdict) -> Markup | str:
     return run.drawings.add(f"motions-{signal}", caption, draw, narrow=True)
 
 
-PLUGIN = AnswerSection()
+class OverviewSection(Section):
+    """The specimens' verdicts, the damping curves, and a line for each record with a link to it."""
+
+    order = 4
+    name = "overview"
+    title = "All records"
+
+    def applies(self, run: RunFolder) -> bool:
+        """Return whether many records have an answer, or several are of one specimen."""
+        several = len(answers(run)) >= FEWEST or bool(specimens(run))
+        return several and not run.study.get("published")
+
+    def render(self, run: RunFolder) -> str:
+        """Return the verdicts of specimens, a figure of all damping curves, and a line for each record."""
+        records, verdicts = answers(run), specimens(run)
+        parts: list[object] = []
+        for v in verdicts:
+            title = heading(v.record) if len(verdicts) > 1 else ""
+            more = Markup("").join(map(paragraph, (*energy_of(v), *v.remarks)))
+            block = Markup('<div class="verdict">{}<p class="claim">{}</p>{}</div>')
+            parts.append(block.format(title, v.sentence, more))
+        curves = {a.signal: curve for a in records if (curve := curve_of(a)) is not None}
+        if curves:
+            names = short_names(list(curves))
+            unit = next(a.verdict.damping_ratio[0].unit for a in records if a.signal in curves)
+            caption = (
+                "Damping ratio of each record against amplitude, with its 95 % band. Level: viscous damping; falling "
+                "towards large amplitudes: friction; rising: drag."
+            )
+            draw = partial(overview, {names[signal]: curve for signal, curve in curves.items()}, unit)
+            parts.append(run.drawings.add("overview", caption, draw))
+        return stack(*parts, replace(overview_table(records), caption=SORTS))
+
+
+PLUGINS = (AnswerSection(), OverviewSection())

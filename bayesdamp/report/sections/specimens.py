@@ -45,6 +45,7 @@ class SpecimensSection(Section):
     """The joint fit of each specimen with several records, and the population of several specimens."""
 
     order = 13
+    name = "specimens"
     title = "Specimens with several records"
 
     def applies(self, run: RunFolder) -> bool:
@@ -227,4 +228,4 @@ def _population(run: RunFolder, cell: CellResult) -> list[object]:
     return [*parts, run.drawings.add("population", caption, draw)]
 
 
-PLUGIN = SpecimensSection()
+PLUGINS = (SpecimensSection(),)
