@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -64,13 +63,35 @@ class CalibratedSection(Section):
         """Return tests of uniform ranks, and the coverage with its bands."""
         result = run.info["result"]
         rows = _csv(run, "calibration.csv")
-        parts: list[object] = [
-            paragraph(_claim(result), "lead"),
-            *map(paragraph, EXPLAINED),
-            _records(result),
-        ]
+        names = {"posterior": "the posteriors", "classical": "the trajectory fits' own intervals"}
+        families = {name: result["families"][family] for family, name in names.items()}
+        text = fmt.listing(
+            f"{counts['wrong'] or 'none'} of {counts['tests']} checks of {name} failed"
+            for name, counts in families.items()
+            if counts["tests"]
+        )
+        alarm = f"{100 * result['alarm']:g} %"
+        claim = f"{text[:1].upper()}{text[1:]} (false-alarm rate {alarm} for each of the two tables, Holm)."
+        parts: list[object] = [paragraph(claim, "lead"), *map(paragraph, EXPLAINED), _records(result)]
         parts += [_model(run, result, rows, model) for model in result["counts"]]
-        parts.append(folded(f"The {FEWEST} smallest p values; calibration.csv contains all", _tests(rows)))
+
+        def number(name: str) -> Callable[[dict[str, str]], str]:
+            return lambda r: fmt.number(float(r[name]), 3) if r[name] else fmt.NONE
+
+        columns: dict[str, Callable[[dict[str, str]], str]] = {
+            "model": lambda r: words.model(r["model"]),
+            "method": lambda r: words.method(r["method"]),
+            "parameter": lambda r: words.symbol(r["parameter"]).text,
+            "check": lambda r: f"{r['check']} {100 * float(r['level']):g} %" if r["level"] else r["check"],
+            "records": lambda r: r["records"],
+            **{name: number(name) for name in ("value", "low", "high", "p")},
+            "p (Holm)": number("p_holm"),
+            "verdict": lambda r: r["verdict"],
+        }
+        least = sorted((r for r in rows if r["p"]), key=lambda r: float(r["p"]))[:FEWEST]
+        left = (0, 1, 2, 3, 10)
+        table = Table.of(least, columns, left, kind=lambda r: "alert" if r["verdict"] == "wrong" else "")
+        parts.append(folded(f"The {FEWEST} smallest p values; calibration.csv contains all", table))
         return stack(*parts)
 
 
@@ -80,18 +101,6 @@ def _csv(run: RunFolder, name: str) -> list[dict[str, str]]:
         return []
     with path.open(newline="", encoding="utf-8") as handle:
         return list(csv.DictReader(handle))
-
-
-def _claim(result: Mapping[str, Any]) -> str:
-    names = {"posterior": "the posteriors", "classical": "the trajectory fits' own intervals"}
-    results = []
-    for family, name in names.items():
-        counts = result["families"][family]
-        if counts["tests"]:
-            results.append(f"{counts['wrong'] or 'none'} of {counts['tests']} checks of {name} failed")
-    text = fmt.listing(results)
-    alarm = f"{100 * result['alarm']:g} %"
-    return f"{text[:1].upper()}{text[1:]} (false-alarm rate {alarm} for each of the two tables, Holm)."
 
 
 def _records(result: Mapping[str, Any]) -> Table:
@@ -150,25 +159,6 @@ def _model(run: RunFolder, result: Mapping[str, Any], rows: Sequence[dict[str, s
     return stack(heading(words.model(model)), figure, Table.of(names, columns, caption=caption))
 
 
-def _tests(rows: Sequence[dict[str, str]]) -> Table:
-    def number(name: str) -> Callable[[dict[str, str]], str]:
-        return lambda r: fmt.number(float(r[name]), 3) if r[name] else fmt.NONE
-
-    columns: dict[str, Callable[[dict[str, str]], str]] = {
-        "model": lambda r: words.model(r["model"]),
-        "method": lambda r: words.method(r["method"]),
-        "parameter": lambda r: words.symbol(r["parameter"]).text,
-        "check": lambda r: f"{r['check']} {100 * float(r['level']):g} %" if r["level"] else r["check"],
-        "records": lambda r: r["records"],
-        **{name: number(name) for name in ("value", "low", "high", "p")},
-        "p (Holm)": number("p_holm"),
-        "verdict": lambda r: r["verdict"],
-    }
-    least = sorted((r for r in rows if r["p"]), key=lambda r: float(r["p"]))[:FEWEST]
-    left = (0, 1, 2, 3, 10)
-    return Table.of(least, columns, left, kind=lambda r: "alert" if r["verdict"] == "wrong" else "")
-
-
 def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> Figure:
     """Draw the ranks of each parameter: a histogram, and the distribution function minus the uniform one.
 
@@ -187,9 +177,21 @@ def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> F
     grid = figure.subplots(2, len(names), sharex=True, sharey="row", squeeze=False)
     for (upper, lower), name in zip(grid.T, names):
         for i, own in enumerate(counts.values()):
-            look, bands = LOOKS[i % len(LOOKS)], {} if i else result["bands"]
-            _histogram(upper, own[name].reshape(result["bins"], -1).sum(axis=1), bands, *look)
-            _departure(lower, own[name].reshape(result["points"], -1).sum(axis=1), bands, *look)
+            ink, dash = LOOKS[i % len(LOOKS)]
+            bins, parts = (own[name].reshape(result[k], -1).sum(axis=1) for k in ("bins", "points"))
+            n, at = int(bins.sum()), np.linspace(0, 1, parts.size + 1)
+            band = None if i else result["bands"].get(str(n))
+            if band:
+                upper.axhspan(band["bin_low"], band["bin_high"], color=FAINT, lw=0)
+                upper.axhline(n / bins.size, color=QUIET, lw=0.6)
+                low, high = (np.r_[0.0, np.asarray(band[k], float) / n, 1.0] - at for k in ("low", "high"))
+                lower.fill_between(at, low, high, color=FAINT, lw=0)
+            upper.stairs(bins, np.linspace(0, 1, bins.size + 1), color=ink, ls=dash, lw=1.0)
+            upper.set_ylim(0, None)
+            upper.locator_params(axis="both", nbins=3)
+            lower.plot(at, np.r_[0.0, np.cumsum(parts) / max(n, 1)] - at, color=ink, ls=dash, lw=1.1)
+            lower.axhline(0, color=INK, lw=0.5)
+            lower.locator_params(axis="both", nbins=3)
         upper.set_title(words.symbol(name).math)
         lower.set_xlabel("rank / draws")
     grid[0, 0].set_ylabel("records")
@@ -198,27 +200,6 @@ def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> F
     handles = [Line2D([], [], color=c, ls=dash, label=words.method(s)) for s, (c, dash) in looks]
     figure.legend(handles=handles, loc="outside upper right", ncols=len(handles))
     return figure
-
-
-def _histogram(ax: Axes, counts: np.ndarray, bands: Mapping[str, Any], colour: str, dash: str) -> None:
-    limits = bands.get(str(int(counts.sum())))
-    if limits:
-        ax.axhspan(limits["bin_low"], limits["bin_high"], color=FAINT, lw=0)
-        ax.axhline(counts.sum() / counts.size, color=QUIET, lw=0.6)
-    ax.stairs(counts, np.linspace(0, 1, counts.size + 1), color=colour, ls=dash, lw=1.0)
-    ax.set_ylim(0, None)
-    ax.locator_params(axis="both", nbins=3)
-
-
-def _departure(ax: Axes, counts: np.ndarray, bands: Mapping[str, Any], colour: str, dash: str) -> None:
-    n, at = max(int(counts.sum()), 1), np.linspace(0, 1, counts.size + 1)
-    limits = bands.get(str(n))
-    if limits:
-        low, high = (np.r_[0.0, np.asarray(limits[k], float) / n, 1.0] - at for k in ("low", "high"))
-        ax.fill_between(at, low, high, color=FAINT, lw=0)
-    ax.plot(at, np.r_[0.0, np.cumsum(counts) / n] - at, color=colour, ls=dash, lw=1.1)
-    ax.axhline(0, color=INK, lw=0.5)
-    ax.locator_params(axis="both", nbins=3)
 
 
 class RecoveredSection(Section):
@@ -237,30 +218,35 @@ class RecoveredSection(Section):
         result = run.info["result"]
         parts: list[object] = [paragraph(sentence) for sentence in MODELS_EXPLAINED]
         for name, title in SERIES.items():
-            if name in result:
-                parts += [heading(title), *_series(result[name], result["alarm"])]
+            if name not in result:
+                continue
+            own = result[name]
+            hits = own["hits"]
+            inside = "inside" if hits["low"] <= hits["excess"] <= hits["high"] else "outside"
+            low, excess, high = (fmt.fixed(hits[k], 1) for k in ("low", "excess", "high"))
+            shares = [
+                100 * hits["hits"] / max(hits["records"], 1),
+                100 * hits["share_low"],
+                100 * hits["share_high"],
+            ]
+            claim = (
+                f"The most probable model was the true one in {hits['hits']} of {hits['records']} records "
+                f"({shares[0]:.1f} %, 95 % interval {shares[1]:.1f} to {shares[2]:.1f} %); {hits['expected']:.1f} are "
+                f"expected from the probabilities. The difference of {excess} is {inside} its "
+                f"{100 * (1 - result['alarm']):g} % band, {low} to {high}."
+            )
+            score, expected, ignorant = (
+                fmt.fixed(own[f"log_score{k}"], 3) for k in ("", "_expected", "_ignorant")
+            )
+            reasons = "; ".join(f"{n}: {sentence}" for sentence, n in own["refused"].items())
+            scores = (
+                f"Mean log score {score} nats; {expected} is expected from the probabilities, and a uniform guess "
+                f"gives {ignorant}. {own['doubtful']} of {own['evidences']} evidences were unreliable by their own "
+                f"diagnostic; they are included. {own['counted']} of {own['tried']} simulated records are included"
+                f"{f' ({reasons})' if reasons else ''}."
+            )
+            parts += [heading(title), paragraph(claim), paragraph(scores), *_tables(own)]
         return stack(*parts)
-
-
-def _series(result: Mapping[str, Any], alarm: float) -> list[object]:
-    hits = result["hits"]
-    inside = "inside" if hits["low"] <= hits["excess"] <= hits["high"] else "outside"
-    share = hits["hits"] / max(hits["records"], 1)
-    claim = (
-        f"The most probable model was the true one in {hits['hits']} of {hits['records']} records "
-        f"({100 * share:.1f} %, 95 % interval {100 * hits['share_low']:.1f} to {100 * hits['share_high']:.1f} %); "
-        f"{hits['expected']:.1f} are expected from the probabilities. The difference of {fmt.fixed(hits['excess'], 1)} "
-        f"is {inside} its {100 * (1 - alarm):g} % band, {fmt.fixed(hits['low'], 1)} to {fmt.fixed(hits['high'], 1)}."
-    )
-    own, expected, ignorant = (fmt.fixed(result[f"log_score{k}"], 3) for k in ("", "_expected", "_ignorant"))
-    reasons = "; ".join(f"{n}: {sentence}" for sentence, n in result["refused"].items())
-    score = (
-        f"Mean log score {own} nats; {expected} is expected from the probabilities, and a uniform guess gives "
-        f"{ignorant}. {result['doubtful']} of {result['evidences']} evidences were unreliable by their own diagnostic; "
-        f"they are included. {result['counted']} of {result['tried']} simulated records are included"
-        f"{f' ({reasons})' if reasons else ''}."
-    )
-    return [paragraph(claim), paragraph(score), *_tables(result)]
 
 
 def _tables(result: Mapping[str, Any]) -> list[Table]:

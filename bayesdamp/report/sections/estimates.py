@@ -49,7 +49,6 @@ TABULATED = {
     "path_threshold", "path_terms", "path_score",
 }  # fmt: skip
 """Details that other tables show, or that are intermediate steps."""
-OWN, REFINED = STAGES
 FIRST = 3
 """Order of the section in the report of a study with published figures, which was made for this comparison."""
 
@@ -327,7 +326,18 @@ class ComparisonSection(Section):
             worst = max(own, key=lambda key: own[key])
             size = f"{fmt.short(own[worst])} % ({words.method(worst[0])}, {worst[1]})"
             sentences.append(f"The largest error of the own estimates is {size}.")
-        return stack(paragraph(" ".join(sentences)), _errors(run, comparison), _times(comparison))
+        columns: dict[str, Callable[[str], str]] = {
+            "method": words.method,
+            "own estimate": lambda m: fmt.duration(comparison.seconds.get((m, "initial"))),
+            "trajectory fit": lambda m: fmt.duration(comparison.seconds.get((m, "refined"))),
+        }
+        if comparison.times:
+            columns["published"] = lambda m: comparison.times.get(m, fmt.NONE)
+        count = len(comparison.signals)
+        signals = f"{count} signals" if count > 1 else "the signal"
+        caption = f"Time for {signals} together, including compilation if it was necessary."
+        times = Table.of(comparison.methods, columns, (0,), caption)
+        return stack(paragraph(" ".join(sentences)), _errors(run, comparison), times)
 
 
 def _errors(run: RunFolder, comparison: EstimatorComparison) -> Table:
@@ -387,21 +397,6 @@ def _errors(run: RunFolder, comparison: EstimatorComparison) -> Table:
         foot,
         [f"95 % intervals of the posteriors: {'; '.join(values)}."] if values else [],
     )
-
-
-def _times(comparison: EstimatorComparison) -> Table:
-    """Return the computing time of each method."""
-    columns: dict[str, Callable[[str], str]] = {
-        "method": words.method,
-        "own estimate": lambda m: fmt.duration(comparison.seconds.get((m, OWN))),
-        "trajectory fit": lambda m: fmt.duration(comparison.seconds.get((m, REFINED))),
-    }
-    if comparison.times:
-        columns["published"] = lambda m: comparison.times.get(m, fmt.NONE)
-    count = len(comparison.signals)
-    signals = f"{count} signals" if count > 1 else "the signal"
-    caption = f"Time for {signals} together, including compilation if it was necessary."
-    return Table.of(comparison.methods, columns, (0,), caption)
 
 
 class SweepsSection(Section):

@@ -82,9 +82,24 @@ class EvidenceSection(SignalSection):
         """Return log Bayes factors by method, with probabilities and diagnostics."""
         repeats = run.repeats(signal)
         parts: list[object] = [_table(run, signal, repeats[:1])]
-        pruned = _pruned(run, signal, repeats[0])
-        if pruned.lines:
-            count = f"{len(pruned.lines)} model{'s' * (len(pruned.lines) > 1)}"
+        rows = rows_of(run.evidence, signal=signal, repeat=repeats[0])
+        why = {r["model"]: r["outcome"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
+        laplace = {r["model"]: r for r in rows if r["method"] == "laplace"}
+
+        def log_evidence(model: str) -> float:
+            value = laplace[model]["log_evidence"] if model in laplace else math.nan
+            return value if math.isfinite(value) else -math.inf
+
+        if why:
+            columns: dict[str, Callable[[str], str]] = {
+                "model": words.model,
+                "log evidence / nats": lambda model: fmt.nats(laplace.get(model, {}).get("log_evidence")),
+                "log Bayes factor": lambda model: fmt.nats(laplace.get(model, {}).get("log_bayes_factor")),
+                "why": lambda model: reason_of(why[model]),
+            }
+            caption = "Laplace's approximation, for models whose mode was found before they were pruned."
+            pruned = Table.of(sorted(why, key=log_evidence, reverse=True), columns, (0, 3), caption)
+            count = f"{len(why)} model{'s' * (len(why) > 1)}"
             parts.append(folded(f"{count} pruned by Laplace's evidence, and why", pruned))
         if len(repeats) > 1:
             parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
@@ -126,26 +141,6 @@ def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
     return Table.of(lines, columns, left, " ".join(captions), kind)
 
 
-def _pruned(run: RunFolder, signal: str, repeat: int) -> Table:
-    """Return the models that were pruned, the most probable first, with their Laplace evidence if it is known."""
-    rows = rows_of(run.evidence, signal=signal, repeat=repeat)
-    why = {r["model"]: r["outcome"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
-    laplace = {r["model"]: r for r in rows if r["method"] == "laplace"}
-
-    def log_evidence(model: str) -> float:
-        value = laplace[model]["log_evidence"] if model in laplace else math.nan
-        return value if math.isfinite(value) else -math.inf
-
-    columns: dict[str, Callable[[str], str]] = {
-        "model": words.model,
-        "log evidence / nats": lambda model: fmt.nats(laplace.get(model, {}).get("log_evidence")),
-        "log Bayes factor": lambda model: fmt.nats(laplace.get(model, {}).get("log_bayes_factor")),
-        "why": lambda model: reason_of(why[model]),
-    }
-    caption = "Laplace's approximation, for models whose mode was found before they were pruned."
-    return Table.of(sorted(why, key=log_evidence, reverse=True), columns, (0, 3), caption)
-
-
 class SensitivitySection(SignalSection):
     """Bayes factors of a signal's first repeat under other assumptions."""
 
@@ -160,10 +155,23 @@ class SensitivitySection(SignalSection):
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return Bayes factors by the priors' width, the part of the record, the noise and the prior odds."""
         models, ranked = models_by_rank(run, signal, 0), ranking(run, signal, 0)
-        parts = [view(run, signal, models) for view in (_widths, _parts_and_noises)]
-        parts.append(_halves(run, signal, models, ranked))
+        parts: list[object] = [
+            _widths(run, signal, models),
+            _parts_and_noises(run, signal, models),
+            _halves(run, signal, models, ranked),
+        ]
+        shares = over_odds(ranked) if ranked else {}
+        if ranked and shares:
+            columns: dict[str, Callable[[str], str]] = {"damping": words.model}
+            for factor, own in shares.items():
+                columns[f"factor {fmt.number(factor, 3)}"] = lambda d, own=own: fmt.probability(own[d])
+            caption = (
+                "Probability of each damping if each further term multiplies the prior probability of a sum by this "
+                f"factor; elsewhere in the report the factor is {fmt.number(FURTHER_TERM, 3)}."
+            )
+            parts.append(Table.of(ranked.dampings, columns, caption=caption))
         if ranked:
-            parts += [_odds(ranked), _ratios(run, signal, ranked)]
+            parts.append(_ratios(run, signal, ranked))
         return stack(*parts, paragraph(_ONE_NOISE, "small") if run.under_law else "")
 
 
@@ -197,19 +205,6 @@ def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | 
         "effective draws, or sampled again if these are too few. ?: the diagnostics are poor."
     )
     return Table.of(cells, columns, caption=caption)
-
-
-def _odds(ranked: EvidenceRanking) -> Table | None:
-    """Return the probability of each damping under other prior odds of further terms."""
-    shares = over_odds(ranked)
-    columns: dict[str, Callable[[str], str]] = {"damping": words.model}
-    for factor, own in shares.items():
-        columns[f"factor {fmt.number(factor, 3)}"] = lambda d, own=own: fmt.probability(own[d])
-    caption = (
-        "Probability of each damping if each further term multiplies the prior probability of a sum by this factor; "
-        f"elsewhere in the report the factor is {fmt.number(FURTHER_TERM, 3)}."
-    )
-    return Table.of(ranked.dampings, columns, caption=caption) if shares else None
 
 
 def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table | None:

@@ -15,7 +15,6 @@ from bayesdamp.report.figures.posterior import marginals, pairs, running
 from bayesdamp.report.markup import folded, stack
 from bayesdamp.report.results.run import Row, RunFolder, coefficients, mode_of, models_by_rank, rows_of, truth
 from bayesdamp.report.sections import SignalSection, by_model, is_drawn
-from bayesdamp.store import CellResult
 from bayesdamp.store.contents import Climb, ModeContent, PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK, ChainStart, Seed
@@ -48,6 +47,19 @@ class PosteriorsSection(SignalSection):
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return marginals, pairs and derived quantities of each model."""
         repeats = run.repeats(signal)
+
+        def inside(r: Row) -> str:
+            true = truth(run, signal, r["parameter"])
+            if not (math.isfinite(true) and math.isfinite(r["q2.5"])):
+                return fmt.NONE
+            return "inside" if r["q2.5"] <= true <= r["q97.5"] else "outside"
+
+        columns: dict[str, Callable[[Row], str]] = {
+            "repeat": lambda r: str(r["repeat"] + 1),
+            **COLUMNS,
+            "truth": inside,
+            "outcome": lambda r: r["outcome"],
+        }
         models: list[tuple[str, list[object]]] = []
         for place, model in enumerate(models_by_rank(run, signal, repeats[0])):
             content: list[object] = []
@@ -55,7 +67,9 @@ class PosteriorsSection(SignalSection):
                 content += _figures(run, signal, repeats[0], model)
             content += _tables(run, signal, repeats[0], model)
             if content and len(repeats) > 1:
-                content.append(folded(f"All {len(repeats)} repeats", _repeats(run, signal, model)))
+                rows, names = rows_of(run.posteriors, signal=signal, model=model), coefficients(run, model)
+                table = Table.of([r for r in rows if r["parameter"] in names], columns, (1, 2, 3, 6, 7))
+                content.append(folded(f"All {len(repeats)} repeats", table))
             models += [(model, content)] if content else []
         return by_model(models, behind=f" (repeat 1 of {len(repeats)})" if len(repeats) > 1 else "")
 
@@ -134,26 +148,6 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
     return parts
 
 
-def _repeats(run: RunFolder, signal: str, model: str) -> Table:
-    """Return the damping coefficients in all repeats."""
-
-    def inside(r: Row) -> str:
-        true = truth(run, signal, r["parameter"])
-        if not (math.isfinite(true) and math.isfinite(r["q2.5"])):
-            return fmt.NONE
-        return "inside" if r["q2.5"] <= true <= r["q97.5"] else "outside"
-
-    columns: dict[str, Callable[[Row], str]] = {
-        "repeat": lambda r: str(r["repeat"] + 1),
-        **COLUMNS,
-        "truth": inside,
-        "outcome": lambda r: r["outcome"],
-    }
-    names = coefficients(run, model)
-    rows = [r for r in rows_of(run.posteriors, signal=signal, model=model) if r["parameter"] in names]
-    return Table.of(rows, columns, (1, 2, 3, 6, 7))
-
-
 class RunningSection(SignalSection):
     """Estimate and band of each coefficient against time, if a sampler filtered the record."""
 
@@ -175,26 +169,31 @@ class RunningSection(SignalSection):
         parts: list[Markup] = []
         for place, model in enumerate(models_by_rank(run, signal, repeat)):
             for cell in run.cells("posterior", signal, repeat, model) if is_drawn(run, place) else ():
-                if "running/t" in cell.arrays:
-                    figure = _figure(run, signal, model, cell)
-                    parts.append(folded(words.model(model), figure) if parts else figure)
+                if "running/t" not in cell.arrays:
+                    continue
+                content = PosteriorContent.of(cell)
+                listed = content.posterior.running
+                names = [n for n in coefficients(run, model) if n in listed]
+                last, first = (
+                    {
+                        n: (
+                            cell.arrays[f"running/{label}/mean"][:, i],
+                            cell.arrays[f"running/{label}/sd"][:, i],
+                        )
+                        for i, n in enumerate(listed)
+                        if n in names
+                    }
+                    for label in ("restarted", "online")
+                )
+                true = {n: truth(run, signal, n) for n in names}
+                draw = partial(
+                    running, model, names, cell.arrays["running/t"], last, first, content.units, true
+                )
+                by = words.method(cell.place.method)
+                caption = f"{signal}, {words.model(model)}: running estimate of the damping by {by}."
+                figure = run.drawings.add(f"running-{signal}-{model}", caption, draw)
+                parts.append(folded(words.model(model), figure) if parts else figure)
         return stack(*parts)
-
-
-def _figure(run: RunFolder, signal: str, model: str, cell: CellResult) -> Markup:
-    content = PosteriorContent.of(cell)
-    listed = content.posterior.running
-    names = [n for n in coefficients(run, model) if n in listed]
-
-    def passed(label: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        mean, sd = (cell.arrays[f"running/{label}/{what}"] for what in ("mean", "sd"))
-        return {n: (mean[:, i], sd[:, i]) for i, n in enumerate(listed) if n in names}
-
-    first, last = passed("online"), passed("restarted")
-    true = {n: truth(run, signal, n) for n in names}
-    caption = f"{signal}, {words.model(model)}: running estimate of the damping by {words.method(cell.place.method)}."
-    draw = partial(running, model, names, cell.arrays["running/t"], last, first, content.units, true)
-    return run.drawings.add(f"running-{signal}-{model}", caption, draw)
 
 
 class SeedsSection(SignalSection):
@@ -217,6 +216,17 @@ class SeedsSection(SignalSection):
         """Return searches and chains of each candidate, the most probable open."""
         repeat = run.repeats(signal)[0]
         parts: list[Markup] = []
+
+        def kind(s: tuple[int, ChainStart]) -> str:
+            return "alert" if s[1].shift > ALIKE else ""
+
+        columns: dict[str, Callable[[tuple[int, ChainStart]], str]] = {
+            "chain": lambda s: str(s[0]),
+            "starting point": lambda s: _listing([s[1].seed]),
+            "sds from the mode": lambda s: fmt.number(s[1].seed_distance, 3),
+            "sds after moving it": lambda s: fmt.number(s[1].distance, 2),
+            "difference of its mean from that of all chains / sd": lambda s: fmt.fixed(s[1].shift, 2),
+        }
         for model in models_by_rank(run, signal, repeat):
             mode = mode_of(run, signal, repeat, model)
             if mode is None or not mode.climbs:
@@ -225,7 +235,12 @@ class SeedsSection(SignalSection):
             summary = Markup("<p><strong>{}.</strong> {}</p>").format(
                 name[:1].upper() + name[1:], " ".join(_sentences(mode))
             )
-            tables = [_searches(mode), *_chains(run, signal, repeat, model)]
+            tables = [_searches(mode)]
+            for cell in run.cells("posterior", signal, repeat, model):
+                starts = PosteriorContent.of(cell).posterior.starts
+                if starts:
+                    caption = f"Chains of {words.method(cell.place.method)}"
+                    tables.append(Table.of(enumerate(starts, 1), columns, (0, 1), caption, kind))
             parts.append(stack(summary, folded(f"Starting points and chains of {name}", *tables)))
         more = parts[SHOWN:]
         return stack(*parts[:SHOWN], folded(f"{len(more)} more models", *more) if more else "")
@@ -297,26 +312,6 @@ def _searches(mode: ModeContent) -> Table:
         "end: nats below the mode": lambda c: fmt.nats(max(mode.log_posterior - c.end, 0.0)),
     }
     return Table.of(mode.climbs, columns, (0, 4), kind=kind)
-
-
-def _chains(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table]:
-    def kind(s: tuple[int, ChainStart]) -> str:
-        return "alert" if s[1].shift > ALIKE else ""
-
-    columns: dict[str, Callable[[tuple[int, ChainStart]], str]] = {
-        "chain": lambda s: str(s[0]),
-        "starting point": lambda s: _listing([s[1].seed]),
-        "sds from the mode": lambda s: fmt.number(s[1].seed_distance, 3),
-        "sds after moving it": lambda s: fmt.number(s[1].distance, 2),
-        "difference of its mean from that of all chains / sd": lambda s: fmt.fixed(s[1].shift, 2),
-    }
-    tables = []
-    for cell in run.cells("posterior", signal, repeat, model):
-        starts = PosteriorContent.of(cell).posterior.starts
-        if starts:
-            caption = f"Chains of {words.method(cell.place.method)}"
-            tables.append(Table.of(enumerate(starts, 1), columns, (0, 1), caption, kind))
-    return tables
 
 
 PLUGINS = (PosteriorsSection(), RunningSection(), SeedsSection())

@@ -196,11 +196,24 @@ class FitQualitySection(SignalSection):
         if len(repeats) > 1:
             parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
         for place, model in enumerate(ranked):
-            windows = _windows(run, signal, repeats[0], model) if is_drawn(run, place) else None
-            if windows is not None:
-                parts.append(
-                    folded(f"Parts of the record: {words.model(model)}", windows) if place else windows
-                )
+            mode = mode_of(run, signal, repeats[0], model) if is_drawn(run, place) else None
+            windows = [w for w in mode.windows if w.values] if mode else []
+            names = [n for n in coefficients(run, model) if all(n in w.values for w in windows)]
+            if len(windows) < 2 or not names:
+                continue
+            of_part: dict[str, Callable[[PartialFit], str]] = {
+                "part": lambda w: w.label,
+                "from / s": lambda w: fmt.number(w.start, 4),
+                "to / s": lambda w: fmt.number(w.stop, 4),
+            }
+            for n in names:
+                of_part[words.symbol(n).text] = lambda w, n=n: fmt.with_error(w.values.get(n), w.sd.get(n))
+            caption = (
+                f"Damping coefficients of {words.model(model)} from parts of the record. If they differ by more than "
+                "their standard deviations, the model is not complete and the posterior is too narrow."
+            )
+            table = Table.of(windows, of_part, caption=caption)
+            parts.append(folded(f"Parts of the record: {words.model(model)}", table) if place else table)
         mode = mode_of(run, signal, repeats[0], ranked[0]) if ranked else None
         if mode is not None and mode.rivals:
             columns: dict[str, Callable[[AddedForm], str]] = {
@@ -231,26 +244,6 @@ def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
         "verdict": lambda r: r["verdict"] or fmt.NONE,
     }
     return Table.of(rows, columns, (len(columns) - 6, len(columns) - 1))
-
-
-def _windows(run: RunFolder, signal: str, repeat: int, model: str) -> Table | None:
-    """Return the damping coefficients from parts of the record; None if there are fewer than two parts."""
-    mode = mode_of(run, signal, repeat, model)
-    windows = [w for w in mode.windows if w.values] if mode else []
-    names = [n for n in coefficients(run, model) if all(n in w.values for w in windows)]
-    if len(windows) < 2 or not names:
-        return None
-    columns: dict[str, Callable[[PartialFit], str]] = {
-        "part": lambda w: w.label,
-        "from / s": lambda w: fmt.number(w.start, 4),
-        "to / s": lambda w: fmt.number(w.stop, 4),
-        **{words.symbol(n).text: lambda w, n=n: fmt.with_error(w.values.get(n), w.sd.get(n)) for n in names},
-    }
-    caption = (
-        f"Damping coefficients of {words.model(model)} from parts of the record. If they differ by more than their "
-        "standard deviations, the model is not complete and the posterior is too narrow."
-    )
-    return Table.of(windows, columns, caption=caption)
 
 
 PLUGINS = (RecordSection(), NoiseSection(), FitQualitySection())

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from markupsafe import Markup, escape
@@ -30,59 +29,41 @@ class AskedSection(Section):
 
     def render(self, run: RunFolder) -> str:
         """Return sentences and a table on the resolved study, and its text to unfold."""
+        sentences: list[str] = []
+        dampings = list(dict.fromkeys(candidate_parts(m)[0] for m in run.models))
+        if dampings:
+            count = len(dampings)
+            what = "One damping model was used" if count == 1 else f"{count} damping models were compared"
+            sentences.append(f"{what}: {fmt.listing(map(words.model, dampings))}.")
+        terms, laws = run.info.get("damping") or {}, run.info.get("restoring") or {}
+        forces = [f"{a['force']} ({words.model(term)})" for term, a in terms.items() if a.get("force")]
+        rests = [f"{formula} ({words.law(law)})" for law, formula in laws.items() if formula]
+        if forces and rests:
+            metres = " θ is the position in m." if any(run.unit(s).base == "m" for s in run.signals) else ""
+            sentences.append(
+                f"Equation of motion: θ̈ + F_damp + F_rest = 0, where F_damp consists of {fmt.listing(forces)} and "
+                f"F_rest is {fmt.listing(rests, 'or')}; θ in rad, time in s.{metres}"
+            )
+        sentences += _systems(run)
+        if not only_answered(run):
+            sentences += _methods(run)
+        elif any(a.candidates for a in answers(run)):
+            sampled = any(run.cells("sampled", signal) for signal in run.signals)
+            more = "; the most probable ones were also sampled" if sampled else ""
+            sentences.append(
+                f"The models were compared by closed-form approximations about each best fit{more}."
+            )
+        if run.info.get("seed") is not None:
+            sentences.append(f"All random numbers are determined by the seed {run.info['seed']}.")
         text = json.dumps(run.study, indent=2, ensure_ascii=False)
         details = folded("The resolved study, every setting", Markup("<pre>{}</pre>").format(escape(text)))
-        return fill("asked.html", sentences=_sentences(run, run.study), table=_signals(run), details=details)
+        return fill("asked.html", sentences=sentences, table=_signals(run), details=details)
 
 
-def _sentences(run: RunFolder, study: Mapping[str, Any]) -> list[str]:
-    sentences = []
-    dampings = list(dict.fromkeys(candidate_parts(m)[0] for m in run.models))
-    if dampings:
-        count = len(dampings)
-        what = "One damping model was used" if count == 1 else f"{count} damping models were compared"
-        sentences.append(f"{what}: {fmt.listing(map(words.model, dampings))}.")
-    sentences += [_equation(run), *_systems(run, study)]
-    if not only_answered(run):
-        posterior = study.get("posterior") or {}
-        noise = posterior.get("noise")
-        suffix = f", with {words.method(noise)} noise" if isinstance(noise, str) else ""
-        if run.under_law:
-            suffix = ", with white noise, whose size is what the deviations do not explain"
-        sentences += [
-            _used("Estimators", (study.get("estimators") or {}).get("use")),
-            _used("Posteriors", posterior.get("samplers"), suffix),
-            _used("Evidence", (study.get("evidence") or {}).get("methods")),
-        ]
-    elif any(a.candidates for a in answers(run)):
-        sampled = any(run.cells("sampled", signal) for signal in run.signals)
-        more = "; the most probable ones were also sampled" if sampled else ""
-        sentences.append(f"The models were compared by closed-form approximations about each best fit{more}.")
-    if run.info.get("seed") is not None:
-        sentences.append(f"All random numbers are determined by the seed {run.info['seed']}.")
-    return [sentence for sentence in sentences if sentence]
-
-
-def _equation(run: RunFolder) -> str:
-    """Return the equation of motion with the forces of the study; empty if they are not known."""
-    terms, laws = run.info.get("damping") or {}, run.info.get("restoring") or {}
-    forces = [
-        f"{about['force']} ({words.model(term)})" for term, about in terms.items() if about.get("force")
-    ]
-    rests = [f"{formula} ({words.law(law)})" for law, formula in laws.items() if formula]
-    if not forces or not rests:
-        return ""
-    metres = " θ is the position in m." if any(run.unit(s).base == "m" for s in run.signals) else ""
-    return (
-        f"Equation of motion: θ̈ + F_damp + F_rest = 0, where F_damp consists of {fmt.listing(forces)} and F_rest is "
-        f"{fmt.listing(rests, 'or')}; θ in rad, time in s.{metres}"
-    )
-
-
-def _systems(run: RunFolder, study: Mapping[str, Any]) -> list[str]:
+def _systems(run: RunFolder) -> list[str]:
     """Return what is known of each signal's oscillator; signals with the same knowledge share a sentence."""
     named: dict[str, list[str]] = {}
-    for signal in study.get("signals") or []:
+    for signal in run.study.get("signals") or []:
         system, name = signal.get("system") or {}, str(signal.get("name", ""))
         laws = run.about(name).get("restoring") or [system["restoring"]] if system.get("restoring") else []
         known = [f"{words.symbol(k).text} = {fmt.given(v)}" for k, v in (system.get("known") or {}).items()]
@@ -106,12 +87,26 @@ def _systems(run: RunFolder, study: Mapping[str, Any]) -> list[str]:
     return [f"{fmt.listing(names)}: {text}" for text, names in named.items()]
 
 
-def _used(what: str, names: str | Sequence[str] | None, suffix: str = "") -> str:
-    if names is None:
-        return ""
-    if not names:
-        return f"{what}: switched off."
-    return f"{what}: {names if isinstance(names, str) else fmt.listing(map(words.method, names))}{suffix}."
+def _methods(run: RunFolder) -> list[str]:
+    """Return a sentence on the estimators, the samplers and the evidence methods, as far as the study names them."""
+    posterior = run.study.get("posterior") or {}
+    noise = posterior.get("noise")
+    suffix = f", with {words.method(noise)} noise" if isinstance(noise, str) else ""
+    if run.under_law:
+        suffix = ", with white noise, whose size is what the deviations do not explain"
+    used = {
+        "Estimators": (run.study.get("estimators") or {}).get("use"),
+        "Posteriors": posterior.get("samplers"),
+        "Evidence": (run.study.get("evidence") or {}).get("methods"),
+    }
+    sentences = []
+    for what, names in used.items():
+        if names:
+            text = names if isinstance(names, str) else fmt.listing(map(words.method, names))
+            sentences.append(f"{what}: {text}{suffix * (what == 'Posteriors')}.")
+        elif names is not None:
+            sentences.append(f"{what}: switched off.")
+    return sentences
 
 
 def _signals(run: RunFolder) -> Table | str:
@@ -167,9 +162,17 @@ class ProvenanceSection(Section):
         if versions:
             table = Table(["package", "version"], versions, text)
             parts.append(folded(f"Versions of {len(versions)} packages", table))
-        parts.append(_without_result(run))
-        parts += _timing(info.get("seconds") or {})
-        parts.append(_budget(info.get("error_budget") or {}))
+        parts += [_without_result(run), *_timing(info.get("seconds") or {})]
+        budget = (info.get("error_budget") or {}).items()
+        rows = {f"{signal}/{model}": own for signal, each in budget for model, own in each.items() if own}
+        if rows:
+            columns: dict[str, Callable[[str], str]] = {"task": str}
+            for name in dict.fromkeys(key for own in rows.values() for key in own):
+                columns[name.replace("_", " ")] = lambda row, name=name: fmt.number(rows[row].get(name), 2)
+            caption = (
+                "Error budget of the solver: changes by finer integration steps, within three sds of the mode"
+            )
+            parts.append(Table.of(rows, columns, caption=caption))
         return stack(*parts)
 
 
@@ -210,16 +213,6 @@ def _timing(seconds: Mapping[str, float]) -> list[object]:
     longest = sorted(known, key=lambda name: -known[name])[:20]
     tasks = Table(["task", "time"], [[name, fmt.duration(known[name])] for name in longest])
     return [table, folded(f"The {len(longest)} longest tasks", tasks)]
-
-
-def _budget(budget: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Table | None:
-    """Return the error budget of the solver."""
-    rows = {f"{signal}/{model}": own for signal, each in budget.items() for model, own in each.items() if own}
-    columns: dict[str, Callable[[str], str]] = {"task": str}
-    for name in dict.fromkeys(key for own in rows.values() for key in own):
-        columns[name.replace("_", " ")] = lambda row, name=name: fmt.number(rows[row].get(name), 2)
-    caption = "Error budget of the solver: changes by finer integration steps, within three sds of the mode"
-    return Table.of(rows, columns, caption=caption) if rows else None
 
 
 PLUGINS = (AskedSection(), ProvenanceSection())
