@@ -16,9 +16,8 @@ from scipy.signal import find_peaks, hilbert, savgol_filter
 
 import bayesdamp as bd
 from bayesdamp.report.figures.estimators import against, sweep
-from bayesdamp.report.results.estimators import CATEGORIES, estimates_of, true_models
+from bayesdamp.report.results.estimators import CATEGORIES, estimates_of, series, true_models
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.results.sweeping import series
 from bayesdamp.report.style import FAINT, INK, QUIET, RC, colour, dash
 
 STIFFNESS, SEED = 20.0, 7

@@ -58,8 +58,13 @@ class RecordSeries:
 
     def cell(self, study: Study, first: int) -> tuple[str, str]:
         """Return name and key of the chunk that starts at a record."""
+        terms = {t: None for s in study.signals for m in study.dampings(s) for t in m.split("+")}
+        laws = dict.fromkeys(law for s in study.signals for law in s.restoring)
+        # A chunk looks these up by name, so their sources are not among its imports.
+        sources = [*map(TERMS.source, terms), *map(LAWS.source, laws), *map(NOISES.source, study.noises)]
+        sources += [*map(SAMPLERS.source, study.calibration.samplers), EVIDENCES.source("importance")]
         parts = self.module.key_parts(study)
-        key = task_key("calibration", self.kind, self.model, first, parts, _plugin_sources(study))
+        key = task_key("calibration", self.kind, self.model, first, parts, sources)
         return f"{self.name}/{first:06d}", key
 
 
@@ -180,15 +185,6 @@ def _failures(results: Mapping[str, Sequence[CellResult]]) -> list[str]:
             failed = [o for o in outcomes if status_of(o) is Status.FAILED]
             lines += [f"{chunk.name}, record {i + 1}: {outcome}" for outcome in failed]
     return lines
-
-
-def _plugin_sources(study: Study) -> list[str]:
-    """Return the source of everything that a chunk may look up by name."""
-    terms = {t: None for s in study.signals for m in study.dampings(s) for t in m.split("+")}
-    laws = dict.fromkeys(law for s in study.signals for law in s.restoring)
-    sources = [*map(TERMS.source, terms), *map(LAWS.source, laws), *map(NOISES.source, study.noises)]
-    sources += [SAMPLERS.source(name) for name in study.calibration.samplers]
-    return [*sources, EVIDENCES.source("importance")]
 
 
 def gather(

@@ -62,7 +62,11 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
     rows = []
     for model, sampler, name, ranks, below in _ranks(study, results):
         head = {"model": model, "method": sampler, "parameter": name}
-        rows.append({**head, **_rank_row(ranks, study.calibration.draws)})
+        counts = statistics.histogram(ranks, study.calibration.draws, points(study.calibration.draws))
+        apart = np.cumsum(counts) / max(ranks.size, 1) - np.arange(1, counts.size + 1) / counts.size
+        value = float(apart[np.argmax(np.abs(apart))]) if ranks.size else math.nan
+        checked = {"check": "ranks", "records": ranks.size, "without": 0, "value": value}
+        rows.append({**head, **checked, "p": statistics.uniformity_p(counts)})
         inside = np.abs(below - 0.5)
         rows += [{**head, **_coverage_row(inside <= 0.5 * level, level)} for level in LEVELS]
     classical = (row for chunks in results.values() for row in _classical_rows(chunks))
@@ -88,18 +92,6 @@ def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.n
 def points(draws: int) -> int:
     """Return into how many equal parts the ranks' distribution function is divided for its test: at most 64."""
     return max(k for k in range(1, 65) if (draws + 1) % k == 0)
-
-
-def _rank_row(ranks: np.ndarray, draws: int) -> Row:
-    counts = statistics.histogram(ranks, draws, points(draws))
-    apart = np.cumsum(counts) / max(ranks.size, 1) - np.arange(1, counts.size + 1) / counts.size
-    return {
-        "check": "ranks",
-        "records": ranks.size,
-        "without": 0,
-        "value": float(apart[np.argmax(np.abs(apart))]) if ranks.size else math.nan,
-        "p": statistics.uniformity_p(counts),
-    }
 
 
 def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
@@ -209,38 +201,44 @@ def recovery_table(results: Results) -> tuple[tuple[str, ...], Iterator[Row]]:
 
 def recovery_summary(results: Results) -> Row:
     """Return what run.json contains of a model recovery, by series."""
-    return {"alarm": ALARM, **{name: _summarise(chunks) for name, chunks in results.items()}}
-
-
-def _summarise(chunks: Sequence[CellResult]) -> Row:
-    contents = [RecoveryContent.of(c) for c in chunks]
-    models = contents[0].models
-    good = np.concatenate([c.accepted for c in contents]).astype(bool)
-    truth, p, design = (_join(chunks, name)[good] for name in ("model", "probability", "design"))
-    outcomes = Counter(o for c in contents for o in c.outcomes)
-    evidences = [o for c in contents for row, ok in zip(c.evidence_outcomes, c.accepted) if ok for o in row]
-    top = p.argmax(axis=1)
-    hit, height = top == truth, p.max(axis=1)
-    right = p[np.arange(truth.size), truth]
-    confusion = np.zeros((len(models), len(models)), int)
-    np.add.at(confusion, (truth, top), 1)
-    return {
-        "models": models,
-        "tried": sum(outcomes.values()),
-        "counted": outcomes.pop(OK, 0),
-        "refused": dict(outcomes),
-        "evidences": len(evidences),
-        "doubtful": sum(outcome != OK for outcome in evidences),
-        "confusion": confusion,
-        "hits": _hits(hit, height),
-        "bins": _adjust(_bins(hit, height)),
-        "by_model": _adjust(_by_model(models, truth, p)),
-        "log_score": float(np.mean(np.log(np.maximum(right, 1e-300)))) if right.size else math.nan,
-        "log_score_expected": float(np.mean(np.sum(p * np.log(np.maximum(p, 1e-300)), axis=1))),
-        "log_score_ignorant": -math.log(len(models)),
-        "by_design": list(_by_design(hit, height, design)),
-        "seconds": sum(c.seconds for c in chunks),
-    }
+    summary: Row = {"alarm": ALARM}
+    for name, chunks in results.items():
+        contents = [RecoveryContent.of(c) for c in chunks]
+        models = contents[0].models
+        good = np.concatenate([c.accepted for c in contents]).astype(bool)
+        truth, p, design = (_join(chunks, name)[good] for name in ("model", "probability", "design"))
+        outcomes = Counter(o for c in contents for o in c.outcomes)
+        evidences = [
+            o for c in contents for row, ok in zip(c.evidence_outcomes, c.accepted) if ok for o in row
+        ]
+        top = p.argmax(axis=1)
+        hit, height = top == truth, p.max(axis=1)
+        right = p[np.arange(truth.size), truth]
+        confusion = np.zeros((len(models), len(models)), int)
+        np.add.at(confusion, (truth, top), 1)
+        by_model = []
+        for m, model in enumerate(models):
+            count = int(np.sum(truth == m))
+            sizes = {"true": count, "expected": float(p[:, m].sum()), "p": statistics.hits_p(count, p[:, m])}
+            by_model.append({"model": model, **sizes})
+        summary[name] = {
+            "models": models,
+            "tried": sum(outcomes.values()),
+            "counted": outcomes.pop(OK, 0),
+            "refused": dict(outcomes),
+            "evidences": len(evidences),
+            "doubtful": sum(outcome != OK for outcome in evidences),
+            "confusion": confusion,
+            "hits": _hits(hit, height),
+            "bins": _adjust(_bins(hit, height)),
+            "by_model": _adjust(by_model),
+            "log_score": float(np.mean(np.log(np.maximum(right, 1e-300)))) if right.size else math.nan,
+            "log_score_expected": float(np.mean(np.sum(p * np.log(np.maximum(p, 1e-300)), axis=1))),
+            "log_score_ignorant": -math.log(len(models)),
+            "by_design": list(_by_design(hit, height, design)),
+            "seconds": sum(c.seconds for c in chunks),
+        }
+    return summary
 
 
 def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
@@ -280,13 +278,6 @@ def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
             "high": most / n,
             "p": statistics.hits_p(int(hit[inside].sum()), p[inside]),
         }
-
-
-def _by_model(models: Sequence[str], truth: np.ndarray, p: np.ndarray) -> Iterator[Row]:
-    """Compare how often each model was the true one with the sum of its probabilities."""
-    for m, name in enumerate(models):
-        hits, expected = int(np.sum(truth == m)), float(p[:, m].sum())
-        yield {"model": name, "true": hits, "expected": expected, "p": statistics.hits_p(hits, p[:, m])}
 
 
 def _by_design(hit: np.ndarray, p: np.ndarray, design: np.ndarray) -> Iterator[Row]:

@@ -9,12 +9,22 @@ import numpy as np
 
 from bayesdamp import formatting as fmt
 from bayesdamp.claims.bench import TRUTH, error, initial
-from bayesdamp.claims.judge import FAR, NO_RUN, Claim, Judgement, Runs, Verdict, on_clean
+from bayesdamp.claims.judge import FAR, NO_RUN, Claim, Judgement, Runs, Verdict, claim, on_clean
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.report import words
-from bayesdamp.report.results.estimators import STAGES, EstimatorComparison, printed_error
-from bayesdamp.report.results.sweeping import ErrorSeries, ahead, interval, places
+from bayesdamp.report.results.estimators import (
+    STAGES,
+    ErrorSeries,
+    EstimatorComparison,
+    ahead,
+    interval,
+    places,
+    printed_error,
+)
 
+CLAIMS: list[Claim] = []
+IN_NOISE: list[Claim] = []
+"""Claims on clean records, and on noisy ones."""
 HYBRID = 0.1
 """Per cent: the paper's threshold."""
 GENERATIONS = (20, 40)
@@ -51,26 +61,7 @@ QUICKER = 3.0
 """Factor by which a time below the printed range no longer confirms it, because machines differ by as much."""
 
 
-def _row(method: str, comparison: EstimatorComparison) -> Judgement:
-    """Judge a row of Table 2."""
-    if method not in comparison.methods:
-        return NO_RUN
-    signals = comparison.signals
-    printed = [printed_error(comparison.published.get((method, s), "")) for s in signals]
-    errors = {
-        stage: [comparison.errors.get((method, s, stage), math.nan) for s in signals] for stage in STAGES
-    }
-    # A printed 0 means less than its last digit. Comparisons with nan are false: such an error is not reached.
-    own, refined = (all(e <= max(p, 5e-3) for e, p in zip(errors[stage], printed)) for stage in STAGES)
-    pairs = [(p, e) for p, e in zip(printed, errors["initial"]) if p > 0]
-    verdict: Verdict = "holds" if own else "holds in part" if refined else "does not hold"
-    if pairs and all(e * FAR < p for p, e in pairs):
-        verdict = "better than claimed"
-    sizes = "; ".join(f"{s} {' / '.join(fmt.number(e, 2) for e in errors[s])}" for s in STAGES)
-    tail = " The printed figures need the refinement." if refined and not own else ""
-    return Judgement(verdict, f"Viscous / Coulomb / quadratic: {sizes} %.{tail}")
-
-
+@claim(CLAIMS, "Hybrid methods (an estimate, then the trajectory fit) reach errors below 0.1 %.", "3.1, 5.2")
 @on_clean
 def _hybrid(comparison: EstimatorComparison) -> Judgement:
     methods, signals = comparison.methods, comparison.signals
@@ -92,6 +83,33 @@ def _hybrid(comparison: EstimatorComparison) -> Judgement:
     return Judgement("holds" if worst["refined"][0] < HYBRID else "does not hold", measured)
 
 
+def _row(method: str, comparison: EstimatorComparison) -> Judgement:
+    """Judge a row of Table 2."""
+    if method not in comparison.methods:
+        return NO_RUN
+    signals = comparison.signals
+    printed = [printed_error(comparison.published.get((method, s), "")) for s in signals]
+    errors = {
+        stage: [comparison.errors.get((method, s, stage), math.nan) for s in signals] for stage in STAGES
+    }
+    # A printed 0 means less than its last digit. Comparisons with nan are false: such an error is not reached.
+    own, refined = (all(e <= max(p, 5e-3) for e, p in zip(errors[stage], printed)) for stage in STAGES)
+    pairs = [(p, e) for p, e in zip(printed, errors["initial"]) if p > 0]
+    verdict: Verdict = "holds" if own else "holds in part" if refined else "does not hold"
+    if pairs and all(e * FAR < p for p, e in pairs):
+        verdict = "better than claimed"
+    sizes = "; ".join(f"{s} {' / '.join(fmt.number(e, 2) for e in errors[s])}" for s in STAGES)
+    tail = " The printed figures need the refinement." if refined and not own else ""
+    return Judgement(verdict, f"Viscous / Coulomb / quadratic: {sizes} %.{tail}")
+
+
+CLAIMS.extend(
+    Claim(f"Table 2, {words.method(m)}: {printed} %.", "Table 2", on_clean(partial(_row, m)))
+    for m, printed in PRINTED_ERRORS.items()
+)
+
+
+@claim(CLAIMS, "All iterative methods (PINN, neural ODE, genetic) come within 0.5 %.", "Figure 10")
 @on_clean
 def _iterative(comparison: EstimatorComparison) -> Judgement:
     names = ("pinn", "neural_ode", "genetic")
@@ -105,6 +123,7 @@ def _iterative(comparison: EstimatorComparison) -> Judgement:
     return Judgement(verdict, f"Largest error of each method's own estimate: {sizes}.")
 
 
+@claim(CLAIMS, "The genetic algorithm converges in 20 to 40 generations.", "4.5")
 def _generations(runs: Runs) -> Judgement:
     generations = {}
     for damping, truth in TRUTH.items():
@@ -121,6 +140,7 @@ def _generations(runs: Runs) -> Judgement:
     )
 
 
+@claim(CLAIMS, "PINNs converge when they start from a direct estimate.", "4.5")
 def _pinn(runs: Runs) -> Judgement:
     errors = {s: error(initial("pinn", "viscous", {"start": s}), "viscous") for s in ("uninformed", "direct")}
     sizes = ", ".join(f"{e:.2g} % from the {s} start" for s, e in errors.items())
@@ -129,6 +149,7 @@ def _pinn(runs: Runs) -> Judgement:
     return Judgement("holds" if good else "does not hold", f"Viscous: {sizes}.{tail}")
 
 
+@claim(CLAIMS, "Clean data, known model: least squares is the fastest and below 0.01 %.", "5.5")
 @on_clean
 def _best_clean(comparison: EstimatorComparison) -> Judgement:
     means = {m: comparison.mean(m, "initial") for m in comparison.methods}
@@ -157,6 +178,7 @@ def _size(along: ErrorSeries, method: str, level: float) -> str:
     return f"{error:.2g} %" + (f" ({low:.2g} to {high:.2g})" if math.isfinite(low) else "")
 
 
+@claim(IN_NOISE, "Noisy data: use weak SINDy.", "5.5")
 def _weak(runs: Runs) -> Judgement:
     parts, best, worst = [], [], []
     for along in runs.along_noise:
@@ -179,6 +201,7 @@ def _weak(runs: Runs) -> Judgement:
     return Judgement(verdict, f"Own estimates, with the places that the repeats allow: {'; '.join(parts)}.")
 
 
+@claim(IN_NOISE, "In noise, the weak form is better than SINDy because it uses no derivative.", "3.9")
 def _sindy(runs: Runs) -> Judgement:
     better, parts = [], []
     for along in runs.along_noise:
@@ -198,6 +221,7 @@ def _sindy(runs: Runs) -> Judgement:
     return Judgement(verdict, f"Weak against strong form: {'; '.join(parts)}.")
 
 
+@claim(IN_NOISE, "Hybrid methods are the most accurate in noise too.", "5.2, 6")
 def _bound(runs: Runs) -> Judgement:
     parts, good = [], []
     for along in runs.along_noise:
@@ -241,25 +265,7 @@ def _time(method: str, comparison: EstimatorComparison) -> Judgement:
     return Judgement(verdict_of(own, *PRINTED[method][1:]), measured)
 
 
-CLAIMS = (
-    Claim(
-        "Hybrid methods (an estimate, then the trajectory fit) reach errors below 0.1 %.", "3.1, 5.2", _hybrid
-    ),
-    *(
-        Claim(f"Table 2, {words.method(m)}: {printed} %.", "Table 2", on_clean(partial(_row, m)))
-        for m, printed in PRINTED_ERRORS.items()
-    ),
-    Claim("All iterative methods (PINN, neural ODE, genetic) come within 0.5 %.", "Figure 10", _iterative),
-    Claim("The genetic algorithm converges in 20 to 40 generations.", "4.5", _generations),
-    Claim("PINNs converge when they start from a direct estimate.", "4.5", _pinn),
-    Claim("Clean data, known model: least squares is the fastest and below 0.01 %.", "5.5", _best_clean),
-)
-IN_NOISE = (
-    Claim("Noisy data: use weak SINDy.", "5.5", _weak),
-    Claim("In noise, the weak form is better than SINDy because it uses no derivative.", "3.9", _sindy),
-    Claim("Hybrid methods are the most accurate in noise too.", "5.2, 6", _bound),
-)
-TIMES = tuple(
+TIMES = [
     Claim(f"Table 3, {words.method(m)}: {printed}.", "Table 3", on_clean(partial(_time, m)))
     for m, (printed, _, _) in PRINTED.items()
-)
+]

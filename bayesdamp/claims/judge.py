@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from bayesdamp.report.markup import markdown_table
-from bayesdamp.report.results.estimators import EstimatorComparison, compare_estimators
+from bayesdamp.report.results.estimators import ErrorSeries, EstimatorComparison, compare_estimators, series
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.results.sweeping import ErrorSeries, series
 
 Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be judged"]
 """*Better than claimed*: so far below a printed figure that it does not confirm it."""
@@ -54,6 +53,9 @@ class Runs:
         return [s for folder in self.noise for s in series(RunFolder(folder)) if s.factor == "noise"]
 
 
+Judge = Callable[[Runs], Judgement]
+
+
 @dataclass(frozen=True)
 class Claim:
     """A claim of the paper.
@@ -70,13 +72,23 @@ class Claim:
 
     text: str
     where: str
-    judge: Callable[[Runs], Judgement]
+    judge: Judge
+
+
+def claim(claims: list[Claim], text: str, where: str) -> Callable[[Judge], Judge]:
+    """Add a claim to a list, with the decorated function as its judge. The arguments are those of `Claim`."""
+
+    def add(judge: Judge) -> Judge:
+        claims.append(Claim(text, where, judge))
+        return judge
+
+    return add
 
 
 NO_RUN = Judgement("cannot be judged", "The run that this claim needs is missing.")
 
 
-def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Callable[[Runs], Judgement]:
+def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:
     """Turn a judge of the comparison on clean records into a judge of runs; without the comparison it gives NO_RUN."""
     return lambda runs: judge(runs.compared) if runs.compared else NO_RUN
 

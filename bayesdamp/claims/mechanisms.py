@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from bayesdamp.claims.bench import PENDULUM, TRUTH, initial_error, period_drift
-from bayesdamp.claims.judge import FAR, Claim, Judgement, Runs
+from bayesdamp.claims.judge import FAR, Claim, Judgement, Runs, claim
 from bayesdamp.physics.oscillator import Oscillator
 
+CLAIMS: list[Claim] = []
 AS_PRINTED = {"variant": "as_printed"}
 
 
@@ -15,6 +16,9 @@ def _listing(errors: dict[str, float], digits: int = 2) -> str:
     return ", ".join(f"{damping} {error:.{digits}g} %" for damping, error in errors.items())
 
 
+@claim(
+    CLAIMS, "Topological methods fail where the restoring force is nonlinear (77.6, 31.0, 20.0 %).", "3.2, 6"
+)
 def _topological_fails(runs: Runs) -> Judgement:
     published = {d: initial_error("topological", d) for d in TRUTH}
     printed = {d: initial_error("topological", d, AS_PRINTED) for d in TRUTH}
@@ -25,6 +29,7 @@ def _topological_fails(runs: Runs) -> Judgement:
     return Judgement("holds" if min(published.values()) > 10 else "does not hold", measured)
 
 
+@claim(CLAIMS, "The cause of the failure is the nonlinear restoring force.", "3.2.5, 5.1")
 def _nonlinearity_is_the_cause(runs: Runs) -> Judgement:
     frequency = Oscillator(("viscous",), "horizontal_pendulum").natural_frequency(PENDULUM, 0.0)
     unit = 100 * (1 - 1 / frequency)
@@ -38,6 +43,7 @@ def _nonlinearity_is_the_cause(runs: Runs) -> Judgement:
     return Judgement("holds" if spring < 0.1 * pendulum else "does not hold", measured)
 
 
+@claim(CLAIMS, "The frequency changes by about 0.6 % as the amplitude decays.", "3.2.5, eq. 14, 26")
 def _frequency_drifts(runs: Runs) -> Judgement:
     drift = {d: period_drift(d) for d in TRUTH}
     measured = (
@@ -47,6 +53,7 @@ def _frequency_drifts(runs: Runs) -> Judgement:
     return Judgement("holds" if max(drift.values()) > 0.3 else "does not hold", measured)
 
 
+@claim(CLAIMS, "The topological method works well for linear systems.", "3.2.6")
 def _topological_works_on_springs(runs: Runs) -> Judgement:
     errors = {d: initial_error("topological", d, restoring="linear") for d in TRUTH}
     printed = initial_error("topological", "viscous", AS_PRINTED, restoring="linear")
@@ -60,6 +67,7 @@ def _topological_works_on_springs(runs: Runs) -> Judgement:
     )
 
 
+@claim(CLAIMS, "SINDy: tanh in place of sign reduces the Coulomb error from 11 to 2.2 %.", "3.4, 5.3")
 def _tanh_helps_sindy(runs: Runs) -> Judgement:
     tanh, sign = (initial_error("sindy", "coulomb", {"switch": s}) for s in ("tanh", "sign"))
     measured = (
@@ -72,6 +80,7 @@ def _tanh_helps_sindy(runs: Runs) -> Judgement:
     return Judgement("holds" if close else "holds in part" if better else "does not hold", measured)
 
 
+@claim(CLAIMS, "Regression needs the smoothed tanh for Coulomb friction.", "5.3, 6")
 def _regression_needs_tanh(runs: Runs) -> Judgement:
     tanh, tanh_as_sign, sign, sign_as_tanh = (
         initial_error("least_squares", "coulomb", simulated=simulated, assumed=assumed)
@@ -85,6 +94,7 @@ def _regression_needs_tanh(runs: Runs) -> Judgement:
     return Judgement("holds" if sign_as_tanh < sign and tanh < tanh_as_sign else "does not hold", measured)
 
 
+@claim(CLAIMS, "Least squares on the smoothed term reaches 0.006 %.", "5.3")
 def _regression_is_accurate(runs: Runs) -> Judgement:
     error = initial_error("least_squares", "coulomb")
     verdict = (
@@ -93,33 +103,8 @@ def _regression_is_accurate(runs: Runs) -> Judgement:
     return Judgement(verdict, f"From the angle alone: {error:.2g} %.")
 
 
+@claim(CLAIMS, "Envelope matching is robust to the discontinuity.", "5.3")
 def _envelope_is_robust(runs: Runs) -> Judgement:
     smooth, exact = (initial_error("envelope", "coulomb", simulated=e, assumed=e) for e in (0.1, 0.0))
     measured = f"Initial error {smooth:.2g} % with ε = 0.1 and {exact:.2g} % with exact friction."
     return Judgement("holds" if max(smooth, exact) < 1 else "does not hold", measured)
-
-
-CLAIMS = (
-    Claim(
-        "Topological methods fail where the restoring force is nonlinear (77.6, 31.0, 20.0 %).",
-        "3.2, 6",
-        _topological_fails,
-    ),
-    Claim(
-        "The cause of the failure is the nonlinear restoring force.", "3.2.5, 5.1", _nonlinearity_is_the_cause
-    ),
-    Claim(
-        "The frequency changes by about 0.6 % as the amplitude decays.",
-        "3.2.5, eq. 14, 26",
-        _frequency_drifts,
-    ),
-    Claim("The topological method works well for linear systems.", "3.2.6", _topological_works_on_springs),
-    Claim(
-        "SINDy: tanh in place of sign reduces the Coulomb error from 11 to 2.2 %.",
-        "3.4, 5.3",
-        _tanh_helps_sindy,
-    ),
-    Claim("Regression needs the smoothed tanh for Coulomb friction.", "5.3, 6", _regression_needs_tanh),
-    Claim("Least squares on the smoothed term reaches 0.006 %.", "5.3", _regression_is_accurate),
-    Claim("Envelope matching is robust to the discontinuity.", "5.3", _envelope_is_robust),
-)

@@ -121,21 +121,18 @@ def _encode(figure: Figure) -> tuple[bytes, bytes, bytes]:
     few = pixels.quantize(COLOURS, method=method, dither=dither)
     few.save(png, "PNG")
     few.convert("RGB").save(webp, "WEBP", lossless=True, quality=50, method=3)
-    return _tidy(svg.getvalue().decode()).encode(), png.getvalue(), webp.getvalue()
-
-
-def _tidy(svg: str) -> str:
-    """Make an SVG reproducible and shorter.
-
-    Matplotlib names marks after memory addresses, which are replaced by numbers. Paths are rounded to a hundredth of
-    a point.
-    """
-    marks = dict.fromkeys(re.findall(r'id="([a-z][0-9a-f]{10})"', svg))
-    names = {mark: f"mark{i}" for i, mark in enumerate(marks)}
-    svg = re.sub(r"\b[a-z][0-9a-f]{10}\b", lambda match: names.get(match[0], match[0]), svg)
+    # Matplotlib names marks after memory addresses; numbers make the file reproducible.
+    text = svg.getvalue().decode()
+    names = {
+        mark: f"mark{i}"
+        for i, mark in enumerate(dict.fromkeys(re.findall(r'id="([a-z][0-9a-f]{10})"', text)))
+    }
+    text = re.sub(r"\b[a-z][0-9a-f]{10}\b", lambda match: names.get(match[0], match[0]), text)
+    # Coordinates to a hundredth of a point make it shorter.
     number = re.compile(r"-?\d+\.\d{3,}")
-    return re.sub(
+    text = re.sub(
         r' d="[^"]*"',
         lambda path: number.sub(lambda x: f"{float(x[0]):.2f}".rstrip("0").rstrip("."), path[0]),
-        svg,
+        text,
     )
+    return text.encode(), png.getvalue(), webp.getvalue()

@@ -13,8 +13,7 @@ from bayesdamp.physics.damping import PAPER_TERMS, TERMS, others
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline import run_study
 from bayesdamp.plugins import read_modules, use
-from bayesdamp.report.results.reading import coefficients
-from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.results.run import RunFolder, coefficients
 from bayesdamp.store import Store, read_table
 from bayesdamp.types import InputError
 from tests.interface.problems import not_refused

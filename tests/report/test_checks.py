@@ -12,9 +12,8 @@ import pytest
 
 from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.report.results.checks import Checks, sampled
-from bayesdamp.report.results.reading import over_odds, ranking
-from bayesdamp.report.results.reading import truth as truth_of
-from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.results.run import RunFolder, over_odds, ranking
+from bayesdamp.report.results.run import truth as truth_of
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.units import UNITS

@@ -11,10 +11,10 @@ import pytest
 from bayesdamp.report import render
 from bayesdamp.report.results.estimators import (
     compare_estimators,
+    series,
     true_models,
 )
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.results.sweeping import series
 from bayesdamp.store import TABLES, write_json, write_table
 from bayesdamp.store.folders import claim
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bayesdamp.report.results.sweeping import ErrorSeries, ahead, interval, places
+from bayesdamp.report.results.estimators import ErrorSeries, ahead, interval, places
 
 RNG = np.random.default_rng(5)
 

@@ -11,8 +11,7 @@ import pytest
 from rich.console import Console
 
 from bayesdamp.report import render
-from bayesdamp.report.results.reading import models_kept
-from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.results.run import RunFolder, models_kept
 from bayesdamp.report.sections import SECTIONS, Section
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import write_json

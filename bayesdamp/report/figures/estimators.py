@@ -13,8 +13,7 @@ from matplotlib.ticker import NullFormatter
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.results.estimators import STAGES, CoefficientEstimates
-from bayesdamp.report.results.sweeping import FACTORS, ErrorSeries
+from bayesdamp.report.results.estimators import FACTORS, STAGES, CoefficientEstimates, ErrorSeries
 from bayesdamp.report.style import FAINT, INK, NARROW, QUIET, WIDTH, colour
 
 ABREAST = 4

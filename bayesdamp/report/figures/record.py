@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -232,7 +233,10 @@ def motions(
     if damped:
         whole.set_title("The record, and the amplitude of each oscillation in it")
     else:
-        middles, sizes = _by_period(t, y, 1 / modes[0].frequency)
+        edges = np.searchsorted(t, np.arange(t[0], t[-1], 1 / modes[0].frequency)).tolist()
+        periods = [(a, b) for a, b in pairwise(edges) if b - a > 1]
+        middles = [0.5 * (t[a] + t[b - 1]) for a, b in periods]
+        sizes = np.array([0.5 * np.ptp(y[a:b]) for a, b in periods])
         each.plot(middles, sizes / (2 * np.pi * modes[0].frequency) ** ORDERS[quantity], color=INKS[0])
         whole.set_title("The record")
         each.set_title("Its amplitude in each period")
@@ -260,13 +264,3 @@ def motions(
     for ax in (whole, each):
         ax.set_xlabel("time / s")
     return figure
-
-
-def _by_period(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the middles of whole periods in s, and half the range of y in each, (k,)."""
-    edges = np.searchsorted(t, np.arange(t[0], t[-1], period))
-    parts = [(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True) if b - a > 1]
-    return (
-        np.array([0.5 * (t[a] + t[b - 1]) for a, b in parts]),
-        np.array([0.5 * np.ptp(y[a:b]) for a, b in parts]),
-    )

@@ -14,16 +14,18 @@ from bayesdamp.outcomes import P_LIMIT, Fitting, Status, fitting_of, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.answers import answer_of
 from bayesdamp.report.results.estimators import true_models
-from bayesdamp.report.results.reading import (
+from bayesdamp.report.results.run import (
     EvidenceRanking,
+    Row,
+    RunFolder,
     coefficients,
     damping_of,
     models_by_rank,
     over_widths,
     ranking,
+    rows_of,
     truth,
 )
-from bayesdamp.report.results.run import Row, RunFolder, rows_of
 from bayesdamp.store.contents import AnswerContent, PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK, candidate_parts

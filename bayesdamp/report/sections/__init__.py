@@ -1,9 +1,11 @@
-"""The sections of a report, each in its own file, and how they arrange several signals and models."""
+"""The sections of a report, and how they arrange several signals and models."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import cached_property
+from importlib import import_module
 
 from markupsafe import Markup
 
@@ -14,7 +16,17 @@ from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.run import RunFolder
 
 __all__ = ["SECTIONS", "Section", "SignalSection", "by_model", "by_signal", "is_drawn"]
-
+SHIPPED = {
+    "answer": ("answer", "overview"),
+    "calibration": ("calibrated", "recovered"),
+    "estimates": ("estimates", "comparison", "sweeps"),
+    "evidence": ("evidence", "sensitivity", "priors"),
+    "posteriors": ("posteriors", "running", "seeds"),
+    "record": ("record", "noise", "fit_quality"),
+    "specimens": ("specimens",),
+    "study": ("asked", "provenance"),
+}
+"""The sections of the package, by the file that contains them."""
 _OPEN = 4
 """Number of signals that are shown without unfolding them."""
 _MOST = 4
@@ -27,14 +39,8 @@ class Section(ABC):
     order: int
     """Sections are shown in the order of this number."""
     name: str
-    """Anchor in the report; the file's name for a section of the package."""
+    """Anchor in the report."""
     title: str
-
-    def __init_subclass__(cls) -> None:
-        """Name a section of the package after its file."""
-        package, _, file = cls.__module__.rpartition(".")
-        if package == __package__:
-            cls.name = file
 
     def applies(self, run: RunFolder) -> bool:
         """Return whether the report of this run has the section; by default every report has it."""
@@ -78,7 +84,22 @@ class SignalSection(Section):
         return stack(self.lead and paragraph(self.lead), by_signal(run, self.part, signals))
 
 
-SECTIONS: Registry[Section] = Registry("bayesdamp.report.sections", "section")
+class SectionRegistry(Registry[Section]):
+    """The sections by name: those of the package, which are in the `PLUGINS` of its files, and those of a user."""
+
+    @cached_property
+    def _modules(self) -> dict[str, str]:
+        """Map the names of the package's sections to their modules."""
+        return {name: f"{self.package}.{file}" for file, names in SHIPPED.items() for name in names}
+
+    def get(self, name: str) -> Section:
+        """Return the section with a name. Raises InputError with the nearest valid name."""
+        if not self.ships(name):
+            return super().get(name)
+        return next(s for s in import_module(self._modules[name]).PLUGINS if s.name == name)
+
+
+SECTIONS = SectionRegistry("bayesdamp.report.sections", "section")
 
 
 def is_drawn(run: RunFolder, place: int) -> bool:

@@ -1,8 +1,9 @@
-"""The answer on each record, at the top of the page."""
+"""The answer on each record, at the top of the page, and the overview of many records."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 from markupsafe import Markup
@@ -11,13 +12,21 @@ from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
-from bayesdamp.report.figures.curves import exponent
+from bayesdamp.report.figures.curves import exponent, overview
 from bayesdamp.report.figures.record import motions
-from bayesdamp.report.markup import fill, folded, paragraph
-from bayesdamp.report.results.answers import ANCHOR, RecordAnswer, answer_of
+from bayesdamp.report.markup import fill, folded, heading, paragraph, stack
+from bayesdamp.report.results.answers import (
+    ANCHOR,
+    RecordAnswer,
+    answer_of,
+    answers,
+    curve_of,
+    overview_table,
+    short_names,
+    specimens,
+)
 from bayesdamp.report.results.checks import Check, Checks, sampled
-from bayesdamp.report.results.reading import models_by_rank, ranking
-from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.results.run import RunFolder, models_by_rank, ranking
 from bayesdamp.report.sections import Section, by_signal
 from bayesdamp.store.contents import WeighedCandidate
 from bayesdamp.table import Table
@@ -61,12 +70,18 @@ EMBEDDED = 24
 """Number of envelopes up to which the page contains their figures; for more it links to those in `figures/`."""
 SHOWN = 0.005
 """Probability from which a damping sum is listed."""
+FEWEST = 3
+"""Number of records from which the report has an overview."""
+SORTS = (
+    "One line for each record; click on a header to sort. The damping ratio is the equivalent viscous one."
+)
 
 
 class AnswerSection(Section):
     """The verdict on each record: a sentence, three numbers, a figure, and its checks."""
 
     order = 5
+    name = "answer"
     title = "Which damping, and how large"
 
     def applies(self, run: RunFolder) -> bool:
@@ -77,38 +92,45 @@ class AnswerSection(Section):
         """Return a block for each record."""
         if not run.signals:
             return paragraph("This folder does not contain a signal yet: run the study.")
-        return by_signal(run, _block, run.signals, ANCHOR)
+        return by_signal(run, self.part, run.signals, ANCHOR)
 
-
-def _block(run: RunFolder, signal: str) -> Markup:
-    """Return the verdict on a record, with its numbers, figures, tables and checks."""
-    answer, own = answer_of(run, signal), Checks(run, signal)
-    warnings = run.provenance(signal).warnings
-    checks = [Check(f"Warning from reading the record: {text}", fails=True) for text in warnings]
-    checks += sorted([*sampled(run, signal), *own.all()], key=lambda c: not c.fails)
-    claim, numbers, energy, remarks, parts = "", [], (), (), []
-    if answer is None:
-        claim = _why_none(run, signal)
-    else:
-        v = answer.verdict
-        claim, remarks = v.sentence, v.remarks
-        if v.quantity == "envelope":
-            numbers, parts = _numbers(v), _envelope(run, answer)
-            remarks = (*([f"The decay {v.window.why}."] if v.window else []), *remarks)
-        elif v.grade is Grade.NO_FREE_DECAY:
-            parts = [_motions(run, signal, v), modes_table(v.modes, v.motion)]
+    def part(self, run: RunFolder, signal: str) -> Markup:
+        """Return the verdict on a record, with its numbers, figures, tables and checks."""
+        answer, own = answer_of(run, signal), Checks(run, signal)
+        warnings = run.provenance(signal).warnings
+        checks = [Check(f"Warning from reading the record: {text}", fails=True) for text in warnings]
+        checks += sorted([*sampled(run, signal), *own.all()], key=lambda c: not c.fails)
+        numbers, energy, remarks, parts = [], (), (), list[object]()
+        if answer is None:
+            claim = _why_none(run, signal)
         else:
-            numbers, energy, parts = _numbers(v), energy_of(v), _views(run, answer)
-    return fill(
-        "answer.html",
-        claim=claim,
-        numbers=[*numbers, *(answer.verdict.facts.items() if answer else ())],
-        energy=energy,
-        remarks=remarks,
-        checks=checks,
-        table=own.table() or "",
-        parts=parts,
-    )
+            v = answer.verdict
+            claim, remarks = v.sentence, v.remarks
+            if v.quantity == "envelope":
+                numbers, parts = _numbers(v), _envelope(run, answer)
+                remarks = (*([f"The decay {v.window.why}."] if v.window else []), *remarks)
+            elif v.grade is Grade.NO_FREE_DECAY:
+                cell = run.cell("signal", signal, run.repeats(signal)[0])
+                if cell is not None and "t" in cell.arrays and v.modes:
+                    quantity, unit = run.quantity(signal), run.unit(signal).displacement
+                    t, y = cell.arrays["t"], cell.arrays["y"] * unit.scale
+                    axis = f"{unit.called(quantity)} / {unit.of(quantity)}"
+                    draw = partial(motions, t, y, v.modes, quantity, axis)
+                    caption = EXCITED if v.motion is MotionKind.EXCITED else MOTIONS
+                    parts.append(run.drawings.add(f"motions-{signal}", caption, draw, narrow=True))
+                parts.append(modes_table(v.modes, v.motion))
+            else:
+                numbers, energy, parts = _numbers(v), energy_of(v), _views(run, answer)
+        return fill(
+            "answer.html",
+            claim=claim,
+            numbers=[*numbers, *(answer.verdict.facts.items() if answer else ())],
+            energy=energy,
+            remarks=remarks,
+            checks=checks,
+            table=own.table() or "",
+            parts=parts,
+        )
 
 
 def _why_none(run: RunFolder, signal: str) -> str:
@@ -180,23 +202,19 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
         }
         caption = f"Coefficients of {words.model(v.damping)} damping; restoring law: {words.law(v.restoring)}"
         parts.append(Table.of(v.coefficients, columns, (0, 4), caption))
-    return [*parts, folded("All damping models that were compared", _candidates(answer, recorded, own.scale))]
-
-
-def _candidates(answer: RecordAnswer, unit: str, scale: float) -> Table:
-    """Return the damping sums under each restoring law. `scale` converts residuals to `unit`."""
     rows = [r for r in answer.candidates if r.outcome == OK]
     log = {id(r): r.exact if r.log_evidence is None else r.log_evidence for r in rows}
     top, top_exact = max(log.values(), default=0.0), max((r.exact for r in rows), default=0.0)
-    columns: dict[str, Callable[[WeighedCandidate], str]] = {
+    compared: dict[str, Callable[[WeighedCandidate], str]] = {
         "damping": lambda r: words.model(r.damping),
         "restoring law": lambda r: words.law(r.restoring),
         "log Bayes factor": lambda r: fmt.fixed(log[id(r)] - top, 1),
         "log Bayes factor under exact laws": lambda r: fmt.fixed(r.exact - top_exact, 1),
-        f"rms residual, {unit}": lambda r: "" if r.rms is None else fmt.number(scale * r.rms, 3),
+        f"rms residual, {recorded}": lambda r: "" if r.rms is None else fmt.number(own.scale * r.rms, 3),
     }
-    ranked = sorted(rows, key=lambda r: -log[id(r)])
-    return Table.of(ranked, columns, (0, 1), "Log Bayes factors relative to the best model, in nats")
+    caption = "Log Bayes factors relative to the best model, in nats"
+    table = Table.of(sorted(rows, key=lambda r: -log[id(r)]), compared, (0, 1), caption)
+    return [*parts, folded("All damping models that were compared", table)]
 
 
 def _envelope(run: RunFolder, answer: RecordAnswer) -> list[object]:
@@ -215,17 +233,38 @@ def _envelope(run: RunFolder, answer: RecordAnswer) -> list[object]:
     return parts
 
 
-def _motions(run: RunFolder, signal: str, v: Verdict) -> Markup | str:
-    """Return the figure of a record that is not a free decay; empty without the record or an oscillation."""
-    cell = run.cell("signal", signal, run.repeats(signal)[0])
-    if cell is None or "t" not in cell.arrays or not v.modes:
-        return ""
-    quantity, unit = run.quantity(signal), run.unit(signal).displacement
-    t, y = cell.arrays["t"], cell.arrays["y"] * unit.scale
-    axis = f"{unit.called(quantity)} / {unit.of(quantity)}"
-    draw = partial(motions, t, y, v.modes, quantity, axis)
-    caption = EXCITED if v.motion is MotionKind.EXCITED else MOTIONS
-    return run.drawings.add(f"motions-{signal}", caption, draw, narrow=True)
+class OverviewSection(Section):
+    """The specimens' verdicts, the damping curves, and a line for each record with a link to it."""
+
+    order = 4
+    name = "overview"
+    title = "All records"
+
+    def applies(self, run: RunFolder) -> bool:
+        """Return whether many records have an answer, or several are of one specimen."""
+        several = len(answers(run)) >= FEWEST or bool(specimens(run))
+        return several and not run.study.get("published")
+
+    def render(self, run: RunFolder) -> str:
+        """Return the verdicts of specimens, a figure of all damping curves, and a line for each record."""
+        records, verdicts = answers(run), specimens(run)
+        parts: list[object] = []
+        for v in verdicts:
+            title = heading(v.record) if len(verdicts) > 1 else ""
+            more = Markup("").join(map(paragraph, (*energy_of(v), *v.remarks)))
+            block = Markup('<div class="verdict">{}<p class="claim">{}</p>{}</div>')
+            parts.append(block.format(title, v.sentence, more))
+        curves = {a.signal: curve for a in records if (curve := curve_of(a)) is not None}
+        if curves:
+            names = short_names(list(curves))
+            unit = next(a.verdict.damping_ratio[0].unit for a in records if a.signal in curves)
+            caption = (
+                "Damping ratio of each record against amplitude, with its 95 % band. Level: viscous damping; falling "
+                "towards large amplitudes: friction; rising: drag."
+            )
+            draw = partial(overview, {names[signal]: curve for signal, curve in curves.items()}, unit)
+            parts.append(run.drawings.add("overview", caption, draw))
+        return stack(*parts, replace(overview_table(records), caption=SORTS))
 
 
-PLUGIN = AnswerSection()
+PLUGINS = (AnswerSection(), OverviewSection())

@@ -1,4 +1,4 @@
-"""The result of each estimator, by itself and after the trajectory fit."""
+"""The result of each estimator, the comparison of all, and their errors along one factor."""
 
 from __future__ import annotations
 
@@ -12,12 +12,33 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.estimators import against, eigenvalues, force, traces
-from bayesdamp.report.markup import folded, paragraph, stack
-from bayesdamp.report.results.estimators import CoefficientEstimates, estimates_of, true_models
-from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
-from bayesdamp.report.results.run import Row, RunFolder, rows_of
-from bayesdamp.report.sections import SignalSection, by_model, is_drawn
+from bayesdamp.report.figures.estimators import against, eigenvalues, force, sweep, traces
+from bayesdamp.report.markup import folded, heading, paragraph, stack
+from bayesdamp.report.results.estimators import (
+    FACTORS,
+    STAGES,
+    CoefficientEstimates,
+    ErrorSeries,
+    EstimatorComparison,
+    category_of,
+    compare_estimators,
+    estimates_of,
+    interval,
+    posterior_of,
+    series,
+    sort_by_category,
+    true_models,
+)
+from bayesdamp.report.results.run import (
+    Row,
+    RunFolder,
+    coefficients,
+    damping_parameters,
+    models_by_rank,
+    rows_of,
+    truth,
+)
+from bayesdamp.report.sections import Section, SignalSection, by_model, is_drawn
 from bayesdamp.store.contents import EstimateContent
 from bayesdamp.table import Table, TableLine
 from bayesdamp.types import OK
@@ -28,12 +49,15 @@ TABULATED = {
     "path_threshold", "path_terms", "path_score",
 }  # fmt: skip
 """Details that other tables show, or that are intermediate steps."""
+FIRST = 3
+"""Order of the section in the report of a study with published figures, which was made for this comparison."""
 
 
 class EstimatesSection(SignalSection):
     """Tables and figures of estimates.csv, the best model open, the others folded."""
 
     order = 40
+    name = "estimates"
     title = "The estimators"
     lead = Markup(
         "Each estimator first works by itself: its <em>own estimate</em> uses the record alone. A <em>trajectory "
@@ -266,4 +290,164 @@ def _plain(value: object) -> str:
     return fmt.number(value, 4) if isinstance(value, float) else str(value)
 
 
-PLUGIN = EstimatesSection()
+class ComparisonSection(Section):
+    """Errors and times of all methods under the model with which each record was simulated."""
+
+    order = 35
+    name = "comparison"
+    title = "Comparison of the estimators"
+
+    def place(self, run: RunFolder) -> int:
+        """Return the first place if the study contains published figures."""
+        return FIRST if run.study.get("published") else self.order
+
+    def applies(self, run: RunFolder) -> bool:
+        """Return whether several methods have an error, or the study contains published figures."""
+        comparison = compare_estimators(run)
+        several = len(comparison.methods) > 1 and len(comparison.signals) > 1 and bool(comparison.errors)
+        return several or bool(run.study.get("published"))
+
+    def render(self, run: RunFolder) -> str:
+        """Return tables of errors and times."""
+        comparison = compare_estimators(run)
+        if not comparison.errors:
+            return paragraph("No estimator has an error to compare in this study.")
+        own, refined = (
+            {key: e for key, e in comparison.errors.items() if key[2] == stage} for stage in STAGES
+        )
+        sentences = []
+        if refined:
+            sentences.append(
+                f"After the trajectory fit every method is within {fmt.short(max(refined.values()))} % of the truth, "
+                "because this fit has one optimum, which does not depend on the starting point. The methods differ in "
+                "their own estimates."
+            )
+        if own:
+            worst = max(own, key=lambda key: own[key])
+            size = f"{fmt.short(own[worst])} % ({words.method(worst[0])}, {worst[1]})"
+            sentences.append(f"The largest error of the own estimates is {size}.")
+        columns: dict[str, Callable[[str], str]] = {
+            "method": words.method,
+            "own estimate": lambda m: fmt.duration(comparison.seconds.get((m, "initial"))),
+            "trajectory fit": lambda m: fmt.duration(comparison.seconds.get((m, "refined"))),
+        }
+        if comparison.times:
+            columns["published"] = lambda m: comparison.times.get(m, fmt.NONE)
+        count = len(comparison.signals)
+        signals = f"{count} signals" if count > 1 else "the signal"
+        caption = f"Time for {signals} together, including compilation if it was necessary."
+        times = Table.of(comparison.methods, columns, (0,), caption)
+        return stack(paragraph(" ".join(sentences)), _errors(run, comparison), times)
+
+
+def _errors(run: RunFolder, comparison: EstimatorComparison) -> Table:
+    """Return errors in per cent by method and signal, with the published ones and the posteriors' intervals."""
+    published = bool(comparison.published)
+    headers = ["own", "fit", *["published"] * published]
+    groups = [(name, len(headers)) for name in (*comparison.signals, "mean")]
+    lines = []
+    for method in comparison.methods:
+        cells = [words.method(method), category_of(method)]
+        for signal in comparison.signals:
+            for stage in STAGES:
+                error = comparison.errors.get((method, signal, stage), math.nan)
+                outcome = comparison.outcomes.get((method, signal, stage), OK)
+                cells.append(fmt.short(error) + "*" * (outcome != OK and math.isfinite(error)))
+            if published:
+                cells.append(comparison.published.get((method, signal), fmt.NONE))
+        cells += [fmt.short(comparison.mean(method, stage)) for stage in STAGES]
+        cells += [fmt.short(comparison.mean_published(method))] * published
+        lines.append(TableLine(cells))
+    caption = "Errors in per cent of the truth: the method's own estimate, then the trajectory fit that starts there"
+    caption += ", then the published error." if published else "."
+    posteriors: list[Row] = []
+    differences: list[tuple[str, int]] = []
+    for signal in comparison.signals if published else ():
+        model = true_models(run)[signal]
+        parameter = damping_parameters(run).get(model)
+        row = posterior_of(run, signal, model, parameter) if parameter else None
+        true = truth(run, signal, row["parameter"]) if row else math.nan
+        limits = fmt.NONE
+        if row and math.isfinite(true) and true:
+            percent = (f"{100 * (row[q] / true - 1):+.2f}" for q in ("q2.5", "q97.5"))
+            limits = " to ".join(percent).replace("-", "−")
+        posteriors += [row] if row else []
+        differences.append((limits, len(headers)))
+    foot: list[tuple[str, int]] = []
+    if posteriors:
+        foot = [("posterior, 95 %", 2), *differences, ("", len(headers))]
+        caption += (
+            " Last line: the difference of the posterior's 95 % interval from the truth, in per cent, for a record "
+            "with noise."
+        )
+    if any(o != OK for o in comparison.outcomes.values()):
+        caption += (
+            " *: the method reports that this answer is unreliable, for the reason in the estimators' tables."
+        )
+    values = [
+        f"{words.symbol(row['parameter']).text} {row['q2.5']:.5g} to {row['q97.5']:.5g} {row['unit']} ({row['signal']})"
+        for row in posteriors
+    ]
+    return Table(
+        ["method", "category", *headers * len(groups)],
+        lines,
+        {0, 1},
+        caption,
+        [("", 2), *groups],
+        foot,
+        [f"95 % intervals of the posteriors: {'; '.join(values)}."] if values else [],
+    )
+
+
+class SweepsSection(Section):
+    """A figure and two tables for each series."""
+
+    order = 37
+    name = "sweeps"
+    title = "Errors against noise, sampling and length"
+
+    def applies(self, run: RunFolder) -> bool:
+        """Return whether at least three signals make a series."""
+        return len(run.signals) >= 3 and bool(series(run))
+
+    def render(self, run: RunFolder) -> str:
+        """Return the errors along each series."""
+        parts: list[object] = []
+        for along in series(run):
+            model, methods = words.model(along.model), sort_by_category(method for method, _ in along.errors)
+            counts = sorted({tried for pairs in along.answers.values() for _, tried in pairs if tried})
+            repeats = fmt.listing(map(str, counts), "or") if counts else "no"
+            caption = (
+                f"{model}: root mean square error over {repeats} repeats; the other two factors are constant. An error "
+                "below the bound means that the method is biased, or that it uses more information than the record."
+            )
+            draw = partial(sweep, along, methods)
+            figure = run.drawings.add(f"sweep-{along.model}-{along.factor}", caption, draw)
+            tables = [_error_table(along, methods, stage) for stage in STAGES]
+            parts += [heading(f"{model}, {along.factor}"), figure, folded("These numbers", *tables)]
+        return stack(*parts)
+
+
+def _error_table(along: ErrorSeries, methods: list[str], stage: str) -> Table:
+    headers = [words.stage(stage), *(fmt.given(v) for v in along.values)]
+    lines = [TableLine(["Cramér–Rao bound", *(fmt.number(b, 2) for b in along.bounds)], "best")]
+    for method in methods:
+        errors = along.errors.get((method, stage))
+        if errors is None:
+            continue
+        cells = []
+        each, answers = along.each[method, stage], along.answers[method, stage]
+        for error, own, (answered, tried) in zip(errors, each, answers):
+            low, high = interval(own)
+            limits = f" ({fmt.number(low, 2)} to {fmt.number(high, 2)})" if math.isfinite(low) else ""
+            some = f", {answered} of {tried}" if answered < tried and math.isfinite(error) else ""
+            cells.append(fmt.number(error, 2) + limits + some)
+        lines.append(TableLine([words.method(method), *cells]))
+    caption = (
+        f"Root mean square error in per cent of the truth, by {FACTORS[along.factor]}. In brackets: its 95 % interval "
+        "from the repeats; then the number of repeats with an answer if it is not all of them."
+    )
+    return Table(headers, lines, (0,), caption)
+
+
+PLUGINS = (EstimatesSection(), ComparisonSection(), SweepsSection())

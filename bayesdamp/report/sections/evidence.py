@@ -1,4 +1,4 @@
-"""The evidence of each damping model: Bayes factors and probabilities."""
+"""The evidence of each damping model, what it depends on, and the priors."""
 
 from __future__ import annotations
 
@@ -8,14 +8,26 @@ from collections.abc import Callable, Sequence
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
+from bayesdamp.odds import FURTHER_TERM, OTHERS
 from bayesdamp.outcomes import Status, reason_of, status_of
+from bayesdamp.priors import LEAST_SCALE, MOST_SCALE, SharedHalfNormal
 from bayesdamp.report import words
-from bayesdamp.report.markup import folded, stack
+from bayesdamp.report.markup import folded, paragraph, stack
 from bayesdamp.report.results.answers import only_answered
-from bayesdamp.report.results.reading import ranking
-from bayesdamp.report.results.run import Row, RunFolder, rows_of
-from bayesdamp.report.sections import SignalSection
-from bayesdamp.table import Table
+from bayesdamp.report.results.run import (
+    EvidenceRanking,
+    Row,
+    RunFolder,
+    mode_of,
+    models_by_rank,
+    over_odds,
+    ranking,
+    rows_of,
+)
+from bayesdamp.report.sections import SignalSection, by_signal
+from bayesdamp.store import CellResult
+from bayesdamp.store.contents import HalfContent, NoisesContent, RatiosContent, WidthsContent
+from bayesdamp.table import Table, TableLine
 from bayesdamp.types import OK
 
 ADOPTED = (
@@ -23,11 +35,29 @@ ADOPTED = (
     "methods, weighted by inverse variance. Unless the study always requires it, nested sampling runs if the others "
     "are unreliable or differ by more than three standard errors."
 )
-
 ANSWER = (
     "Sequential Monte Carlo gives the answer its evidence. It takes the estimated size of the noise, and where there "
     "are many samples it averages them in short blocks. Its log evidence therefore has another level, and with blocks "
     "a model that does not fit loses fewer nats. Compare log Bayes factors within one method only."
+)
+_ONE_NOISE = (
+    'Other noise models are not computed under deviation = "law". There the deviations, and a larger variance of the '
+    "noise near the oscillation, explain coloured residuals."
+)
+_NO_WIDTH = "No damping prior has a width that can be varied, because the scale of the default prior is averaged over."
+COMPARED = (
+    "All single damping terms have the same prior probability; each further term of a sum multiplies the probability "
+    f"by {FURTHER_TERM:g}. All restoring laws have the same prior probability."
+)
+OTHER_FORMS = f"All other forms of damping together are {OTHERS:g} times as probable as one single term."
+SHARED = (
+    "The damping terms of a model have half-normal priors on their equivalent damping ratios. Their common scale is "
+    f"unknown, with a log-uniform prior between {LEAST_SCALE:g} and {MOST_SCALE:g}, so the evidence does not depend on "
+    "how small the damping is."
+)
+WIDER = (
+    "A parameter has the same prior in every model that contains it. If you specify a wider prior for a coefficient, "
+    "the log evidence of the models that contain it decreases by about the logarithm of the factor."
 )
 
 
@@ -35,6 +65,7 @@ class EvidenceSection(SignalSection):
     """A table with the numbers of every method."""
 
     order = 60
+    name = "evidence"
     title = "Which damping: the evidence"
     lead = (
         "The evidence of a model is the probability with which it predicts the record, averaged over its prior. A log "
@@ -51,9 +82,24 @@ class EvidenceSection(SignalSection):
         """Return log Bayes factors by method, with probabilities and diagnostics."""
         repeats = run.repeats(signal)
         parts: list[object] = [_table(run, signal, repeats[:1])]
-        pruned = _pruned(run, signal, repeats[0])
-        if pruned.lines:
-            count = f"{len(pruned.lines)} model{'s' * (len(pruned.lines) > 1)}"
+        rows = rows_of(run.evidence, signal=signal, repeat=repeats[0])
+        why = {r["model"]: r["outcome"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
+        laplace = {r["model"]: r for r in rows if r["method"] == "laplace"}
+
+        def log_evidence(model: str) -> float:
+            value = laplace[model]["log_evidence"] if model in laplace else math.nan
+            return value if math.isfinite(value) else -math.inf
+
+        if why:
+            columns: dict[str, Callable[[str], str]] = {
+                "model": words.model,
+                "log evidence / nats": lambda model: fmt.nats(laplace.get(model, {}).get("log_evidence")),
+                "log Bayes factor": lambda model: fmt.nats(laplace.get(model, {}).get("log_bayes_factor")),
+                "why": lambda model: reason_of(why[model]),
+            }
+            caption = "Laplace's approximation, for models whose mode was found before they were pruned."
+            pruned = Table.of(sorted(why, key=log_evidence, reverse=True), columns, (0, 3), caption)
+            count = f"{len(why)} model{'s' * (len(why) > 1)}"
             parts.append(folded(f"{count} pruned by Laplace's evidence, and why", pruned))
         if len(repeats) > 1:
             parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
@@ -95,24 +141,212 @@ def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
     return Table.of(lines, columns, left, " ".join(captions), kind)
 
 
-def _pruned(run: RunFolder, signal: str, repeat: int) -> Table:
-    """Return the models that were pruned, the most probable first, with their Laplace evidence if it is known."""
-    rows = rows_of(run.evidence, signal=signal, repeat=repeat)
-    why = {r["model"]: r["outcome"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
-    laplace = {r["model"]: r for r in rows if r["method"] == "laplace"}
+class SensitivitySection(SignalSection):
+    """Bayes factors of a signal's first repeat under other assumptions."""
 
-    def log_evidence(model: str) -> float:
-        value = laplace[model]["log_evidence"] if model in laplace else math.nan
-        return value if math.isfinite(value) else -math.inf
+    order = 62
+    name = "sensitivity"
+    title = "What the evidence depends on"
 
+    def shows(self, run: RunFolder, signal: str) -> bool:
+        """Return whether evidence was computed under other assumptions too."""
+        return any(cell.outcome == OK for cell in run.cells("sensitivity", signal))
+
+    def part(self, run: RunFolder, signal: str) -> Markup:
+        """Return Bayes factors by the priors' width, the part of the record, the noise and the prior odds."""
+        models, ranked = models_by_rank(run, signal, 0), ranking(run, signal, 0)
+        parts: list[object] = [
+            _widths(run, signal, models),
+            _parts_and_noises(run, signal, models),
+            _halves(run, signal, models, ranked),
+        ]
+        shares = over_odds(ranked) if ranked else {}
+        if ranked and shares:
+            columns: dict[str, Callable[[str], str]] = {"damping": words.model}
+            for factor, own in shares.items():
+                columns[f"factor {fmt.number(factor, 3)}"] = lambda d, own=own: fmt.probability(own[d])
+            caption = (
+                "Probability of each damping if each further term multiplies the prior probability of a sum by this "
+                f"factor; elsewhere in the report the factor is {fmt.number(FURTHER_TERM, 3)}."
+            )
+            parts.append(Table.of(ranked.dampings, columns, caption=caption))
+        if ranked:
+            parts.append(_ratios(run, signal, ranked))
+        return stack(*parts, paragraph(_ONE_NOISE, "small") if run.under_law else "")
+
+
+def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[str, CellResult]:
+    cells = {m: run.cell("sensitivity", signal, 0, m, kind) for m in models}
+    return {m: c for m, c in cells.items() if c is not None and c.outcome == OK}
+
+
+def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | None:
+    """Return log Bayes factors under priors of other widths."""
+    cells = _cells(run, signal, models, "widths")
+    if len(cells) < 2:
+        return None
+    if not any(WidthsContent.of(cell).varied for cell in cells.values()):
+        return paragraph(_NO_WIDTH)
+    best = next(iter(cells))
+    reference = cells[best].arrays["log_evidence"]
+
+    def factor(model: str, i: int) -> str:
+        arrays = cells[model].arrays
+        doubt = "" if arrays["trusted"][i] else " ?"
+        return fmt.nats(float(arrays["log_evidence"][i] - reference[i])) + doubt
+
+    columns: dict[str, Callable[[str], str]] = {"model": words.model}
+    for i, width in enumerate(cells[best].arrays["factors"]):
+        columns[f"× {fmt.number(float(width), 2)}"] = lambda model, i=i: factor(model, i)
+    effective = [c.arrays["effective"][~c.arrays["anew"]].min(initial=math.inf) for c in cells.values()]
+    caption = (
+        f"Log Bayes factor (nats) to {words.model(best)} if the scales of all specified damping priors are multiplied "
+        f"by this factor. The importance draws are reweighted, with at least {fmt.number(float(min(effective)), 2)} "
+        "effective draws, or sampled again if these are too few. ?: the diagnostics are poor."
+    )
+    return Table.of(cells, columns, caption=caption)
+
+
+def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table | None:
+    """Return log Bayes factors from parts of the record, and under each noise model."""
+    noises = _cells(run, signal, models, "noises")
+    if run.under_law or len(_cells(run, signal, models, "widths")) < 2:
+        return None
+    rows: dict[str, dict[str, float]] = {}
+    for model in models:
+        mode = mode_of(run, signal, 0, model)
+        windows = mode.windows if mode else ()
+        logs = {w.label: w.log_evidence for w in windows if math.isfinite(w.log_evidence)}
+        if not logs:
+            continue
+        if model in noises:
+            under = NoisesContent.of(noises[model])
+            for name, evidence in under.evidence.items():
+                logs[f"{words.method(name)}{', chosen' * (name == under.chosen)}"] = evidence.log_evidence
+        rows[model] = logs
+    best: dict[str, float] = {}
+    for label, log_evidence in (item for logs in rows.values() for item in logs.items()):
+        best[label] = max(log_evidence, best.get(label, -math.inf))
+    columns: dict[str, Callable[[str], str]] = {
+        label: lambda model, label=label: fmt.fixed(rows[model].get(label, math.nan) - best[label], 1)
+        for label, log_evidence in best.items()
+        if math.isfinite(log_evidence)
+    }
+    caption = (
+        "Log Bayes factors (nats) to the best of each column, by Laplace's approximation: from parts of the record, "
+        "and from the whole record under each noise model (only for the more probable models)."
+    )
+    return Table.of(rows, {"model": words.model, **columns}, caption=caption) if columns else None
+
+
+def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRanking | None) -> Table | None:
+    """Return the evidence from the first half of the record, as far as it was sampled, and its prediction."""
+    halves = {m: HalfContent.of(cell) for m, cell in _cells(run, signal, models, "half").items()}
+    if not halves:
+        return None
+    whole = {r["model"]: r["log_bayes_factor"] for r in ranked.rows} if ranked else {}
+    logs = {
+        m: math.nan if h.evidence.log_evidence is None else h.evidence.log_evidence for m, h in halves.items()
+    }
+    best = max(logs.values())
+    # A density that is not reliable is not stored.
+    densities = [h.log_predictive for h in halves.values() if math.isfinite(h.log_predictive)]
+    highest = max(densities, default=math.nan)
     columns: dict[str, Callable[[str], str]] = {
         "model": words.model,
-        "log evidence / nats": lambda model: fmt.nats(laplace.get(model, {}).get("log_evidence")),
-        "log Bayes factor": lambda model: fmt.nats(laplace.get(model, {}).get("log_bayes_factor")),
-        "why": lambda model: reason_of(why[model]),
+        "log Bayes factor": lambda m: fmt.nats(whole.get(m)),
+        "from the first half": lambda m: fmt.nats(logs[m] - best, halves[m].evidence.stderr),
+        "error / expected": lambda m: fmt.number(halves[m].rms / halves[m].expected, 3),
+        "inside 95 %": lambda m: f"{100 * halves[m].coverage:.0f} %",
+        "log predictive density": lambda m: fmt.nats(
+            halves[m].log_predictive - highest, halves[m].log_predictive_stderr
+        ),
+        "diagnostic": lambda m: halves[m].evidence.diagnostic,
     }
-    caption = "Laplace's approximation, for models whose mode was found before they were pruned."
-    return Table.of(sorted(why, key=log_evidence, reverse=True), columns, (0, 3), caption)
+    caption = (
+        "Results from the first half of the record alone: the log Bayes factors, and how well each model predicts the "
+        "second half: its rms error over the expected error, the share of samples inside their 95 % interval, and the "
+        "log density of the second half given the first, relative to the best (nats)."
+    )
+
+    def kind(model: str) -> str:
+        return "" if halves[model].evidence.outcome == OK else "alert"
+
+    return Table.of(halves, columns, (0, 6), caption, kind)
 
 
-PLUGIN = EvidenceSection()
+def _ratios(run: RunFolder, signal: str, ranked: EvidenceRanking) -> Table | None:
+    """Return the Savage–Dickey ratios of nested pairs."""
+    rows = {frozenset(r["model"].split("+")): r for r in ranked.rows}
+    cells = _cells(run, signal, [r["model"] for r in ranked.rows], "savage_dickey")
+    lines = []
+    for model, cell in cells.items():
+        for smaller, factor in RatiosContent.of(cell).against.items():
+            first, second = (rows.get(frozenset(m.split("+"))) for m in (smaller, model))
+            if first is None or second is None:
+                continue
+            valid = factor.outcome == OK
+            difference = first["log_evidence"] - second["log_evidence"]
+            cells_of_line = [
+                f"{words.model(smaller)} to {words.model(model)}",
+                fmt.nats(factor.log_bayes_factor, factor.stderr) if valid else fmt.NONE,
+                fmt.nats(difference, math.hypot(first["stderr"], second["stderr"])),
+                factor.outcome,
+            ]
+            lines.append(TableLine(cells_of_line, "" if valid else "quiet"))
+    caption = (
+        "A third check of nested pairs: the log Bayes factor by the Savage–Dickey ratio, which is the posterior "
+        "density of the larger model where the term is zero over its prior density, and the difference of the log "
+        "evidences."
+    )
+    headers = ["pair", "Savage–Dickey / nats", "evidence / nats", "outcome"]
+    return Table(headers, lines, (0, 3), caption) if lines else None
+
+
+class PriorsSection(SignalSection):
+    """The priors of each signal; a parameter with one prior in all models is listed once."""
+
+    order = 80
+    name = "priors"
+    title = "Assumptions: the priors"
+
+    def shows(self, run: RunFolder, signal: str) -> bool:
+        """Return whether parameters of a signal were inferred."""
+        return bool((run.info.get("priors") or {}).get(signal))
+
+    def applies(self, run: RunFolder) -> bool:
+        """Return whether anything was inferred."""
+        return super().applies(run) or bool(run.info.get("assumed"))
+
+    def render(self, run: RunFolder) -> Markup:
+        """Return the prior odds, a table of priors for each signal, and the assumptions on envelopes."""
+        signals = [s for s in run.signals if self.shows(run, s)]
+        items = Markup("").join(Markup("<li>{}</li>").format(text) for text in run.info.get("assumed") or ())
+        assumed = Markup("<ul>{}</ul>").format(items) if items else ""
+        if not signals:
+            return stack(assumed)
+        tables = (table for signal in signals for table in run.info["priors"][signal].values())
+        default = SharedHalfNormal(per_ratio=1.0).describe()
+        is_shared = any(str(prior) == default for table in tables for prior in table.values())
+        sentences = [COMPARED, OTHER_FORMS * only_answered(run), SHARED * is_shared, WIDER]
+        return stack(
+            paragraph(" ".join(filter(None, sentences))), by_signal(run, self.part, signals), assumed
+        )
+
+    def part(self, run: RunFolder, signal: str) -> Markup:
+        """Return a table of the priors."""
+        models: dict[str, dict[str, str]] = run.info["priors"][signal]
+        lines = []
+        for name in dict.fromkeys(name for priors in models.values() for name in priors):
+            texts: dict[str, list[str]] = {}
+            for model, priors in models.items():
+                if name in priors:
+                    texts.setdefault(str(priors[name]), []).append(words.model(model))
+            symbol = words.symbol(name)
+            for text, where in texts.items():
+                everywhere = 1 < len(where) == len(models)
+                lines.append([symbol.text, symbol.meaning, text, "all" if everywhere else "; ".join(where)])
+        return stack(Table(["parameter", "meaning", "prior", "models"], lines, range(4)))
+
+
+PLUGINS = (EvidenceSection(), SensitivitySection(), PriorsSection())

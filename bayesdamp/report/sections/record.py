@@ -1,28 +1,46 @@
-"""The record: what cleaning changed, the fits of the most probable models, and their residuals."""
+"""The record with its fits, the noise model, and the quality of the fits."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 from markupsafe import Markup
+from scipy.special import expit
 
+from bayesdamp import formatting as fmt
 from bayesdamp.provenance import Provenance
 from bayesdamp.report import words
 from bayesdamp.report.figures.record import ModelFit, raw, record
-from bayesdamp.report.markup import fill
-from bayesdamp.report.results.answers import only_answered
-from bayesdamp.report.results.reading import models_kept
-from bayesdamp.report.results.run import RunFolder, rows_of
+from bayesdamp.report.markup import fill, folded, paragraph, stack
+from bayesdamp.report.results.answers import answer_content, only_answered
+from bayesdamp.report.results.run import (
+    Row,
+    RunFolder,
+    coefficients,
+    mode_of,
+    models_by_rank,
+    models_kept,
+    rows_of,
+)
 from bayesdamp.report.sections import SignalSection, is_drawn
-from bayesdamp.store.contents import RecordContent
-from bayesdamp.types import OK
+from bayesdamp.store.contents import RecordContent, WeighedNoise
+from bayesdamp.table import Table
+from bayesdamp.types import OK, AddedForm, Friction, PartialFit
+
+USED = "used for the answer"
+_EXACT = (
+    "All these fits assume that the laws hold exactly. Chains and evidence in this study do not assume this: their "
+    "deviations explain what an exact law leaves."
+)
 
 
 class RecordSection(SignalSection):
     """Each signal as it was read, as it is used, and with the fit of every model."""
 
     order = 30
+    name = "record"
     title = "The record and the fits"
 
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -94,4 +112,138 @@ def _fits(
     return fits, missing
 
 
-PLUGIN = RecordSection()
+class NoiseSection(SignalSection):
+    """The probabilities of the noise models and of the widths of friction, and which are used."""
+
+    order = 45
+    name = "noise"
+    title = "Noise model, and width of friction"
+    lead = (
+        "The noise models are compared once for each record, on the residual of the fit of all damping terms, and all "
+        "damping models use the result. The evidence is Laplace's approximation. Densities of rounded values are "
+        "probabilities divided by the recording step, so that all models are on one scale. If correlated noise is the "
+        "most probable, the answer uses Gaussian noise with the variance of the residual near the oscillation. "
+        "Friction changes its sign within a velocity ε, which affects a precise record near rest and at each turning "
+        "point. If ε was not given, several widths are compared once for each record, with all damping terms, and all "
+        "damping models use one width. The table shows how the coefficients of the fit of all terms change with it. "
+        "Estimators use 2 % of the peak velocity."
+    )
+
+    def shows(self, run: RunFolder, signal: str) -> bool:
+        """Return whether several noise models or widths of friction were compared on a record."""
+        content = answer_content(run, signal)
+        return content is not None and (len(content.noises) > 1 or bool(content.frictions))
+
+    def part(self, run: RunFolder, signal: str) -> Markup:
+        """Return a table of the noise models and of the widths."""
+        content = answer_content(run, signal)
+        assert content is not None
+        noises = sorted(content.noises, key=lambda noise: -noise.log_evidence)
+        of_noise: dict[str, Callable[[WeighedNoise], str]] = {
+            "noise": lambda n: words.method(n.name),
+            "log evidence below the best": lambda n: fmt.fixed(noises[0].log_evidence - n.log_evidence, 1),
+            "its parameters": lambda n: ", ".join(
+                f"{words.symbol(name).text} {fmt.number(value, 3)}" for name, value in n.values.items()
+            ),
+            "": lambda n: USED if n.name == content.noise else "",
+        }
+        of_width: dict[str, Callable[[Friction], str]] = {
+            f"ε / ({run.unit(signal).base}/s)": lambda width: fmt.number(width.epsilon, 3),
+            "probability": lambda width: fmt.fixed(width.weight, 3),
+        }
+        for i, term in enumerate(content.terms):
+            of_width[words.model(term)] = lambda width, i=i: fmt.number(width.coefficients[i], 4)
+        of_width[""] = lambda width: USED if width.epsilon == content.epsilon else ""
+        tables: list[Table] = []
+        if len(noises) > 1:
+            best = {content.noise: "best"}
+            tables.append(Table.of(noises, of_noise, (0, 2, 3), kind=lambda n: best.get(n.name, "")))
+        if content.frictions:
+            width = {content.epsilon: "best"}
+            left = (len(of_width) - 1,)
+            tables.append(
+                Table.of(content.frictions, of_width, left, kind=lambda w: width.get(w.epsilon, ""))
+            )
+        return stack(*tables)
+
+
+class FitQualitySection(SignalSection):
+    """fits.csv, and the fits to parts of the record."""
+
+    order = 70
+    name = "fit_quality"
+    title = "Quality of the fits"
+    lead = (
+        "The autocorrelation of the residual at lag one shows whether neighbouring samples are independent, as for "
+        "white noise. The stability over sub-records is the change of a coefficient when only half of the record is "
+        "used, in units of the standard deviation that is expected by chance. Up to about three it can be chance; "
+        "above that, this change limits the accuracy, not the width of the posterior. The predictive p is the share of "
+        "records, simulated from the model, that fit worse than this one."
+    )
+    nothing = "No model was fitted in this study."
+
+    def shows(self, run: RunFolder, signal: str) -> bool:
+        """Return whether models were fitted."""
+        fitted = any(r["signal"] == signal for r in run.fits) or bool(run.cells("mode", signal))
+        return fitted and not only_answered(run)
+
+    def part(self, run: RunFolder, signal: str) -> Markup:
+        """Return checks of each fit, and fits to parts of the record."""
+        repeats = run.repeats(signal)
+        ranked = models_by_rank(run, signal, repeats[0])
+        parts: list[object] = [paragraph(_EXACT)] if run.under_law else []
+        parts.append(_table(run, signal, repeats[:1]))
+        if len(repeats) > 1:
+            parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
+        for place, model in enumerate(ranked):
+            mode = mode_of(run, signal, repeats[0], model) if is_drawn(run, place) else None
+            windows = [w for w in mode.windows if w.values] if mode else []
+            names = [n for n in coefficients(run, model) if all(n in w.values for w in windows)]
+            if len(windows) < 2 or not names:
+                continue
+            of_part: dict[str, Callable[[PartialFit], str]] = {
+                "part": lambda w: w.label,
+                "from / s": lambda w: fmt.number(w.start, 4),
+                "to / s": lambda w: fmt.number(w.stop, 4),
+            }
+            for n in names:
+                of_part[words.symbol(n).text] = lambda w, n=n: fmt.with_error(w.values.get(n), w.sd.get(n))
+            caption = (
+                f"Damping coefficients of {words.model(model)} from parts of the record. If they differ by more than "
+                "their standard deviations, the model is not complete and the posterior is too narrow."
+            )
+            table = Table.of(windows, of_part, caption=caption)
+            parts.append(folded(f"Parts of the record: {words.model(model)}", table) if place else table)
+        mode = mode_of(run, signal, repeats[0], ranked[0]) if ranked else None
+        if mode is not None and mode.rivals:
+            columns: dict[str, Callable[[AddedForm], str]] = {
+                "additional form": lambda form: form.words,
+                "ln Bayes factor": lambda form: fmt.fixed(form.log_bayes, 2),
+                "probability, against none": lambda form: fmt.probability(float(expit(form.log_bayes))),
+            }
+            table = Table.of(sorted(mode.rivals, key=lambda form: -form.log_bayes), columns)
+            parts.append(folded(f"Other forms of damping in addition to {words.model(ranked[0])}", table))
+        return stack(*parts)
+
+
+def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
+    """Return the checks of each model's fit."""
+    rows = []
+    for repeat in repeats:
+        ranked = models_by_rank(run, signal, repeat)
+        own = rows_of(run.fits, signal=signal, repeat=repeat)
+        rows += sorted(own, key=lambda r: ranked.index(r["model"]))
+    first: dict[str, Callable[[Row], str]] = {"repeat": lambda r: str(r["repeat"] + 1)}
+    columns: dict[str, Callable[[Row], str]] = {
+        **(first if len(repeats) > 1 else {}),
+        "model": lambda r: words.model(r["model"]),
+        "rms residual": run.rms,
+        "autocorrelation": lambda r: fmt.fixed(r["residual_autocorrelation"], 2),
+        "stability over sub-records": lambda r: fmt.number(r["window_spread"], 2),
+        "predictive p": lambda r: fmt.number(r["predictive_p"], 2),
+        "verdict": lambda r: r["verdict"] or fmt.NONE,
+    }
+    return Table.of(rows, columns, (len(columns) - 6, len(columns) - 1))
+
+
+PLUGINS = (RecordSection(), NoiseSection(), FitQualitySection())

@@ -45,6 +45,7 @@ class SpecimensSection(Section):
     """The joint fit of each specimen with several records, and the population of several specimens."""
 
     order = 13
+    name = "specimens"
     title = "Specimens with several records"
 
     def applies(self, run: RunFolder) -> bool:
@@ -56,7 +57,27 @@ class SpecimensSection(Section):
         parts: list[object] = []
         for cell in run.cells("joint"):
             parts += [] if parts else [paragraph(HOW)]
-            parts += [heading(f"Repeats of {cell.place.record}"), *_joint(run, cell)]
+            joint, name = JointContent.maybe(cell), cell.place.record
+            parts += [heading(f"Repeats of {name}"), paragraph(joint_sentence(run, cell))]
+            if joint is not None:
+                parts += [paragraph(LAWS[joint.deviation]), _candidates(joint)]
+            if joint is None or not joint.alone:
+                continue
+            best, row = joint.best, joint.candidates[joint.best]
+            panels = [
+                Panel(
+                    words.axis(n, row.units[n]),
+                    [_interval(alone.summary[n]) for alone in joint.alone.values()],
+                    _interval(row.summary[n]),
+                )
+                for n in row.summary
+            ]
+            caption = (
+                f"{name}, {words.model(best)}: median and 95 % interval of each record alone; grey: the specimen, from "
+                "the joint fit."
+            )
+            draw = partial(intervals, list(joint.alone), panels, colour(best))
+            parts.append(run.drawings.add(f"joint-{name}", caption, draw))
         for cell in run.cells("population"):
             parts += [heading("All specimens"), *_population(run, cell)]
         return stack(*parts)
@@ -117,32 +138,6 @@ def _capped(probability: float) -> str:
 
 def _interval(quantiles: Mapping[str, float]) -> Interval:
     return quantiles["q2.5"], quantiles["median"], quantiles["q97.5"]
-
-
-def _joint(run: RunFolder, cell: CellResult) -> list[object]:
-    """Return the joint fit of a specimen."""
-    joint, name = JointContent.maybe(cell), cell.place.record
-    parts: list[object] = [paragraph(joint_sentence(run, cell))]
-    if joint is None:
-        return parts
-    parts += [paragraph(LAWS[joint.deviation]), _candidates(joint)]
-    if joint.alone:
-        best, row = joint.best, joint.candidates[joint.best]
-        panels = [
-            Panel(
-                words.axis(n, row.units[n]),
-                [_interval(alone.summary[n]) for alone in joint.alone.values()],
-                _interval(row.summary[n]),
-            )
-            for n in row.summary
-        ]
-        caption = (
-            f"{name}, {words.model(best)}: median and 95 % interval of each record alone; grey: the specimen, from the "
-            "joint fit."
-        )
-        draw = partial(intervals, list(joint.alone), panels, colour(best))
-        parts.append(run.drawings.add(f"joint-{name}", caption, draw))
-    return parts
 
 
 def _candidates(joint: JointContent) -> Table:
@@ -227,4 +222,4 @@ def _population(run: RunFolder, cell: CellResult) -> list[object]:
     return [*parts, run.drawings.add("population", caption, draw)]
 
 
-PLUGIN = SpecimensSection()
+PLUGINS = (SpecimensSection(),)

@@ -1,0 +1,299 @@
+"""The calibration of the intervals and of the models' probabilities."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from bayesdamp import formatting as fmt
+from bayesdamp.report import words
+from bayesdamp.report.markup import folded, heading, paragraph, stack
+from bayesdamp.report.results.run import RunFolder, rows_of
+from bayesdamp.report.sections import Section
+from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH
+from bayesdamp.table import Table
+from bayesdamp.types import OK
+
+FEWEST = 15
+EXPLAINED = (
+    "Parameters are drawn from the study's own priors, including the noise, and a record is simulated from them. Its "
+    "posterior is sampled from starting points that are computed from the record alone. If the posteriors are "
+    "correct, the rank of each true value among independent draws is uniform, and an 80 % interval contains the true "
+    "value in 80 % of the records.",
+    "A record is left out only for a reason in the record itself, before anything is sampled: it shows no oscillation, "
+    "or no starting point leads to a finite posterior. This decision uses the data alone, and a posterior is "
+    "conditional on its data, so the ranks of the other records are still uniform. Draws that a sampler's own "
+    "diagnostics call unreliable are not left out, because that would be a selection among draws.",
+)
+LOOKS = (("#0072B2", "-"), ("#D55E00", "--"), ("#009E73", "-."), ("#CC79A7", ":"))
+"""Colour and line style of each sampler."""
+Counts = Mapping[str, Mapping[str, np.ndarray]]
+"""Sampler to parameter to the number of times that each rank occurred, (draws + 1,)."""
+SERIES = {
+    "recovery": "All models, over noise and length",
+    "single": "Single dampings that lose a good part of their amplitude",
+}
+MODELS_EXPLAINED = (
+    "A model is drawn from the uniform prior, its parameters are drawn from their priors, and a record is simulated. "
+    "The noise level and the length are part of a design that the inference knows. The evidence of every model gives "
+    "probabilities. If they are correct, the most probable model is the true one as often as its probability says.",
+    "Records that show no oscillation are left out. This decision uses the record alone, so the probabilities remain "
+    "valid.",
+)
+
+
+class CalibratedSection(Section):
+    """The result, the ranks of each model, the coverage of all intervals, and which records count."""
+
+    order = 11
+    name = "calibrated"
+    title = "Are the intervals calibrated?"
+
+    def applies(self, run: RunFolder) -> bool:
+        """Return whether the run is a calibration."""
+        return run.info.get("kind") == "calibration"
+
+    def render(self, run: RunFolder) -> str:
+        """Return tests of uniform ranks, and the coverage with its bands."""
+        result = run.info["result"]
+        rows = _csv(run, "calibration.csv")
+        names = {"posterior": "the posteriors", "classical": "the trajectory fits' own intervals"}
+        families = {name: result["families"][family] for family, name in names.items()}
+        text = fmt.listing(
+            f"{counts['wrong'] or 'none'} of {counts['tests']} checks of {name} failed"
+            for name, counts in families.items()
+            if counts["tests"]
+        )
+        alarm = f"{100 * result['alarm']:g} %"
+        claim = f"{text[:1].upper()}{text[1:]} (false-alarm rate {alarm} for each of the two tables, Holm)."
+        parts: list[object] = [paragraph(claim, "lead"), *map(paragraph, EXPLAINED), _records(result)]
+        parts += [_model(run, result, rows, model) for model in result["counts"]]
+
+        def number(name: str) -> Callable[[dict[str, str]], str]:
+            return lambda r: fmt.number(float(r[name]), 3) if r[name] else fmt.NONE
+
+        columns: dict[str, Callable[[dict[str, str]], str]] = {
+            "model": lambda r: words.model(r["model"]),
+            "method": lambda r: words.method(r["method"]),
+            "parameter": lambda r: words.symbol(r["parameter"]).text,
+            "check": lambda r: f"{r['check']} {100 * float(r['level']):g} %" if r["level"] else r["check"],
+            "records": lambda r: r["records"],
+            **{name: number(name) for name in ("value", "low", "high", "p")},
+            "p (Holm)": number("p_holm"),
+            "verdict": lambda r: r["verdict"],
+        }
+        least = sorted((r for r in rows if r["p"]), key=lambda r: float(r["p"]))[:FEWEST]
+        left = (0, 1, 2, 3, 10)
+        table = Table.of(least, columns, left, kind=lambda r: "alert" if r["verdict"] == "wrong" else "")
+        parts.append(folded(f"The {FEWEST} smallest p values; calibration.csv contains all", table))
+        return stack(*parts)
+
+
+def _csv(run: RunFolder, name: str) -> list[dict[str, str]]:
+    path = run.folder / name
+    if not path.is_file():
+        return []
+    with path.open(newline="", encoding="utf-8") as handle:
+        return list(csv.DictReader(handle))
+
+
+def _records(result: Mapping[str, Any]) -> Table:
+    """Return how many records of each model count, and why others do not."""
+    counts: Mapping[str, Mapping[str, Any]] = result["counts"]
+
+    def doubted(model: str) -> str:
+        bad = {s: sum(n for o, n in own.items() if o != OK) for s, own in counts[model]["samplers"].items()}
+        return "; ".join(f"{words.method(sampler)}: {count}" for sampler, count in bad.items())
+
+    def refused(model: str) -> str:
+        reasons = sorted(counts[model]["refused"].items(), key=lambda x: -x[1])
+        return "; ".join(f"{n}: {reason}" for reason, n in reasons) or fmt.NONE
+
+    def time(model: str) -> str:
+        return fmt.duration(sum(counts[model]["seconds"].values()) / max(counts[model]["tried"], 1))
+
+    columns: dict[str, Callable[[str], str]] = {
+        "model": words.model,
+        "records tried": lambda model: str(counts[model]["tried"]),
+        "records that count": lambda model: str(counts[model]["counted"]),
+        "of these unreliable by the sampler's diagnostics": doubted,
+        "time each": time,
+        "not counted": refused,
+    }
+    return Table.of(counts, columns, (0, 5))
+
+
+def _model(run: RunFolder, result: Mapping[str, Any], rows: Sequence[dict[str, str]], model: str) -> Markup:
+    """Return the ranks and the coverage of a model."""
+    counts: dict[str, dict[str, np.ndarray]] = {}
+    for row in rows_of(_csv(run, "ranks.csv"), model=model):
+        values = np.array(row["ranks"].split(), int)
+        own = np.bincount(values, minlength=result["draws"] + 1)
+        counts.setdefault(row["sampler"], {})[row["parameter"]] = own
+    names = list(dict.fromkeys(r["parameter"] for r in rows_of(rows, model=model, check="ranks")))
+    caption = (
+        f"{words.model(model)}: ranks of the true value among {result['draws']} draws. Below: their distribution "
+        "function minus the uniform one. If the posteriors are calibrated, the grey band contains the whole curve with "
+        "99 % probability; in the upper row it is the band of a single bin."
+    )
+    figure = run.drawings.add(f"ranks-{model}", caption, lambda: _ranks(names, counts, result))
+    covered = rows_of(rows, model=model, check="coverage")
+    shares: dict[tuple[str, str, str], str] = {}
+    for row in covered:
+        star = " *" * (row["verdict"] == "wrong")
+        without = f" ({row['without']} without)" if int(row["without"] or 0) else ""
+        text = f"{100 * float(row['value']):.1f}{star}{without}" if row["value"] else fmt.NONE
+        shares[row["parameter"], row["method"], row["level"]] = text
+    columns: dict[str, Callable[[str], str]] = {"parameter": lambda name: words.symbol(name).text}
+    for method, level in dict.fromkeys((r["method"], r["level"]) for r in covered):
+        columns[f"{words.method(method)} {100 * float(level):g} %"] = lambda name, own=(method, level): (
+            shares.get((name, *own), fmt.NONE)
+        )
+    caption = "Share of intervals that contain the true value, in per cent; * where the check failed"
+    return stack(heading(words.model(model)), figure, Table.of(names, columns, caption=caption))
+
+
+def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> Figure:
+    """Draw the ranks of each parameter: a histogram, and the distribution function minus the uniform one.
+
+    Parameters
+    ----------
+    names
+        The parameters.
+    counts
+        Of the ranks.
+    result
+        `bins` of the histograms and `points` of the distribution function, numbers that divide draws + 1; `bands`:
+        number of records to `low` and `high` of their cumulative counts at the inner points, and `bin_low` and
+        `bin_high` of one bin.
+    """
+    figure = Figure(figsize=(WIDTH, 3.1))
+    grid = figure.subplots(2, len(names), sharex=True, sharey="row", squeeze=False)
+    for (upper, lower), name in zip(grid.T, names):
+        for i, own in enumerate(counts.values()):
+            ink, dash = LOOKS[i % len(LOOKS)]
+            bins, parts = (own[name].reshape(result[k], -1).sum(axis=1) for k in ("bins", "points"))
+            n, at = int(bins.sum()), np.linspace(0, 1, parts.size + 1)
+            band = None if i else result["bands"].get(str(n))
+            if band:
+                upper.axhspan(band["bin_low"], band["bin_high"], color=FAINT, lw=0)
+                upper.axhline(n / bins.size, color=QUIET, lw=0.6)
+                low, high = (np.r_[0.0, np.asarray(band[k], float) / n, 1.0] - at for k in ("low", "high"))
+                lower.fill_between(at, low, high, color=FAINT, lw=0)
+            upper.stairs(bins, np.linspace(0, 1, bins.size + 1), color=ink, ls=dash, lw=1.0)
+            upper.set_ylim(0, None)
+            upper.locator_params(axis="both", nbins=3)
+            lower.plot(at, np.r_[0.0, np.cumsum(parts) / max(n, 1)] - at, color=ink, ls=dash, lw=1.1)
+            lower.axhline(0, color=INK, lw=0.5)
+            lower.locator_params(axis="both", nbins=3)
+        upper.set_title(words.symbol(name).math)
+        lower.set_xlabel("rank / draws")
+    grid[0, 0].set_ylabel("records")
+    grid[1, 0].set_ylabel("ECDF − uniform")
+    looks = zip(counts, LOOKS)
+    handles = [Line2D([], [], color=c, ls=dash, label=words.method(s)) for s, (c, dash) in looks]
+    figure.legend(handles=handles, loc="outside upper right", ncols=len(handles))
+    return figure
+
+
+class RecoveredSection(Section):
+    """Hits against the expected number by the probabilities, for all models and for single dampings."""
+
+    order = 12
+    name = "recovered"
+    title = "Are the models' probabilities calibrated?"
+
+    def applies(self, run: RunFolder) -> bool:
+        """Return whether the run is a model recovery."""
+        return run.info.get("kind") == "model recovery"
+
+    def render(self, run: RunFolder) -> str:
+        """Return expected against observed probabilities, and the confusion of models."""
+        result = run.info["result"]
+        parts: list[object] = [paragraph(sentence) for sentence in MODELS_EXPLAINED]
+        for name, title in SERIES.items():
+            if name not in result:
+                continue
+            own = result[name]
+            hits = own["hits"]
+            inside = "inside" if hits["low"] <= hits["excess"] <= hits["high"] else "outside"
+            low, excess, high = (fmt.fixed(hits[k], 1) for k in ("low", "excess", "high"))
+            shares = [
+                100 * hits["hits"] / max(hits["records"], 1),
+                100 * hits["share_low"],
+                100 * hits["share_high"],
+            ]
+            claim = (
+                f"The most probable model was the true one in {hits['hits']} of {hits['records']} records "
+                f"({shares[0]:.1f} %, 95 % interval {shares[1]:.1f} to {shares[2]:.1f} %); {hits['expected']:.1f} are "
+                f"expected from the probabilities. The difference of {excess} is {inside} its "
+                f"{100 * (1 - result['alarm']):g} % band, {low} to {high}."
+            )
+            score, expected, ignorant = (
+                fmt.fixed(own[f"log_score{k}"], 3) for k in ("", "_expected", "_ignorant")
+            )
+            reasons = "; ".join(f"{n}: {sentence}" for sentence, n in own["refused"].items())
+            scores = (
+                f"Mean log score {score} nats; {expected} is expected from the probabilities, and a uniform guess "
+                f"gives {ignorant}. {own['doubtful']} of {own['evidences']} evidences were unreliable by their own "
+                f"diagnostic; they are included. {own['counted']} of {own['tried']} simulated records are included"
+                f"{f' ({reasons})' if reasons else ''}."
+            )
+            parts += [heading(title), paragraph(claim), paragraph(scores), *_tables(own)]
+        return stack(*parts)
+
+
+def _tables(result: Mapping[str, Any]) -> list[Table]:
+    """Return the confusion of models, and the reliability by probability, by model and by design."""
+    names = [words.model(m) for m in result["models"]]
+    lines = [[name, *map(str, row)] for name, row in zip(names, result["confusion"], strict=True)]
+    caption = "Number of records, by true model (rows) and most probable model (columns)"
+    confusion = Table(["", *names], lines, caption=caption)
+    p_values: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        "p": lambda row: fmt.number(row["p"], 2),
+        "p (Holm)": lambda row: fmt.number(row["p_holm"], 2),
+    }
+    by_probability: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        "probability of the best": lambda b: f"{b['from']:g} to {b['to']:g}",
+        "records": lambda b: str(b["records"]),
+        "mean": lambda b: fmt.fixed(b["probability"], 3),
+        "share correct": lambda b: fmt.fixed(b["share"], 3),
+        "low": lambda b: fmt.fixed(b["low"], 3),
+        "high": lambda b: fmt.fixed(b["high"], 3),
+        **p_values,
+    }
+    caption = (
+        "Share of correct models against the probability of the most probable model. If the probabilities are correct, "
+        "all shares are between low and high with 99 % probability."
+    )
+    bins = Table.of(
+        result["bins"],
+        by_probability,
+        (0,),
+        caption,
+        lambda b: "" if b["low"] <= b["share"] <= b["high"] else "alert",
+    )
+    by_model: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        "model": lambda m: words.model(m["model"]),
+        "records": lambda m: str(m["true"]),
+        "sum of its probabilities": lambda m: fmt.fixed(m["expected"], 1),
+        **p_values,
+    }
+    by_design: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        "noise": lambda d: f"{100 * d['noise']:g} %",
+        "cycles": lambda d: fmt.given(d["cycles"]),
+        "records": lambda d: str(d["records"]),
+        "share correct": lambda d: fmt.fixed(d["share"], 3),
+        "mean probability of the best": lambda d: fmt.fixed(d["probability"], 3),
+    }
+    designs = [Table.of(result["by_design"], by_design)] if len(result["by_design"]) > 1 else []
+    return [confusion, bins, Table.of(result["by_model"], by_model), *designs]
+
+
+PLUGINS = (CalibratedSection(), RecoveredSection())

@@ -1,0 +1,218 @@
+"""The settings of the study, and how the report was made."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from markupsafe import Markup, escape
+
+from bayesdamp import formatting as fmt
+from bayesdamp.outcomes import Status, status_of
+from bayesdamp.report import words
+from bayesdamp.report.markup import fill, folded, stack
+from bayesdamp.report.results.answers import answer_of, answers, only_answered
+from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.sections import Section
+from bayesdamp.store.cells import Place
+from bayesdamp.table import Table
+from bayesdamp.types import OK, candidate_parts
+
+
+class AskedSection(Section):
+    """Signals, known and unknown parameters, and the methods."""
+
+    order = 20
+    name = "asked"
+    title = "Settings of the study"
+
+    def render(self, run: RunFolder) -> str:
+        """Return sentences and a table on the resolved study, and its text to unfold."""
+        sentences: list[str] = []
+        dampings = list(dict.fromkeys(candidate_parts(m)[0] for m in run.models))
+        if dampings:
+            count = len(dampings)
+            what = "One damping model was used" if count == 1 else f"{count} damping models were compared"
+            sentences.append(f"{what}: {fmt.listing(map(words.model, dampings))}.")
+        terms, laws = run.info.get("damping") or {}, run.info.get("restoring") or {}
+        forces = [f"{a['force']} ({words.model(term)})" for term, a in terms.items() if a.get("force")]
+        rests = [f"{formula} ({words.law(law)})" for law, formula in laws.items() if formula]
+        if forces and rests:
+            metres = " θ is the position in m." if any(run.unit(s).base == "m" for s in run.signals) else ""
+            sentences.append(
+                f"Equation of motion: θ̈ + F_damp + F_rest = 0, where F_damp consists of {fmt.listing(forces)} and "
+                f"F_rest is {fmt.listing(rests, 'or')}; θ in rad, time in s.{metres}"
+            )
+        sentences += _systems(run)
+        if not only_answered(run):
+            sentences += _methods(run)
+        elif any(a.candidates for a in answers(run)):
+            sampled = any(run.cells("sampled", signal) for signal in run.signals)
+            more = "; the most probable ones were also sampled" if sampled else ""
+            sentences.append(
+                f"The models were compared by closed-form approximations about each best fit{more}."
+            )
+        if run.info.get("seed") is not None:
+            sentences.append(f"All random numbers are determined by the seed {run.info['seed']}.")
+        text = json.dumps(run.study, indent=2, ensure_ascii=False)
+        details = folded("The resolved study, every setting", Markup("<pre>{}</pre>").format(escape(text)))
+        return fill("asked.html", sentences=sentences, table=_signals(run), details=details)
+
+
+def _systems(run: RunFolder) -> list[str]:
+    """Return what is known of each signal's oscillator; signals with the same knowledge share a sentence."""
+    named: dict[str, list[str]] = {}
+    for signal in run.study.get("signals") or []:
+        system, name = signal.get("system") or {}, str(signal.get("name", ""))
+        laws = run.about(name).get("restoring") or [system["restoring"]] if system.get("restoring") else []
+        known = [f"{words.symbol(k).text} = {fmt.given(v)}" for k, v in (system.get("known") or {}).items()]
+        free = [words.symbol(k).text for k in system.get("free") or {}]
+        parts = [f"Restoring force: {fmt.listing(map(words.law, laws), 'or')}."] if laws else []
+        parts += [f"Known: {fmt.listing(known)}."] if known else []
+        # With several laws, each has unknown parameters of its own.
+        parts += [f"Unknown: {fmt.listing(free)}."] if free and len(laws) < 2 else []
+        derived = (run.info.get("equilibrium") or {}).get(name) or {}
+        if "natural_frequency" in derived:  # the whole restoring law is known
+            own = run.unit(name).displacement
+            at = fmt.number(own.scale * derived["equilibrium"], 4)
+            rate = fmt.number(derived["natural_frequency"], 4)
+            parts.append(
+                f"This gives the rest position {at} {own.name} and the natural frequency {rate} rad/s."
+            )
+        if parts:
+            named.setdefault(" ".join(parts), []).append(name)
+    if len(named) == 1:
+        return list(named)
+    return [f"{fmt.listing(names)}: {text}" for text, names in named.items()]
+
+
+def _methods(run: RunFolder) -> list[str]:
+    """Return a sentence on the estimators, the samplers and the evidence methods, as far as the study names them."""
+    posterior = run.study.get("posterior") or {}
+    noise = posterior.get("noise")
+    suffix = f", with {words.method(noise)} noise" if isinstance(noise, str) else ""
+    if run.under_law:
+        suffix = ", with white noise, whose size is what the deviations do not explain"
+    used = {
+        "Estimators": (run.study.get("estimators") or {}).get("use"),
+        "Posteriors": posterior.get("samplers"),
+        "Evidence": (run.study.get("evidence") or {}).get("methods"),
+    }
+    sentences = []
+    for what, names in used.items():
+        if names:
+            text = names if isinstance(names, str) else fmt.listing(map(words.method, names))
+            sentences.append(f"{what}: {text}{suffix * (what == 'Posteriors')}.")
+        elif names is not None:
+            sentences.append(f"{what}: switched off.")
+    return sentences
+
+
+def _signals(run: RunFolder) -> Table | str:
+    def recorded(signal: str) -> str:
+        unit, quantity = run.unit(signal), run.quantity(signal)
+        return f"{unit.called(quantity)} in {unit.of(quantity)}"
+
+    def samples(signal: str) -> tuple[str, str]:
+        """Return the number of samples and the duration."""
+        answer, cell = answer_of(run, signal), run.cell("signal", signal, run.repeats(signal)[0])
+        t = cell.arrays.get("t", np.empty(0)) if cell else np.empty(0)
+        if answer is not None and answer.envelope is not None:
+            w, t = answer.verdict.window, answer.arrays["t"]
+            count, duration = answer.envelope.samples, w.stop - w.start if w else float(t[-1] - t[0])
+        elif len(t):
+            count, duration = len(t), float(t[-1] - t[0])
+        else:
+            return fmt.NONE, fmt.NONE
+        return f"{count:,}".replace(",", "\u202f"), fmt.number(duration, 4)
+
+    used = {signal: samples(signal) for signal in run.signals}
+    columns: dict[str, Callable[[str], str]] = {
+        "signal": str,
+        "origin": lambda s: "simulated" if run.simulated(s) else "measured",
+        "recorded": recorded,
+        "repeats": lambda s: str(len(run.repeats(s))),
+        "samples used": lambda s: used[s][0],
+        "duration / s": lambda s: used[s][1],
+    }
+    return Table.of(run.signals, columns, (0, 1, 2)) if used else ""
+
+
+class ProvenanceSection(Section):
+    """Versions, revision, machine, inputs, failed tasks, and the time of each kind of task."""
+
+    order = 90
+    name = "provenance"
+    title = "How this report was made"
+
+    def render(self, run: RunFolder) -> str:
+        """Return what made the numbers, and from what."""
+        info, text = run.info, (0, 1)
+        facts = {
+            "source revision": info.get("revision"),
+            **(info.get("machine") or {}),
+            "seed": info.get("seed"),
+        }
+        lines = [[name, str(value)] for name, value in facts.items() if value is not None]
+        inputs, versions = (list((info.get(key) or {}).items()) for key in ("inputs", "versions"))
+        parts: list[object] = [Table(["fact", "value"], lines, text)] if lines else []
+        if inputs:
+            parts.append(Table(["input", "SHA-256"], inputs, text))
+        if versions:
+            table = Table(["package", "version"], versions, text)
+            parts.append(folded(f"Versions of {len(versions)} packages", table))
+        parts += [_without_result(run), *_timing(info.get("seconds") or {})]
+        budget = (info.get("error_budget") or {}).items()
+        rows = {f"{signal}/{model}": own for signal, each in budget for model, own in each.items() if own}
+        if rows:
+            columns: dict[str, Callable[[str], str]] = {"task": str}
+            for name in dict.fromkeys(key for own in rows.values() for key in own):
+                columns[name.replace("_", " ")] = lambda row, name=name: fmt.number(rows[row].get(name), 2)
+            caption = (
+                "Error budget of the solver: changes by finer integration steps, within three sds of the mode"
+            )
+            parts.append(Table.of(rows, columns, caption=caption))
+        return stack(*parts)
+
+
+def _without_result(run: RunFolder) -> Table | None:
+    """Return the tasks that ended without a result, by the sentence that gives the reason."""
+    tasks: dict[str, list[str]] = {}
+    for cell in run.cells():
+        # The section on the evidence shows the tasks that were pruned.
+        if cell.outcome != OK and status_of(cell.outcome) is not Status.PRUNED:
+            tasks.setdefault(cell.outcome, []).append(cell.name)
+    columns: dict[str, Callable[[str], str]] = {
+        "reason": str,
+        "tasks": lambda outcome: (
+            ", ".join(tasks[outcome][:3])
+            + (f" and {len(tasks[outcome]) - 3} more" if len(tasks[outcome]) > 3 else "")
+        ),
+    }
+    count = sum(map(len, tasks.values()))
+    caption = f"{count} task{'s' if count > 1 else ''} ended without a result"
+    return Table.of(tasks, columns, (0, 1), caption) if tasks else None
+
+
+def _timing(seconds: Mapping[str, float]) -> list[object]:
+    known = {name: s for name, s in seconds.items() if isinstance(s, (int, float))}
+    if not known:
+        return []
+    kinds: dict[str, list[float]] = {}
+    for name, s in known.items():
+        kinds.setdefault(Place.of(name).kind, []).append(s)
+    kinds["all"] = list(known.values())
+    columns: dict[str, Callable[[str], str]] = {
+        "stage": str,
+        "tasks": lambda kind: str(len(kinds[kind])),
+        "sum": lambda kind: fmt.duration(sum(kinds[kind])),
+        "longest": lambda kind: fmt.duration(max(kinds[kind])),
+    }
+    table = Table.of(kinds, columns, caption="Time, summed over workers")
+    longest = sorted(known, key=lambda name: -known[name])[:20]
+    tasks = Table(["task", "time"], [[name, fmt.duration(known[name])] for name in longest])
+    return [table, folded(f"The {len(longest)} longest tasks", tasks)]
+
+
+PLUGINS = (AskedSection(), ProvenanceSection())
