@@ -127,8 +127,10 @@ def passes(tests: tuple[str, ...], patience: float | None = None) -> bool:
     options = ["-B", "-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", "-m"]
     command = [sys.executable, *options, "not slow", *tests]
     try:
-        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        return subprocess.run(command, cwd=TREE, timeout=patience, **silent).returncode == 0
+        result = subprocess.run(
+            command, cwd=TREE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=patience
+        )
+        return result.returncode == 0
     except subprocess.TimeoutExpired:
         return False
 
