@@ -46,7 +46,7 @@ fuzz: $(READY)
 # A wrong operator, number or condition put into a copy, a hundred times: do the tests notice? Writes reports/mutation.
 mutation: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt "cosmic-ray>=8.3"
-	$(ONE_THREAD) $(BIN)/python -m tests.mutation.run $(ARGS)
+	$(ONE_THREAD) $(BIN)/python -m validation.mutation $(ARGS)
 
 # The lowest versions that pyproject.toml allows, in an environment of their own: does a quick part of the tests pass?
 # What they call deprecated in each other is no fault of ours there.

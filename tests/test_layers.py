@@ -68,6 +68,16 @@ MAY_IMPORT: dict[str, set[str]] = {
     "validation.reports": NEUTRAL
     | {"calibrate", "interface", "pipeline", "records", "store", "report", "verdict", "validation"},
     "validation.truth": NEUTRAL | {"validation.truth"},
+    "validation.experiments": _BELOW
+    | {"config", "inference", "interface", "pipeline", "store", "verdict", "validation.experiments"}
+    | {"validation.rows", "validation.truth"},
+    "validation.misfit": {
+        "types", "cli.records", "interface", "verdict", "validation.misfit", "validation.rows", "validation.scoring",
+    },
+    "validation.measured": {
+        "types", "cli.records", "interface", "store", "verdict", "validation.measured", "validation.repeats",
+        "validation.truth",
+    },
     "validation": NEUTRAL | {"report.markup", "store", "verdict.types", "validation"},
     "interface": NEUTRAL
     | {
@@ -149,6 +159,7 @@ def test_a_backward_import_is_seen() -> None:
         ("bayesdamp.types", "from bayesdamp.physics.damping import TERMS"),
         ("validation.truth.records", "from bayesdamp.physics.trajectories import simulate"),
         ("validation.truth.records", "from validation.scoring import scores"),
+        ("validation.misfit.scoring", "from bayesdamp.physics.damping import TERMS"),
         ("bayesdamp.calibrate.run", "from validation.truth.records import case"),
         ("bayesdamp.interface.answer", "from validation import truth"),
         ("bayesdamp.interface.fit", "from bayesdamp.pipeline.run import run_study"),

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.envelope.ringdowns import simulate
-from tests.validation.envelopes import drawn
+from validation.experiments.envelopes import drawn
+from validation.truth.ringdowns import simulate
 
 
 def main(folder: Path, count: int, seed: int = 1) -> None:

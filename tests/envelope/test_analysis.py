@@ -17,8 +17,8 @@ from bayesdamp.records.envelope.window import EnvelopeWindow, bounded
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.envelope import specimen
-from tests.envelope.ringdowns import NEPER, Ringdown, simulate
 from tests.envelope.weighed import place_as_given
+from validation.truth.ringdowns import NEPER, Ringdown, simulate
 
 RING = {"fall": 45.0, "scatter": 0.02, "scatter_time": 0.5, "behind": 15.0}
 

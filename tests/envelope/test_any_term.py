@@ -13,9 +13,10 @@ from bayesdamp.cli import main
 from bayesdamp.inference.envelope.sums import weighable
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.damping import parse_model
+from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
-from tests.envelope.oscillations import FORCES, OMEGA, START, envelope, turning_points
+from validation.truth.turning_points import FORCES, FREQUENCY, OMEGA, START, readings, turning_points
 
 SUMS = (
     ("viscous",),
@@ -44,6 +45,11 @@ class Thinning(DampingTerm):
 
 PLUGIN = Thinning()
 '''
+
+
+def envelope(force, seed: int, unit: str = "rad") -> EnvelopeRecord:
+    t, a = readings(force, seed)
+    return made_record("x", t, 20 * np.log10(a) if unit == "dB" else a, unit, FREQUENCY)
 
 
 @cache

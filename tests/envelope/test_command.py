@@ -15,7 +15,7 @@ from bayesdamp.records.envelope.reading import are_envelopes, read_envelope
 from bayesdamp.records.envelope.record import unit_in
 from bayesdamp.store import Store
 from bayesdamp.types import InputError
-from tests.envelope.ringdowns import Ringdown, simulate
+from validation.truth.ringdowns import Ringdown, simulate
 
 HEAD = "% Frequency [Hz]: 1562325.84\n% Quality factor: 2.5e7\n%\n% time [s], power [dBm]\n"
 DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data" / "ringdown"

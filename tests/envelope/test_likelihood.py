@@ -19,7 +19,7 @@ from bayesdamp.store.contents import AnswerContent
 from bayesdamp.types import InputError
 from bayesdamp.verdict.envelope import EnvelopeAnswer, joint_damping, shared_likelihoods, specimen
 from bayesdamp.verdict.specimen import probabilities
-from tests.envelope.ringdowns import Ringdown, simulate
+from validation.truth.ringdowns import Ringdown, simulate
 
 SIZES = grid_of(KNOTS, phases=False).log_prior
 """Log prior probability of each size and length of the deviation."""

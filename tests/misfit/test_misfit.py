@@ -13,10 +13,10 @@ from scipy.stats import binom
 
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
-from tests.misfit import scoring
-from tests.misfit.cases import INSIDE, drawn
-from tests.misfit.scoring import OPEN, REFUSED, RIGHT, WRONG, outcome, score
-from tests.misfit.summary import page
+from validation.misfit import scoring
+from validation.misfit.cases import INSIDE, drawn
+from validation.misfit.scoring import OPEN, REFUSED, RIGHT, WRONG, outcome, score
+from validation.misfit.summary import page
 from validation.rows import read_rows
 
 TABLE = Path(__file__).resolve().parents[2] / "reports" / "misfit" / "scored.csv"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.misfit import records as rec
-from tests.misfit.cases import INSIDE, SAMPLES, drawn
+from validation.misfit import records as rec
+from validation.misfit.cases import INSIDE, SAMPLES, drawn
 
 T = np.linspace(0.0, 40.0, 401)
 

@@ -26,15 +26,15 @@ from bayesdamp.interface.answer import answer
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import made_record
 from bayesdamp.types import Signal
-from tests.envelope.ringdowns import simulate
-from tests.measured.run import signals
-from tests.validation.envelopes import drawn as drawn_ringdown
-from tests.validation.laws import case
+from validation.experiments.envelopes import drawn as drawn_ringdown
+from validation.experiments.laws import case
+from validation.measured.run import signals
 from validation.truth import discrepancies, records
 from validation.truth.drawing import Draw, drawn
 from validation.truth.motion import NoMotionError, solved
 from validation.truth.oscillator import LAWS, SUMS
 from validation.truth.ratio import RatioCurve, ratio_curve
+from validation.truth.ringdowns import simulate
 
 FOLDER = Path(__file__).with_name("answers")
 SEED = 20261126

@@ -15,7 +15,7 @@ from bayesdamp.inference.deviation.ridge import Ridge
 from bayesdamp.inference.deviation.sampling import SamplingStart, reference_of
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.priors import SHARED_SIGMAS
-from tests.validation.laws import Case, case
+from validation.experiments.laws import Case, case
 
 
 @cache

@@ -14,7 +14,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import Signal
 from bayesdamp.verdict.types import Verdict
-from tests.validation.laws import case
+from validation.experiments.laws import case
 
 
 @lru_cache
@@ -32,8 +32,8 @@ def found(term: str) -> tuple[Verdict, dict[str, float], float]:
 def test_a_term_is_found_again(term: str) -> None:
     """Its parameters are within twice the reach of their 95 % intervals, with their own names and units.
 
-    These are four standard deviations, a false alarm once in 16,000 seeds for each. `tests.validation.laws` counts
-    how often the intervals contain the truth.
+    These are four standard deviations, a false alarm once in 16,000 seeds for each. `validation.experiments.laws`
+    counts how often the intervals contain the truth.
     """
     verdict, truth, share = found(term)
     assert term in verdict.damping.split("+")

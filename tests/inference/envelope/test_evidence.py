@@ -16,8 +16,8 @@ from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.amplitude.laws import SUMS, ClosedForm, decay
 from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.records.envelope.record import made_record
-from tests.envelope.ringdowns import Ringdown, simulate
 from tests.envelope.weighed import log_evidence_as_given
+from validation.truth.ringdowns import Ringdown, simulate
 
 OMEGA = 2 * np.pi * 50.0
 STEP = (0.3 / 1e-8) ** (1 / 25)

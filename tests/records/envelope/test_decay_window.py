@@ -10,9 +10,9 @@ import pytest
 from bayesdamp.records.envelope.reading import read_envelope
 from bayesdamp.records.envelope.window import bounded, find_window
 from bayesdamp.types import Refusal
-from tests.envelope.oscillations import SHARP, envelope
-from tests.envelope.ringdowns import Ringdown, simulate
 from tests.failures import Failures
+from validation.truth.ringdowns import Ringdown, simulate
+from validation.truth.turning_points import SHARP, readings
 
 DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "ringdown"
 # record, start between, stop between: s, read off the pictures by eye
@@ -94,20 +94,20 @@ def test_dry_friction_is_followed_back_to_its_release():
 
 def test_the_steep_end_of_friction_is_no_floor():
     """A power of the amplitude and a floor were fitted to it, and the last 10 dB left out."""
-    record = envelope(
+    times, size = readings(
         lambda x, v: 0.093 * (1 + np.exp(-((v / 1.76) ** 2))) * np.tanh(v / SHARP), [8, 3], noise=0.01
     )
-    window = find_window(record.t, record.level)
-    assert (window.start, window.stop, window.floor) == (0, record.t.size, None)
+    window = find_window(times, 20 * np.log10(size))
+    assert (window.start, window.stop, window.floor) == (0, times.size, None)
     # Control: with a floor that is one.
     rng = np.random.default_rng(5)
-    t = np.append(record.t, record.t[-1] + 0.17 * np.arange(1, 120))
-    floor = 0.02 * 10 ** (record.level[0] / 20)
+    t = np.append(times, times[-1] + 0.17 * np.arange(1, 120))
+    floor = 0.02 * size[0]
     noise = floor * (rng.standard_normal(t.size) + 1j * rng.standard_normal(t.size)) / np.sqrt(2)
-    amplitude = np.append(10 ** (record.level / 20), np.zeros(119))
+    amplitude = np.append(size, np.zeros(119))
     found = find_window(t, 20 * np.log10(np.abs(amplitude + noise)))
     assert found.floor is not None
-    assert found.stop < record.t.size
+    assert found.stop < times.size
 
 
 @pytest.mark.parametrize(
@@ -121,10 +121,11 @@ def test_the_steep_end_of_friction_is_no_floor():
 )
 def test_a_decay_that_is_nowhere_straight_is_found_whole(force):
     """Friction that rises towards rest, the cube of the velocity. The control: a drive before it is none of it."""
-    record = envelope(force, [8, 1], noise=0.01)
-    assert find_window(record.t, record.level).start <= 3
-    late = record.t + 20.0
+    t, size = readings(force, [8, 1], noise=0.01)
+    level = 20 * np.log10(size)
+    assert find_window(t, level).start <= 3
+    late = t + 20.0
     t = np.concatenate([np.arange(0.0, 20.0, 0.17), late])
-    held = record.level[0] + 3.0 + 0.3 * np.random.default_rng(1).standard_normal(t.size - late.size)
-    found = find_window(t, np.concatenate([held, record.level]))
+    held = level[0] + 3.0 + 0.3 * np.random.default_rng(1).standard_normal(t.size - late.size)
+    found = find_window(t, np.concatenate([held, level]))
     assert abs(found.start - held.size) <= 12

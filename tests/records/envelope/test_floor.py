@@ -7,7 +7,7 @@ import pytest
 
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.records.envelope.decay import SeenFloor, measure_floor
-from tests.envelope.ringdowns import wandering
+from validation.truth.ringdowns import wandering
 
 
 def floor(slow: float, constant: float, decay: float, seed: int) -> SeenFloor:

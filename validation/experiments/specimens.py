@@ -1,12 +1,12 @@
-"""Simulated specimens of several records: which damping the verdict on each names, and whether its intervals hold.
+"""Answer simulated specimens of several records, and count how often the right damping is named.
 
-    python -m tests.validation.specimens exact|deviating SPECIMENS SEED [RECORDS SPREAD]
+    python -m validation.experiments.specimens exact|deviating SPECIMENS SEED [RECORDS SPREAD]
 
-The dampings are viscous + Coulomb, viscous + quadratic, Coulomb and viscous in turn; all coefficients of a record are
-those of the specimen times a factor of its own, whose logarithm has the standard deviation SPREAD (4 records and 0.03
-where not given). `deviating`: the force is by up to 10 % larger or smaller with the logarithm of the amplitude, alike
-in all records. Motions are SciPy's, of eighth order; the restoring law is linear, and known to be. The control is the
-product of the records' own evidences, as if each had coefficients of its own.
+The dampings are viscous + Coulomb, viscous + quadratic, Coulomb and viscous in turn. The coefficients of a record are
+those of the specimen times a factor of the record, whose logarithm has the standard deviation SPREAD (by default 4
+records and 0.03). `deviating`: the force is up to 10 % larger or smaller, as a function of the logarithm of the
+amplitude, the same for all records. SciPy's eighth-order solver computes the motions; the restoring law is linear, and
+the answers know it. The control is the product of the records' own evidences, as if each had its own coefficients.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ DAMPINGS = (
 def simulate(
     rng: np.random.Generator, damping: dict[str, float], deviation: float, noise: float, name: str
 ) -> Signal:
-    """12 cycles from 0.9 to 1.1 rad, 25 samples each."""
+    """Simulate 12 cycles of 25 samples, from 0.9 to 1.1 rad."""
     start, stop = rng.uniform(0.9, 1.1), CYCLES * 2 * np.pi / OMEGA
     times = np.linspace(0, stop, 25 * CYCLES)
     zeta, dry, drag = (damping.get(n, 0.0) for n in ("viscous", "coulomb", "quadratic"))
@@ -55,27 +55,27 @@ def simulate(
 def answers(
     rng: np.random.Generator, damping: dict[str, float], deviation: float, records: int, spread: float
 ) -> list[Answered]:
-    """Of each record by itself, from linear models."""
-    found, noise = [], float(np.exp(rng.uniform(*np.log(NOISES))))
+    """Answer each record of a specimen by itself, from linear models."""
+    results, noise = [], float(np.exp(rng.uniform(*np.log(NOISES))))
     for k in range(records):
         factor = float(np.exp(spread * rng.standard_normal()))
         own = {n: v * factor for n, v in damping.items()}
-        made = simulate(rng, own, deviation, noise, f"r{k}")
+        signal = simulate(rng, own, deviation, noise, f"r{k}")
         law = "law" if deviation else "none"
-        one = answer(made, restoring=("linear",), sample=False, deviation=law, repeated=True)
-        found += [one.of_specimen()] if one.arrays else []
-    return found
+        result = answer(signal, restoring=("linear",), sample=False, deviation=law, repeated=True)
+        results += [result.of_specimen()] if result.arrays else []
+    return results
 
 
-def said(named: str, decided: bool, truth: set[str]) -> str:
-    """Whether the truth is named, another damping is, or none."""
+def outcome(named: str, decided: bool, truth: set[str]) -> str:
+    """Return whether the truth is named, another damping is, or none."""
     if not decided:
         return "open"
     return "right" if set(named.split("+")) == truth else "wrong"
 
 
 def product(records: list[Answered]) -> tuple[str, float]:
-    """The likeliest sum and its probability by the product of the records' evidences."""
+    """Return the most probable sum and its probability from the product of the records' evidences."""
     logs = {
         model: sum(r.weighed.log_evidence.get(model, -60.0) for r in records)
         + float(np.log(odds(model[0].split("+"))))
@@ -86,7 +86,7 @@ def product(records: list[Answered]) -> tuple[str, float]:
 
 
 def true_ratio(damping: dict[str, float], amplitude: float) -> float:
-    """Equivalent damping ratio at an amplitude in rad."""
+    """Return the equivalent viscous damping ratio at an amplitude in rad."""
     per_unit = {
         "viscous": 1 / OMEGA, "coulomb": 2 / (np.pi * OMEGA**2 * amplitude),
         "quadratic": 4 * amplitude / (3 * np.pi),
@@ -95,29 +95,30 @@ def true_ratio(damping: dict[str, float], amplitude: float) -> float:
 
 
 def main(kind: str, specimens: int, seed: int, records: int = 4, spread: float = 0.03) -> None:
+    """Answer several specimens, and print the counts."""
     counts: dict[str, list[str]] = {"joined": [], "product": []}
-    holds, widths, alone, together = 0, [], [], []
+    inside, widths, alone, together = 0, [], [], []
     for i in range(specimens):
         damping = DAMPINGS[i % len(DAMPINGS)]
         deviation = 0.1 if kind == "deviating" else 0.0
-        found = answers(np.random.default_rng([seed, i]), damping, deviation, records, spread)
-        verdict = specimen("specimen", found, sensor=0.0)
+        results = answers(np.random.default_rng([seed, i]), damping, deviation, records, spread)
+        verdict = specimen("specimen", results, sensor=0.0)
         truth = set(damping)
-        counts["joined"].append(said(verdict.damping, verdict.decided, truth))
-        named, p = product(found)
-        counts["product"].append(said(named, p >= DECIDED, truth))
+        counts["joined"].append(outcome(verdict.damping, verdict.decided, truth))
+        named, p = product(results)
+        counts["product"].append(outcome(named, p >= DECIDED, truth))
         r = verdict.damping_ratio[1]
-        holds += r.low <= true_ratio(damping, r.amplitude) <= r.high
+        inside += r.low <= true_ratio(damping, r.amplitude) <= r.high
         widths.append((r.high - r.low) / r.value)
-        alone.append(float(np.mean([_probability(one.verdict, truth) for one in found])))
+        alone.append(float(np.mean([_probability(a.verdict, truth) for a in results])))
         together.append(_probability(verdict, truth))
         print(i, "+".join(damping), counts["joined"][-1], verdict.damping, f"{together[-1]:.3f}", flush=True)
     for name, each in counts.items():
-        shown = {what: each.count(what) for what in ("right", "wrong", "open")}
+        shown = {result: each.count(result) for result in ("right", "wrong", "open")}
         print(f"{kind}, seed {seed}, {records} records, spread {spread:g}, {name}: {shown}", flush=True)
     print(
         f"probability of the truth {np.mean(together):.3f} (records alone {np.mean(alone):.3f}); the ratio's interval "
-        f"holds {holds} of {specimens}, its median width {np.median(widths):.3f}",
+        f"holds {inside} of {specimens}, its median width {np.median(widths):.3f}",
         flush=True,
     )
 

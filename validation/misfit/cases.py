@@ -1,4 +1,4 @@
-"""Simulated cases, drawn broadly from a seed: records outside the family, and of it under bad conditions."""
+"""Draw simulated cases from a seed: records that no law of the family fits, and records of it of bad quality."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.misfit import records as rec
+from validation.misfit import records as rec
 
 SAMPLES = 240
 FAMILY = ("viscous", "coulomb", "quadratic")
@@ -24,10 +24,24 @@ INSIDE = ("clean", "two_cycles", "coarse", "quantised", "outliers", "gaps", "sli
 
 @dataclass(frozen=True)
 class Case:
-    """A record: times (s), values (rad), and what it truly is.
+    """A simulated record.
 
-    kind: one of OUTSIDE or INSIDE; damping: the true sum, or what stands in its place outside the family; clean: the
-    values without noise, rounding and outliers; noise: sd of the noise as a share of the amplitude.
+    Attributes
+    ----------
+    name : str
+        Name of the record.
+    kind : str
+        One of OUTSIDE or INSIDE.
+    damping : str
+        The true sum, or the name of what the record has instead.
+    noise : float
+        Standard deviation of the noise relative to the amplitude.
+    t, y : (n,) array
+        Times in s and angles in rad.
+    clean : (n,) array
+        Angles without noise, rounding and outliers.
+    amplitude : float
+        Amplitude at the start in rad.
     """
 
     name: str
@@ -41,15 +55,17 @@ class Case:
 
     @property
     def inside(self) -> bool:
+        """Whether a law of the family fits the record."""
         return self.kind in INSIDE
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number whose logarithm is uniform."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def drawn(kind: str, number: int, seed: int) -> Case:
-    """Case `number` of a kind under a seed."""
+    """Draw case `number` of a kind under a seed."""
     rng = np.random.default_rng([seed, (*OUTSIDE, *INSIDE).index(kind), number])
     cycles = float(rng.uniform(6, 12))
     if kind == "two_cycles":
@@ -69,10 +85,10 @@ def drawn(kind: str, number: int, seed: int) -> Case:
     def spring(x: float) -> float:
         return x
 
-    def family():
+    def family() -> rec.Force:
         return rec.damping_of(shares, cycles, left, eps)
 
-    def free():
+    def free() -> np.ndarray:
         return rec.free(family(), spring, times)
 
     make: dict[str, Callable[[], tuple[np.ndarray, str]]] = {
@@ -102,7 +118,7 @@ def drawn(kind: str, number: int, seed: int) -> Case:
         at = rng.choice(SAMPLES, round(SAMPLES * rng.uniform(0.01, 0.05)), replace=False)
         y[at] += rng.choice([-1.0, 1.0], at.size) * rng.uniform(0.3, 1.0, at.size)
     keep = np.ones(SAMPLES, bool)
-    if kind == "gaps":  # always of one length altogether: all such records share a compiled program
+    if kind == "gaps":  # of the same total length, so that all such records share a compiled program
         for begin in rng.choice(7, 3, replace=False):
             first = 10 + 30 * int(begin) + int(rng.integers(0, 12))
             keep[first : first + 16] = False
@@ -128,14 +144,16 @@ def _second(rng: np.random.Generator, times: np.ndarray, cycles: float) -> np.nd
     return rec.second_mode(times, amplitude, frequency, ratio / frequency, rng.uniform(0, 2 * np.pi))
 
 
-def _driven(rng: np.random.Generator, times: np.ndarray, damping: rec.Force, spring) -> np.ndarray:
+def _driven(
+    rng: np.random.Generator, times: np.ndarray, damping: rec.Force, spring: rec.Restoring
+) -> np.ndarray:
     amplitude, phase = log_uniform(rng, 0.05, 0.4), rng.uniform(0, 2 * np.pi)
     return rec.driven(damping, spring, times, rng.uniform(0.5, 1.6), amplitude, phase)
 
 
 def _sticking(rng: np.random.Generator, times: np.ndarray, cycles: float) -> np.ndarray:
     over, speed = rng.uniform(1.5, 3.0), rng.uniform(0.03, 0.15)
-    # Kinetic friction alone takes 4 × kinetic off the amplitude a cycle: it stops at or after the end of the record.
+    # Kinetic friction reduces the amplitude by 4 × kinetic in each cycle: the motion does not stop within the record.
     kinetic = rng.uniform(0.6, 0.95) / (4 * cycles)
     return rec.sticking(kinetic, over * kinetic, speed, times)
 

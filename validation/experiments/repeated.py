@@ -1,11 +1,11 @@
-"""Simulated pairs of records, and how often the joint fit under laws that hold approximately holds the truth.
+"""Fit simulated pairs of records jointly under approximate laws, and count how often intervals contain the truth.
 
-    python -m tests.validation.repeated PAIRS SEED [APART]
+    python -m validation.experiments.repeated PAIRS SEED [APART]
 
-prints a line a pair and counts. A pair has one viscous damping, which in one record rises while it falls in the other,
-by up to 10 %; with APART the second record's is larger by that share instead (0.16: two specimens), and both drift at
-random.
-Motions are SciPy's, of eighth order; the start, the spring and the noise are inferred with everything else.
+prints a line for each pair and counts. A pair has one viscous damping, which rises in one record and falls in the other
+by up to 10 %. With APART the damping of the second record is larger by that share instead (0.16: two specimens), and
+both drift at random. SciPy's eighth-order solver computes the motions; the start, the spring and the noise are inferred
+with everything else.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import Depth, run_study
-from bayesdamp.pipeline.specimens import Specimen
-from bayesdamp.pipeline.specimens import compute_joint as joint_fit
+from bayesdamp.pipeline.specimens import Specimen, compute_joint
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.store import Store
 from bayesdamp.store.contents import CLEAR, JointContent
@@ -53,12 +52,22 @@ start = 0.0
 stop = {stop}
 """
 SHAPES = (lambda s: 1 - 2 * s, lambda s: np.sin(2 * np.pi * s), lambda s: np.cos(2 * np.pi * s))
-"""Of the log deviation along the record, s from 0 to 1; the mean of each is 0, so that ζ is the damping's mean."""
+"""Shapes of the log deviation along the record, s from 0 to 1; their means are 0, so that ζ is the mean damping."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """ζ of each record (1/s), sizes of their drifts, and the records, columns time (s) and angle (rad)."""
+    """A pair of records.
+
+    Attributes
+    ----------
+    zeta : tuple
+        Damping coefficient of each record in 1/s.
+    drift : tuple
+        Size of the log deviation of each.
+    records : tuple of (n, 2) arrays
+        Times in s and angles in rad.
+    """
 
     zeta: tuple[float, float]
     drift: tuple[float, float]
@@ -66,7 +75,10 @@ class Pair:
 
 
 def simulate(rng: np.random.Generator, apart: float | None) -> Pair:
-    """8 to 20 cycles, 25 samples each, over which the amplitude falls to a tenth to a half; 0.2 to 1 % of noise."""
+    """Simulate records of 8 to 20 cycles with 25 samples each.
+
+    The amplitude falls to between a tenth and a half; the noise is 0.2 to 1 %.
+    """
     cycles, left = int(rng.integers(8, 21)), float(np.exp(rng.uniform(np.log(0.1), np.log(0.5))))
     omega, noise = float(rng.uniform(3, 6)), float(np.exp(rng.uniform(np.log(0.002), np.log(0.01))))
     shape, size = SHAPES[rng.integers(len(SHAPES))], float(rng.uniform(0.02, 0.1))
@@ -89,10 +101,12 @@ def simulate(rng: np.random.Generator, apart: float | None) -> Pair:
 
 
 def joined(pair: Pair) -> JointContent | str:
-    """The joint fit, or why there is none. It starts from the records' first answers; sampling them would change
-    nothing of it, and is left out."""
-    with TemporaryDirectory() as made:
-        folder, text = Path(made), STUDY
+    """Return the joint fit, or the reason why it failed.
+
+    It starts from the first answers on the records. They are not sampled, because that does not change the fit.
+    """
+    with TemporaryDirectory() as temporary:
+        folder, text = Path(temporary), STUDY
         for j, record in enumerate(pair.records):
             np.savetxt(
                 folder / f"r{j}.csv", record, delimiter=",", header="time (s),angle (rad)", comments=""
@@ -102,33 +116,34 @@ def joined(pair: Pair) -> JointContent | str:
         study, store = load_study(folder / "pair.toml"), Store(folder / "out")
         run_study(study, folder / "out", workers=1, depth=Depth.ANSWER, quiet=True)
         specimen = Specimen(study, "pair", study.specimens["pair"], store)
-        perform(store, "joint/pair", specimen.key, partial(joint_fit, specimen))
-        cell = store.read("joint/pair")
-    return JointContent.maybe(cell) or cell.outcome
+        perform(store, "joint/pair", specimen.key, partial(compute_joint, specimen))
+        result = store.read("joint/pair")
+    return JointContent.maybe(result) or result.outcome
 
 
 def main(pairs: int, seed: int, apart: float | None = None) -> None:
+    """Fit several pairs, and print the counts."""
     inside, factors, errors, differ, spread = [], [], [], [], []
     for i in range(pairs):
         pair = simulate(np.random.default_rng([seed, i]), apart)
-        found = joined(pair)
-        if isinstance(found, str):
-            print(i, found, flush=True)
+        joint = joined(pair)
+        if isinstance(joint, str):
+            print(i, joint, flush=True)
             continue
-        zeta = found.candidates["viscous"].summary["zeta"]
+        zeta = joint.candidates["viscous"].summary["zeta"]
         truth = float(np.sqrt(pair.zeta[0] * pair.zeta[1]))
         inside.append(zeta["q2.5"] <= truth <= zeta["q97.5"])
-        factors.append(found.no_spread)
-        differ.append(found.differ)
+        factors.append(joint.no_spread)
+        differ.append(joint.differ)
         true_spread = abs(float(np.log(pair.zeta[1] / pair.zeta[0]))) / 2
-        spread.append(found.spread["q2.5"] <= true_spread <= found.spread["q97.5"])
+        spread.append(joint.spread["q2.5"] <= true_spread <= joint.spread["q97.5"])
         errors.append((zeta["mean"] - truth) / zeta["sd"])
-        own = [(one.summary["zeta"]["mean"] / z - 1) * 100 for one, z in zip(found.alone.values(), pair.zeta)]
+        own = [(a.summary["zeta"]["mean"] / z - 1) * 100 for a, z in zip(joint.alone.values(), pair.zeta)]
         print(
             i, f"drift {pair.drift[0]:+.3f} {pair.drift[1]:+.3f} n {len(pair.records[0])} zeta {truth:.4f} ->",
             f"{zeta['mean']:.4f} sd {zeta['sd'] / truth:.2%} z {errors[-1]:+.2f}", inside[-1],
-            f"no spread {factors[-1]:+.1f} spread {found.spread['median']:.2%} ({found.spread['q2.5']:.2%} to",
-            f"{found.spread['q97.5']:.2%}) alone off by {own[0]:+.2f} {own[1]:+.2f} %", flush=True,
+            f"no spread {factors[-1]:+.1f} spread {joint.spread['median']:.2%} ({joint.spread['q2.5']:.2%} to",
+            f"{joint.spread['q97.5']:.2%}) alone off by {own[0]:+.2f} {own[1]:+.2f} %", flush=True,
         )  # fmt: skip
     factor = np.array(factors)
     print(

@@ -1,20 +1,21 @@
-"""Score simulated cases: `python -m tests.misfit.run TABLE FOLDER --seed 21 [--count 4 --kinds clean,beats]`."""
+"""Score simulated cases: `python -m validation.misfit.run TABLE FOLDER --seed 21 [--count 4 --kinds clean,beats]`."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from tests.misfit.cases import INSIDE, OUTSIDE
-from tests.misfit.scoring import COLUMNS, row
-from tests.misfit.summary import page
+from validation.misfit.cases import INSIDE, OUTSIDE
+from validation.misfit.scoring import COLUMNS, row
+from validation.misfit.summary import page
 from validation.rows import gathered, shipped
 
 
 def main() -> None:
+    """Score the cases that the table lacks; write README.md and scored.csv into the folder."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("table", type=Path, help="a CSV; what it has is not done again")
-    parser.add_argument("folder", type=Path, help="of the page")
+    parser.add_argument("table", type=Path, help="CSV file of the rows; missing rows are added")
+    parser.add_argument("folder", type=Path, help="folder of the page")
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--count", type=int, default=1)
     parser.add_argument("--kinds", default=",".join((*INSIDE, *OUTSIDE)))

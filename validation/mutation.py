@@ -1,14 +1,13 @@
-"""Do the tests notice a wrong operator, number or condition? A sample of such changes, each with the tests of its part.
+"""Do the tests notice a wrong operator, number or condition? Try a sample of such changes.
 
-`make mutation` changes a copy of the tree, never the tree itself. Changes are those of Cosmic Ray; what changes
-annotations alone is left out, for nothing runs it.
+`make mutation` changes a copy of the tree, never the tree itself, and runs the tests of the changed part. Changes are
+those of Cosmic Ray, without those of annotations, which nothing runs.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
-import csv
 import shutil
 import subprocess
 import sys
@@ -16,19 +15,23 @@ import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[2]
+from bayesdamp.store import write_table
+from validation.scoring import wilson
+
+ROOT = Path(__file__).resolve().parents[1]
 TREE = ROOT / ".mutation"
 OUT = ROOT / "reports" / "mutation"
 PATIENCE = 10
-"""Times as long as unchanged after which tests that have not ended have noticed."""
+"""Tests that take this many times as long as without a change have noticed it."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """modules: what is changed, globs in the package; tests: what must notice."""
+    """A part of the package: the modules to change, as globs, and the tests that must notice."""
 
     modules: tuple[str, ...]
     tests: tuple[str, ...]
@@ -72,7 +75,7 @@ class Mutant:
 
 
 def bare(source: str) -> str:
-    """What runs of a module: without annotations and docstrings."""
+    """Return the code of a module without annotations and docstrings."""
     tree = ast.parse(source)
     for node in ast.walk(tree):
         if isinstance(node, ast.arg):
@@ -87,10 +90,10 @@ def bare(source: str) -> str:
 
 
 def changes(part: Part, seed: int) -> Iterator[tuple[Path, str, int, str, str]]:
-    """Changes of a part in random order: file, operator, line, source before and after."""
+    """Yield changes of a part in random order: file, operator, line, source before and after."""
     import parso
-    from cosmic_ray.mutating import MutationVisitor
-    from cosmic_ray.plugins import get_operator, operator_names
+    from cosmic_ray.mutating import MutationVisitor  # pyright: ignore[reportMissingImports]
+    from cosmic_ray.plugins import get_operator, operator_names  # pyright: ignore[reportMissingImports]
 
     files = sorted({f for glob in part.modules for f in (TREE / "bayesdamp").glob(glob)})
     places: list[tuple[Path, str, int, int]] = []
@@ -112,40 +115,28 @@ def changes(part: Part, seed: int) -> Iterator[tuple[Path, str, int, str, str]]:
             yield file, name, line, before, after
 
 
-def _lines(operator: object, node: object) -> list[int]:
-    found = [start[0] for start, _ in operator.mutation_positions(node)]  # type: ignore[attr-defined]
+def _lines(operator: Any, node: Any) -> list[int]:
+    lines = [start[0] for start, _ in operator.mutation_positions(node)]
     for child in getattr(node, "children", ()):
-        found += _lines(operator, child)
-    return found
+        lines += _lines(operator, child)
+    return lines
 
 
 def passes(tests: tuple[str, ...], patience: float | None = None) -> bool:
-    """Whether the tests of a part pass in the changed tree, within so many seconds."""
-    command = [
-        sys.executable,
-        "-B",
-        "-m",
-        "pytest",
-        "-x",
-        "-n",
-        "0",
-        "-m",
-        "not slow",
-        "-p",
-        "no:cacheprovider",
-        *tests,
-    ]
+    """Return whether the tests of a part pass in the changed tree within so many seconds."""
+    options = ["-B", "-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", "-m"]
+    command = [sys.executable, *options, "not slow", *tests]
     try:
-        done = subprocess.run(
+        result = subprocess.run(
             command, cwd=TREE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=patience
         )
+        return result.returncode == 0
     except subprocess.TimeoutExpired:
         return False
-    return done.returncode == 0
 
 
 def tried(name: str, count: int, seed: int) -> Iterator[Mutant]:
-    """`count` changes of a part, each tried. Raises SystemExit where the tests fail without any."""
+    """Try changes of a part; raise SystemExit if its tests fail without a change."""
     part = PARTS[name]
     passes(part.tests)  # compiles
     began = time.perf_counter()
@@ -162,8 +153,8 @@ def tried(name: str, count: int, seed: int) -> Iterator[Mutant]:
         yield Mutant(name, relative, at + 1, operator, old[at].strip(), new[at].strip(), noticed)
 
 
-def page(found: list[Mutant], seed: int) -> str:
-    """The page: how many were noticed, and what was not."""
+def page(mutants: list[Mutant], seed: int) -> str:
+    """Return the page: how many changes were noticed, and which were not."""
     lines = [
         "# Do the tests notice a wrong operator, number or condition?",
         "",
@@ -174,44 +165,35 @@ def page(found: list[Mutant], seed: int) -> str:
         "|---|---|---|---|",
     ]
     for name in PARTS:
-        own = [one.noticed for one in found if one.part == name]
+        own = [m.noticed for m in mutants if m.part == name]
         if own:
-            low, high = wilson(sum(own), len(own))
+            low, high = wilson(float(np.mean(own)), len(own))
             lines.append(
                 f"| {name} | {len(own)} | {sum(own)} | {np.mean(own):.2f} ({low:.2f} to {high:.2f}) |"
             )
     lines += ["", "Not noticed:", ""]
-    lines += [f"- `{m.file}:{m.line}` `{m.before}` → `{m.after}`" for m in found if not m.noticed]
+    lines += [f"- `{m.file}:{m.line}` `{m.before}` → `{m.after}`" for m in mutants if not m.noticed]
     return "\n".join(lines) + "\n"
 
 
-def wilson(k: int, n: int) -> tuple[float, float]:
-    """Interval of a share (Wilson 1927)."""
-    z = 1.96
-    middle, half = (k + z * z / 2) / (n + z * z), z * np.sqrt(k * (n - k) / n + z * z / 4) / (n + z * z)
-    return middle - half, middle + half
-
-
 def main() -> None:
-    """Try, and write `mutants.csv` and `README.md` under reports/mutation."""
-    ask = argparse.ArgumentParser(description=__doc__)
-    ask.add_argument("--count", type=int, default=40, help="changes of each part")
-    ask.add_argument("--seed", type=int, default=1)
-    ask.add_argument("--parts", nargs="*", default=list(PARTS), choices=list(PARTS))
-    asked = ask.parse_args()
+    """Try the changes, and write `mutants.csv` and `README.md` under reports/mutation."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=40, help="changes of each part")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--parts", nargs="*", default=list(PARTS), choices=list(PARTS))
+    options = parser.parse_args()
     shutil.rmtree(TREE, ignore_errors=True)
     shutil.copytree(ROOT, TREE, ignore=shutil.ignore_patterns(".*", "reports", "__pycache__", "_build"))
     OUT.mkdir(parents=True, exist_ok=True)
-    found: list[Mutant] = []
-    for part in asked.parts:
-        for one in tried(part, asked.count, asked.seed):
-            found.append(one)
-            print(f"{part} {one.file}:{one.line} {'noticed' if one.noticed else 'NOT NOTICED'}", flush=True)
-    with (OUT / "mutants.csv").open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, [f.name for f in fields(Mutant)], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(asdict(one) for one in found)
-    (OUT / "README.md").write_text(page(found, asked.seed), encoding="utf-8")
+    mutants: list[Mutant] = []
+    for part in options.parts:
+        for m in tried(part, options.count, options.seed):
+            mutants.append(m)
+            print(f"{part} {m.file}:{m.line} {'noticed' if m.noticed else 'NOT NOTICED'}", flush=True)
+    rows = [asdict(m) for m in mutants]
+    write_table(OUT / "mutants.csv", [f.name for f in fields(Mutant)], rows)
+    (OUT / "README.md").write_text(page(mutants, options.seed), encoding="utf-8")
     shutil.rmtree(TREE)
 
 

@@ -1,0 +1,1 @@
+"""Answers on decays that others measured; no truth is known."""

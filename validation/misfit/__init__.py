@@ -1,0 +1,1 @@
+"""Simulated records that no law fits, or of bad quality: does the answer warn?"""

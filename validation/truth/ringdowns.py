@@ -1,0 +1,168 @@
+"""Simulate ring-downs as an analyser shows them: a drive that is tuned and then constant, a decay, a noise floor.
+
+The amplitude follows dA/dt = -Σ c_i A^(p_i) with p = 1, 0 and 2 for viscous, Coulomb and quadratic damping (Nayfeh &
+Mook, Nonlinear Oscillations, 1979, ch. 3), integrated by SciPy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid, solve_ivp
+from scipy.signal import lfilter
+
+NEPER = 20.0 / np.log(10.0)
+"""dB."""
+POWERS: Mapping[str, float] = {"viscous": 1.0, "coulomb": 0.0, "quadratic": 2.0}
+"""Power of the amplitude in the loss of each term."""
+RESTED = np.exp(-60.0)
+"""Least amplitude relative to the start: the oscillator is at rest."""
+
+
+@dataclass(frozen=True)
+class Ringdown:
+    """The parameters of a ring-down.
+
+    Attributes
+    ----------
+    rates : mapping
+        Rate of each term in 1/s at the amplitude at the start.
+    fall : float
+        Level of the noise floor below the start in dB.
+    step : float
+        Time between readings in s.
+    before, behind : float
+        Durations in s of the drive, and of the record after the decay has reached the floor.
+    drop, release : float
+        Fall of the reading in dB within `release` s of the release: the drive's own signal, not the oscillator's.
+    hold : float
+        Standard deviation in dB of the level during the drive.
+    scatter, scatter_time : float
+        Standard deviation in dB and correlation time in s of the multiplicative scatter.
+    drift : float
+        Standard deviation in dB of the slow drift of the gain.
+    floor_time : float
+        Correlation time of the floor's fast part in s.
+    slow_share : float
+        Share of the floor's power that is thermal motion, correlated over the decay.
+    wander : float
+        Standard deviation in dB of the floor's level.
+    constant : float
+        Share of the floor's power that does not fluctuate.
+    deviation, deviation_length : float
+        Standard deviation of the law's relative deviation, and its correlation length in durations.
+    residual_drive : float, optional
+        Level in dB below the start of a drive that stays on; its amplitude adds in quadrature.
+    top : float
+        Level of the start in dB.
+    """
+
+    rates: Mapping[str, float]
+    fall: float = 45.0
+    step: float = 0.012
+    before: float = 10.0
+    behind: float = 20.0
+    drop: float = 0.0
+    release: float = 0.1
+    hold: float = 0.5
+    scatter: float = 0.03
+    scatter_time: float = 1.0
+    drift: float = 0.0
+    floor_time: float = 0.1
+    slow_share: float = 0.5
+    wander: float = 0.0
+    constant: float = 0.0
+    deviation: float = 0.0
+    deviation_length: float = 0.3
+    residual_drive: float | None = None
+    top: float = -40.0
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """A simulated ring-down.
+
+    Attributes
+    ----------
+    t, level : (n,) array
+        Times in s and readings in dB.
+    release : float
+        Time of the start of the decay in s.
+    x : (n,) array
+        ln(A/A_start) of the oscillator alone, without noise; NaN before the release.
+    """
+
+    t: np.ndarray
+    level: np.ndarray
+    release: float
+    x: np.ndarray
+
+
+def wandering(n: int, step: float, time: float, rng: np.random.Generator) -> np.ndarray:
+    """Draw an Ornstein-Uhlenbeck process of standard deviation 1 and correlation time `time`, shape (n,)."""
+    a = np.exp(-step / time)
+    noise = rng.standard_normal(n) * np.sqrt(1 - a * a)
+    noise[0] = rng.standard_normal()
+    return np.asarray(lfilter([1.0], [1.0, -a], noise))
+
+
+def decay_rate(x: np.ndarray, rates: Mapping[str, float]) -> np.ndarray:
+    """Return -dx/dt in 1/s at x = ln(A/A_start), shape (n,), for rates in 1/s at the start."""
+    return sum((c * np.exp((POWERS[term] - 1.0) * x) for term, c in rates.items()), np.zeros_like(x))
+
+
+def free_decay(t: np.ndarray, rates: Mapping[str, float]) -> np.ndarray:
+    """Return ln(A/A_start) at times t in s from the start, shape (n,), for rates in 1/s at the start."""
+
+    def slope(_: float, a: np.ndarray) -> np.ndarray:
+        return -sum((c * np.maximum(a, 0.0) ** POWERS[term] for term, c in rates.items()), np.zeros(1))
+
+    a = solve_ivp(slope, (0.0, t[-1]), (1.0,), "DOP853", t, rtol=1e-12, atol=1e-14).y[0]
+    return np.log(np.maximum(a, RESTED))
+
+
+def simulate(ringdown: Ringdown, rng: np.random.Generator) -> Simulated:
+    """Simulate the reading of a spectrum analyser or a lock-in amplifier in dB."""
+    n_fall = ringdown.fall / NEPER
+    # Time that the decay itself needs to reach the floor, by its own law.
+    x = np.linspace(0.0, -n_fall, 4000)
+    duration = float(np.trapezoid(1.0 / decay_rate(x, ringdown.rates), -x))
+    t = np.arange(0.0, ringdown.before + duration + ringdown.behind, ringdown.step)
+
+    def process(time: float, n: int = t.size) -> np.ndarray:
+        return wandering(n, ringdown.step, time, rng)
+
+    after = t >= ringdown.before
+    since = t[after] - ringdown.before
+    deviation = np.zeros(since.size)
+    if ringdown.deviation:
+        length = ringdown.deviation_length
+        deviation = ringdown.deviation * wandering(since.size, ringdown.step / duration, length, rng)
+    free = free_decay(cumulative_trapezoid(1.0 + deviation, since, initial=0.0), ringdown.rates)
+    signal = np.ones(t.size, complex)
+    signal[after] = np.exp(free)
+    if ringdown.residual_drive is not None:
+        signal += 1j * 10.0 ** (-ringdown.residual_drive / 20.0)
+
+    floor = 10.0 ** (-ringdown.fall / 10.0)
+    noise = np.zeros(t.size, complex)
+    fast, slow = 1 - ringdown.slow_share, ringdown.slow_share
+    for share, time in ((fast, ringdown.floor_time), (slow, duration / n_fall)):
+        if share > 0:
+            noise += np.sqrt(share / 2) * (process(time) + 1j * process(time))
+    level = 10.0 ** (ringdown.wander * process(duration / 3) / 20.0)
+    noise *= np.sqrt(floor * (1 - ringdown.constant)) * level
+    y = 10.0 * np.log10(np.abs(signal + noise) ** 2 + floor * ringdown.constant)
+
+    # The drive is tuned, where the level is wild, then constant, where it wanders slowly; its own signal adds to it.
+    tuned = t < 0.4 * ringdown.before
+    y[~after] += ringdown.hold * process(0.2 * ringdown.before + 0.05 * duration, int((~after).sum()))
+    y[tuned] += -10.0 + 6.0 * process(0.3, int(tuned.sum()))
+    y += ringdown.drop * np.clip(1.0 - (t - ringdown.before) / max(ringdown.release, 1e-9), 0.0, 1.0)
+    y += ringdown.scatter * process(ringdown.scatter_time)
+    y += ringdown.drift * process(duration * 2)
+    true = np.full(t.size, np.nan)
+    true[after] = free
+    return Simulated(t, y + ringdown.top, ringdown.before, true)
