@@ -109,6 +109,10 @@ def sinusoids(signal: Signal, features: Features) -> Sinusoids:
     t, y = (averaged(np.asarray(values, float), block) for values in (signal.t, signal.y))
     first = max(float(t[0]), float(features.swing_times[0]) - 0.75 * features.period)
     last = min(float(t[-1]), float(features.swing_times[-1]) + 0.75 * features.period)
+    crossings = features.crossing_times
+    if last - first > MOST * SHORTEST * features.period and crossings.size > 1:
+        # Windows that hardly overlap do not show how many turns are between them: turning points do.
+        first, last = max(first, float(crossings[0])), min(last, float(crossings[-1]))
     span = (last - first) / features.period
     periods = max(min(float(np.clip(SHARE * features.cycles, SHORTEST, LONGEST)), span - 1.5), 1.0)
     inside = last - first - periods * features.period

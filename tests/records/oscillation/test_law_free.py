@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 from scipy.stats import chi2
 
-from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import Curves, amplitude_curves, law_free
 from bayesdamp.types import Signal
 
@@ -111,3 +113,25 @@ def test_frequency_and_damping_are_known_no_better_than_the_noise_allows() -> No
         assert (
             16 * each > chi2.ppf(0.9995, 20) / 20
         )  # the control: a quarter of the standard errors is noticed
+
+
+def test_a_noisy_record_of_thousands_of_cycles_is_measured_where_its_turns_are_counted() -> None:
+    """Later its windows, dozens of cycles apart, would show another frequency, as the negative control does."""
+    frequency, ratio, cycles = 50.0, 8e-5, 4500
+    t = np.arange(0.0, cycles * 2 * np.pi / frequency, 2 * np.pi / (15 * frequency))
+    noise = 0.06 * np.random.default_rng(4).standard_normal(t.size)
+    signal = Signal(t, np.exp(-ratio * frequency * t) * np.cos(frequency * np.sqrt(1 - ratio**2) * t) + noise)
+    counted = features(signal)
+
+    def measured(seen: Features) -> tuple[float, float]:
+        fit = law_free(signal, seen)
+        curve = fit.at(np.linspace(*fit.span, 7))
+        return np.abs(curve.frequency / frequency - 1).max(), np.abs(
+            (curve.ratio - ratio) / curve.ratio_sd
+        ).max()
+
+    off, sds = measured(counted)
+    assert off < 1e-3
+    assert sds < 4
+    off, sds = measured(replace(counted, crossing_times=np.empty(0)))
+    assert off > 1e-3
