@@ -9,6 +9,7 @@ from types import FunctionType
 from typing import Any
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 _NAMES = {
     "acos": "arccos", "acosh": "arccosh", "asin": "arcsin", "asinh": "arcsinh", "atan": "arctan", "atan2": "arctan2",
@@ -24,9 +25,7 @@ class _Math:
 
     def __getattr__(self, name: str) -> Any:
         if name == "erf":
-            from scipy.special import erf
-
-            return erf
+            return scipy.special.erf
         value = getattr(math, name)
         return getattr(np, _NAMES.get(name, name)) if callable(value) else value
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy  # loads its modules when they are used
 from numpy.typing import ArrayLike
 
 from bayesdamp.physics.arrays import slope_of
@@ -43,12 +44,10 @@ def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float
 
 def rest_near(force: Force, near: float, reach: float, points: int = 401) -> float | None:
     """Return the stable equilibrium nearest to `near` within `reach`, rad or m; None where there is none."""
-    from scipy.optimize import brentq
-
     ends = bracket(force, near, reach, points)
     if ends is None:
         return None
-    return float(brentq(lambda x: float(force(np.array([x]))[0]), *ends, xtol=1e-14))  # type: ignore[arg-type]
+    return float(scipy.optimize.brentq(lambda x: float(force(np.array([x]))[0]), *ends, xtol=1e-14))  # type: ignore[arg-type]
 
 
 def frequency_over(force: Force, low: float, high: float) -> float:

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy  # loads its modules when they are used
 from scipy.special import ndtri
 
 from bayesdamp.inference.fit.mode import Mode, maximise
@@ -64,8 +65,6 @@ class NoiseMap:
     @classmethod
     def of(cls, target: Target, mode: Mode) -> NoiseMap:
         """Return the map of the target's noise; the identity without tied parameters that are both inferred."""
-        from scipy.interpolate import Akima1DInterpolator  # imports slowly
-
         tied = NOISES.get(target.noise).tied
         if tied is None or not set(tied) <= set(target.names) or mode.linear is not None:
             return cls()
@@ -78,9 +77,9 @@ class NoiseMap:
         fine = np.append(
             (scores[:-1, None] + np.diff(scores)[:, None] * np.arange(PARTS) / PARTS).ravel(), scores[-1]
         )
-        level = _normal_scores(fine, Akima1DInterpolator(scores, heights)(fine))
+        level = _normal_scores(fine, scipy.interpolate.Akima1DInterpolator(scores, heights)(fine))
         inside = np.abs(level) < WIDEST
-        shift = Akima1DInterpolator(scores, firsts)(fine) - mode.z[first]
+        shift = scipy.interpolate.Akima1DInterpolator(scores, firsts)(fine) - mode.z[first]
         return cls(first, second, _table(level[inside], np.stack([fine, shift], axis=1)[inside]))
 
     def scores(self, level: np.ndarray) -> np.ndarray:
@@ -239,8 +238,8 @@ def _normal_scores(x: np.ndarray, log_density: np.ndarray) -> np.ndarray:
 
 def _table(level: np.ndarray, values: np.ndarray) -> PPoly:
     """Interpolate values, (m, 2), over level scores, (m,), monotonically, and go on along straight lines."""
-    from scipy.interpolate import PchipInterpolator  # imports slowly
-
     low = values[0] - (values[1] - values[0]) / (level[1] - level[0]) * (level[0] + FAR)
     high = values[-1] + (values[-1] - values[-2]) / (level[-1] - level[-2]) * (FAR - level[-1])
-    return PchipInterpolator(np.concatenate([[-FAR], level, [FAR]]), np.concatenate([[low], values, [high]]))
+    return scipy.interpolate.PchipInterpolator(
+        np.concatenate([[-FAR], level, [FAR]]), np.concatenate([[low], values, [high]])
+    )

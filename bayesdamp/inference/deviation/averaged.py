@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.noise._residuals import FittedNoise
 from bayesdamp.physics.kernel.averaged import NUMBERS, OFFSETS, REAL_OFFSETS, TURNS, Track
@@ -161,8 +162,6 @@ def average_of(
 
 def _least_squares(t: np.ndarray, y: np.ndarray, features: Features, first: float) -> Averaged | None:
     """Take values as amplitudes and phases by least squares; None and arguments as of `average_of`."""
-    from scipy.interpolate import BSpline
-
     duration = float(t[-1])
     if duration < FEWEST_CYCLES * features.period or t.size < LEAST_SAMPLES * BLOCKS:
         return None
@@ -190,7 +189,7 @@ def _least_squares(t: np.ndarray, y: np.ndarray, features: Features, first: floa
             break
         both = ((curves.phase, off), (curves.log_size, log))
         more = [(old, _smooth(middles, values, weight, old.t[-1])) for old, values in both]
-        curves = _Curves(*(BSpline(old.t, old.c + new.c, 3) for old, new in more))
+        curves = _Curves(*(scipy.interpolate.BSpline(old.t, old.c + new.c, 3) for old, new in more))
     else:
         return None
     if sd.max() > UNLIKE * np.median(sd) or sd.min() * UNLIKE < np.median(sd):
@@ -235,10 +234,8 @@ def _first_curves(features: Features, first: float, duration: float) -> _Curves 
 
 def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, end: float) -> BSpline:
     """Fit a cubic spline of `PIECES` equal pieces from 0 to `end` by least squares to values at times t, (m,)."""
-    from scipy.interpolate import make_lsq_spline
-
     knots = np.concatenate([[0.0] * 3, np.linspace(0.0, end, PIECES + 1), [end] * 3])
-    return make_lsq_spline(t, values, knots, 3, w=weight / weight.max())
+    return scipy.interpolate.make_lsq_spline(t, values, knots, 3, w=weight / weight.max())
 
 
 def _fit_block(t: np.ndarray, y: np.ndarray, at: float, curves: _Curves) -> _BlockFit:

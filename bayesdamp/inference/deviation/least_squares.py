@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.numerics.levenberg_marquardt import FIRST, LOWEST
@@ -69,12 +70,12 @@ class LeastSquaresFit:
 
 def nonnegative(root: np.ndarray, target: np.ndarray, positive: np.ndarray) -> np.ndarray:
     """Return the u, (d,), of least |root u − target|² with u ≥ 0 where `positive`; root (n, d)."""
-    from scipy.optimize import nnls  # imports slowly
-
     basis, triangle = np.linalg.qr(root[:, ~positive])
     part, u = root[:, positive], np.zeros(root.shape[1])
     if positive.any():
-        u[positive] = nnls(part - basis @ (basis.T @ part), target - basis @ (basis.T @ target))[0]
+        u[positive] = scipy.optimize.nnls(
+            part - basis @ (basis.T @ part), target - basis @ (basis.T @ target)
+        )[0]
     u[~positive] = np.linalg.solve(triangle, basis.T @ (target - part @ u[positive]))
     return u
 

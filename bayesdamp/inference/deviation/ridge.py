@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.gaussian.linear import LinearModel, Weighed
 from bayesdamp.inference.deviation.parameters import Parameters
@@ -84,10 +85,9 @@ class Ridge:
 
     @cached_property
     def _curves(self):
-        from scipy.interpolate import CubicSpline, PchipInterpolator
-
         at, centres, roots = self.nodes
-        return CubicSpline(at, centres), PchipInterpolator(at, roots)  # whose diagonals stay positive
+        # The diagonals of interpolated roots stay positive.
+        return scipy.interpolate.CubicSpline(at, centres), scipy.interpolate.PchipInterpolator(at, roots)
 
     def _at(self, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return modes (..., m) and factors (..., m, m) of the moved scores at leading scores (...)."""

@@ -13,6 +13,7 @@ from bayesdamp.inference.envelope.candidates import EnvelopeCandidate, weigh_pow
 from bayesdamp.inference.envelope.decay import Decay
 from bayesdamp.inference.envelope.sums import Sum, sums_on, weighed
 from bayesdamp.physics.amplitude.laws import POWERS
+from bayesdamp.physics.amplitude.loss import Scale
 
 ALONG = 65
 """Amplitudes, evenly spaced in their logarithm."""
@@ -147,7 +148,6 @@ def power_law(decay: Decay, ranking: Ranking) -> PowerFit:
 
 def by_power(decay: Decay) -> list[EnvelopeCandidate]:
     """Weigh one power of the velocity, as a damping term."""
-    from bayesdamp.physics.amplitude.loss import Scale
 
     b = decay.blocks
     sums = sums_on([("power",)], Scale(), b.ends[0], float(b.x.min()))

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtri
@@ -22,13 +21,11 @@ from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
 from bayesdamp.odds import FURTHER_TERM, odds
 from bayesdamp.physics.amplitude.laws import POWERS, SUMS, ClosedForm, Law, Shape, Tabled
+from bayesdamp.physics.amplitude.loss import Scale, alike, log_loss
 from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.priors import SHARED_SCALES
 from bayesdamp.records.envelope.decay import ABOVE_FLOOR
 from bayesdamp.types import InputError
-
-if TYPE_CHECKING:
-    from bayesdamp.physics.amplitude.loss import Scale
 
 HOPELESS = 25.0
 """A sum this many nats behind the best with the first noise is not weighed with the others: they change it by a few."""
@@ -131,14 +128,12 @@ class Sum:
 
         `scale` replaces that of the sum.
         """
-        from bayesdamp.physics.amplitude.loss import log_loss
 
         loss = log_loss(self.each[term], scores, scale or self.scale)  # type: ignore[arg-type]
         along = loss(np.append(np.linspace(self.low, self.start, 33), 0.0) - self.start)
         return float(max(along[-1], along.max() + np.log(SMALL)))
 
     def _shape(self, term: int, scores: tuple[float, ...]) -> Shape:
-        from bayesdamp.physics.amplitude.loss import log_loss
 
         loss, unit = log_loss(self.each[term], scores, self.scale), self.unit_rate(term, scores)  # type: ignore[arg-type]
         return lambda x: np.exp(loss(x - self.start) - unit)
@@ -402,7 +397,6 @@ def weighable(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[str, ...]]:
     """
     if set(sums) == set(SUMS):
         return SUMS, ()
-    from bayesdamp.physics.amplitude.loss import alike, log_loss
 
     for asked in sums:
         if len(asked) > LONGEST:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.priors import Prior
@@ -143,8 +144,6 @@ def fit_noise(
     Refusal
         Where the model does not apply to the record.
     """
-    from scipy.optimize import minimize
-
     noise = NOISES.get(name)
     constants = {**noise.read(signal), **{n: v for n, v in (known or {}).items() if n in noise.parameters}}
     given = {n: p for n, p in (priors or {}).items() if n in noise.parameters}
@@ -164,7 +163,7 @@ def fit_noise(
     z = np.array([float(np.clip(p.score(start[n]), -FARTHEST, FARTHEST)) for n, p in inferred.items()])
     if not z.size:
         return FittedNoise(name, values(z), -depth(z))
-    z = minimize(depth, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}).x
+    z = scipy.optimize.minimize(depth, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}).x
     axes = STEP * np.eye(z.size)
     mixed = [
         [depth(z + a + b) - depth(z + a - b) - depth(z - a + b) + depth(z - a - b) for b in axes]

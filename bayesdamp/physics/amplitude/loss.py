@@ -12,7 +12,7 @@ from functools import lru_cache
 from itertools import product
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PchipInterpolator
+import scipy  # loads its modules when they are used
 from scipy.special import ndtr, ndtri
 
 from bayesdamp.physics.damping import DampingTerm, FreeParameter
@@ -78,7 +78,11 @@ def log_loss(
         )
     log = np.log(np.maximum(loss, NOTHING * most))
     # Where a loss begins or ends at an amplitude, a spline would oscillate.
-    table = CubicSpline(GRID, log) if loss.min() > NOTHING * most else PchipInterpolator(GRID, log)
+    table = (
+        scipy.interpolate.CubicSpline(GRID, log)
+        if loss.min() > NOTHING * most
+        else scipy.interpolate.PchipInterpolator(GRID, log)
+    )
     ends = GRID[[0, -1]]
     slopes = table(ends, 1)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import atexit
 import hashlib
 import importlib.util
 import inspect
@@ -305,8 +306,6 @@ def _evict(home: Path) -> None:
 @cache
 def _temporary() -> Path:
     """Return a folder of this process for kernels that cannot be stored elsewhere."""
-    import atexit
-
     folder = Path(tempfile.mkdtemp(prefix="bayesdamp-kernels-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder

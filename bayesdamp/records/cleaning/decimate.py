@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.records.cleaning.clock import robust_step
 from bayesdamp.records.record import RawRecord
@@ -62,14 +63,13 @@ def thinned(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
     each sample, so that no phase shifts: flat within 1e-4 up to PASS of the new Nyquist frequency, ATTENUATION above
     it. Only samples with all their neighbours remain.
     """
-    from scipy.signal import firwin, upfirdn  # imports slowly, and few records need it
-
     width = (1 - PASS) / factor
     half = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width) / 2))
     kaiser: Any = ("kaiser", 0.1102 * (ATTENUATION - 8.7))
-    taps = np.asarray(firwin(2 * half + 1, (1 + PASS) / 2 / factor, window=kaiser))
+    taps = np.asarray(scipy.signal.firwin(2 * half + 1, (1 + PASS) / 2 / factor, window=kaiser))
     middle = float(np.mean(y))
-    whole = upfirdn(taps, y - middle, 1, 1)  # sample k of this is centred on sample k - half of y
+    # Sample k of this is centred on sample k - half of y.
+    whole = scipy.signal.upfirdn(taps, y - middle, 1, 1)
     return whole[2 * half : y.size : factor] + middle, half
 
 
@@ -91,10 +91,10 @@ def _even_clock(raw: RawRecord) -> tuple[float, float] | None:
 
 def _thinning_factor(y: np.ndarray, rate: float) -> int:
     """Return the factor by which a record y (n,) at a rate in Hz may be thinned, 1 for not at all."""
-    from scipy.signal import welch
-
     y = y - np.mean(y)
-    frequency, power = welch(y, rate, nperseg=min(y.size, 2 ** int(np.log2(y.size / 4))), detrend="linear")
+    frequency, power = scipy.signal.welch(
+        y, rate, nperseg=min(y.size, 2 ** int(np.log2(y.size / 4))), detrend="linear"
+    )
     power[:2] = 0.0  # drift
     if not power.max() > 0:
         return 1

@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+import scipy  # loads its modules when they are used
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.special import stdtrit
 
@@ -319,8 +320,6 @@ def reach(grid: np.ndarray, values: np.ndarray, turns: Turning, step: float, noi
     the second and third turning point goes the same way as the one before the first; its size and period are
     extrapolated.
     """
-    from scipy.interpolate import CubicSpline
-
     times = turns.times
     gaps, ranges = np.diff(times), np.abs(np.diff(turns.values))
     fall, unsure = _predict_fall(np.log(ranges[: LATER + 2]))
@@ -336,7 +335,7 @@ def reach(grid: np.ndarray, values: np.ndarray, turns: Turning, step: float, noi
         return Reach(float(times[0]), 0.0, True)
     back = times[0] - grid[a:b]
     scale = float(np.exp(fall))
-    later = CubicSpline(grid, values)(times[2] - back * gaps[1] / pace) - turns.values[2]
+    later = scipy.interpolate.CubicSpline(grid, values)(times[2] - back * gaps[1] / pace) - turns.values[2]
     off = values[a:b] - turns.values[0] - later * scale
     spacing = float(grid[1] - grid[0])
     width = max(int(0.1 * gaps[0] / spacing), 0) | 1

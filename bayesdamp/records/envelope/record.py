@@ -5,15 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bayesdamp.physics.amplitude.loss import Scale, scales_needed
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
-
-if TYPE_CHECKING:
-    from bayesdamp.physics.amplitude.loss import Scale
 
 DECIBELS = ("dB", "dBm", "dBV", "dBu", "dBmV", "dBuV", "dBW", "dBA", "dBFS", "dBc")
 POWER = ("W", "mW", "uW", "nW", "pW", "V^2", "V2", "m^2", "m2")
@@ -164,9 +162,6 @@ def scale_of(record: EnvelopeRecord, sums: Sequence[tuple[str, ...]], log_amplit
     InputError
         Where a term needs the amplitude or the frequency and it is not known.
     """
-    from bayesdamp.physics.amplitude.loss import Scale, scales_needed  # imports SciPy, which is slow
-    from bayesdamp.physics.damping import TERMS
-
     amplitude = frequency = 1.0
     for name in dict.fromkeys(term for terms in sums for term in terms):
         by_amplitude, by_frequency = scales_needed(TERMS.get(name))

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # loads its modules when they are used
 from scipy.linalg import cho_factor, cho_solve
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.special import stdtrit
@@ -352,9 +353,7 @@ def _window_excess(windows: Sinusoids, sizes: np.ndarray) -> np.ndarray:
 
     The log amplitudes `sizes` (k,) are on a smooth curve.
     """
-    from scipy.interpolate import CubicSpline  # imports slowly
-
-    line = CubicSpline(windows.places, sizes)
+    line = scipy.interpolate.CubicSpline(windows.places, sizes)
     u = np.linspace(-0.5, 0.5, 41)
     weight = np.cos(np.pi * u) ** 2
     x = windows.places

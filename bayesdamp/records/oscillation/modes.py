@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.records.oscillation.features import LEAST_SHARE, wandering
 from bayesdamp.records.oscillation.noise import roughness
@@ -145,8 +146,6 @@ def _add_mode(
     It is searched from the strongest line of the residuals `rest` of the fit with modes `points`, (k, 2), and from
     frequencies near these modes.
     """
-    from scipy.optimize import least_squares
-
     spacing = float(np.median(np.diff(t)))
     grid = np.arange(0.0, t[-1], spacing)
     values = np.interp(grid, t, rest)
@@ -176,7 +175,7 @@ def _add_mode(
         start = np.vstack([points, [omega, 1.0 / t[-1]]]).ravel() / scale
         start = np.clip(start, low + 1e-6, high - 1e-6)
         try:
-            fit = least_squares(
+            fit = scipy.optimize.least_squares(
                 residuals, start, bounds=(low, high), max_nfev=60, x_scale=np.tile([0.1, 0.3], count)
             )
         except (ValueError, np.linalg.LinAlgError):

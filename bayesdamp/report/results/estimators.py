@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.report.results.run import (
     Row,
@@ -397,8 +398,6 @@ def _leave_out(squares: np.ndarray) -> np.ndarray:
 
 def _half_width(left: np.ndarray) -> float:
     """Return the half width of a statistic's interval, from its values with each of n repeats left out, (n,)."""
-    from scipy import stats  # imports slowly
-
     n = left.size
     sd = math.sqrt((n - 1) * float(np.mean((left - left.mean()) ** 2)))
-    return float(stats.t.ppf((1 + SURE) / 2, n - 1)) * sd
+    return float(scipy.stats.t.ppf((1 + SURE) / 2, n - 1)) * sd

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.curves.weighted import effective, resampled
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
@@ -153,7 +154,6 @@ def _in_one_step(
 
 def _rise(ratios: np.ndarray, most: float) -> float:
     """Return the rise of β, `most` at most, after which the draws are still effectively `KEPT` of their number."""
-    from scipy.optimize import brentq
 
     def excess(rise: float) -> float:
         return _effective_share(ratios, rise) - KEPT
@@ -162,7 +162,7 @@ def _rise(ratios: np.ndarray, most: float) -> float:
         return most
     if excess(LEAST_RISE) < 0:  # motions that escape have no weight at any temperature
         return LEAST_RISE
-    return float(brentq(excess, LEAST_RISE, most, xtol=LEAST_RISE))  # type: ignore[arg-type]
+    return float(scipy.optimize.brentq(excess, LEAST_RISE, most, xtol=LEAST_RISE))  # type: ignore[arg-type]
 
 
 def _effective_share(ratios: np.ndarray, rise: float) -> float:

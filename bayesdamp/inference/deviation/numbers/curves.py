@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.numbers.draws import CandidateDraws, quantity
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
@@ -51,8 +52,6 @@ class Orbit:
 @lru_cache(maxsize=256)
 def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: float) -> Orbit | None:
     """Return the orbit of an amplitude (rad or m) about `rest`; None where there is none."""
-    from scipy.optimize import brentq
-
     force, values = LAWS.get(restoring).kernel, np.array(law)
 
     def between(a: float, b: float, nodes: list[float], weights: list[float]) -> float:
@@ -70,7 +69,7 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
     reach = next((r for r in reaches if uneven(-r) < 0 < uneven(r)), None)
     if reach is None:
         return None
-    centre = rest + float(brentq(uneven, -reach, reach, xtol=1e-12 * max(amplitude, 1e-300)))  # type: ignore[arg-type]
+    centre = rest + float(scipy.optimize.brentq(uneven, -reach, reach, xtol=1e-12 * max(amplitude, 1e-300)))  # type: ignore[arg-type]
     energy = potential(centre + amplitude)
     x = centre + amplitude * np.sin(_PHASE)
     # From one point to the next, where a few nodes integrate to rounding error, with a twelfth of the forces.

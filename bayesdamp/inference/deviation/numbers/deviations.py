@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.numbers.curves import (
     at_share,
@@ -92,8 +93,6 @@ def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) 
 
 def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> list[float]:
     """Return the share of the energy that no sum explains, of some draws of a candidate."""
-    from scipy.optimize import nnls
-
     every = np.unique(np.linspace(0, len(d.coefficients) - 1, count).astype(int))
     few = CandidateDraws(d.result, *(a[every] for a in (d.coefficients, d.further, d.law, d.g, d.h)))
     unit, curve, energy = [], [], []
@@ -115,7 +114,7 @@ def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> 
             continue
         columns = np.array([u[i] for u in unit]) / ratio[:, None]
         scale = np.maximum(np.abs(columns).max(axis=0), 1e-300)
-        nearest = nnls(np.sqrt(weight)[:, None] * columns / scale, np.sqrt(weight))[0]
+        nearest = scipy.optimize.nnls(np.sqrt(weight)[:, None] * columns / scale, np.sqrt(weight))[0]
         shares.append(float(weight @ np.abs(1 - columns / scale @ nearest)))
     return shares
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.candidate import (
     MotionCandidate,
@@ -322,12 +323,10 @@ def _explore(
 
 def _distribution(p: np.ndarray, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return exponents between the known ones, (n,), and the probability up to each, rising."""
-    from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
-
     grid = np.linspace(p[0], p[-1], POINTS)
-    values = PchipInterpolator(p, log)(grid)
+    values = scipy.interpolate.PchipInterpolator(p, log)(grid)
     if p.size > 2:
-        smooth = Akima1DInterpolator(p, log, method="makima")(grid)
+        smooth = scipy.interpolate.Akima1DInterpolator(p, log, method="makima")(grid)
         # Next to a fall of thousands of nats it overshoots far above all known values.
         values = smooth if smooth.max() < log.max() + NEGLIGIBLE else values
     density = np.exp(values - log.max())
