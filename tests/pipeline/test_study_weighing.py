@@ -90,6 +90,6 @@ def test_the_report_shows_it(run):
         "What the evidence depends on",
         "from the first half",
         "averaged over the damping models",
-        "combined",
+        "adopted evidence",
     ):
         assert text in page
