@@ -161,7 +161,7 @@ def average_of(
 
 
 def _least_squares(t: np.ndarray, y: np.ndarray, features: Features, first: float) -> Averaged | None:
-    """Take values as amplitudes and phases by least squares; None and arguments as of `average_of`."""
+    """Take values as amplitudes and phases by least squares. Arguments and result are those of `average_of`."""
     duration = float(t[-1])
     if duration < FEWEST_CYCLES * features.period or t.size < LEAST_SAMPLES * BLOCKS:
         return None

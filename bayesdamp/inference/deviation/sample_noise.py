@@ -55,8 +55,9 @@ def prepared_for(
 ) -> Data:
     """Return the data of a signal under these noise models.
 
-    Amplitudes and phases of a record of very many cycles are those of the noise model that is chosen for what they
-    leave. The noise model of samples is chosen later, from what the motion leaves (`adapt`).
+    A record of very many cycles is taken as amplitudes and phases. They are the most probable ones under the noise
+    model that is chosen for their residual. Where a record is taken as samples, `adapt` chooses the noise model later,
+    for the residual of a motion.
 
     Parameters
     ----------

@@ -93,7 +93,7 @@ class SampleNoise:
     fitted : FittedNoise
         The model that the answer uses, and its parameters.
     weighed : tuple of FittedNoise
-        All models that apply to the record, on the residuals of the sum of all terms.
+        All models that apply to the record, on the residual of the sum of all terms, or of amplitudes and phases.
     """
 
     fitted: FittedNoise = field(default_factory=FittedNoise)
