@@ -169,7 +169,8 @@ def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> Recor
     remarks = list(anomalies(signal, measured))
     other = no_free_decay(signal) if isinstance(spec.source, Recording) else None
     if other is not None and other.motion is not None:
-        remarks.append(seen_instead(in_unit(other, UNITS[spec.source.unit]), other.motion))
+        clause = seen_instead(in_unit(other, UNITS[spec.source.unit]), other.motion)
+        remarks.append(f"{clause[0].upper()}{clause[1:]}.")
     return replace(
         content,
         features=FeaturesSeen(**{f.name: getattr(measured, f.name) for f in fields(FeaturesSeen)}),

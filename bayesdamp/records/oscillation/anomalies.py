@@ -40,12 +40,12 @@ FLANK, FLANK_CYCLES, MIRRORED = 0.2, 3, 0.15
 which the two may differ. Measured: tone bursts differ by up to 0.13 at a twentieth of noise, real decays whose rise is
 so long by 0.6 and more."""
 
-CLIPPED = "its peaks are cut off: the record stays at its extreme value"
-RISES = "its amplitude rises again: beats, a second mode or a drive"
+CLIPPED = "The peaks are cut off: the record stays at its extreme value."
+RISES = "The amplitude rises again, which beats, a second mode or a drive would cause."
 
 
 def anomalies(signal: Signal, features: Features) -> tuple[str, ...]:
-    """Return what is wrong with a record as a free decay, in words that follow "no candidate fits: "."""
+    """Return sentences on what is wrong with a record as a free decay."""
     faults = []
     if clipped(signal.y, features.samples_per_cycle):
         faults.append(CLIPPED)
