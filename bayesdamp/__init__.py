@@ -45,8 +45,7 @@ _NAMES = {
     "pipeline.results": ("Candidate", "Run", "run_study"),
     "priors": ("HalfNormal", "LogNormal", "LogUniform", "Normal", "Uniform"),
     "records.cleaning.clean": ("clean",),
-    "records.envelope.reading": ("read_envelope",),
-    "records.envelope.record": ("EnvelopeRecord",),
+    "records.envelope.record": ("EnvelopeRecord", "read_envelope"),
     "records.oscillation.features": ("features",),
     "records.oscillation.first_look": ("first_words",),
     "records.read": ("read_record",),
@@ -93,8 +92,8 @@ if TYPE_CHECKING:
     from bayesdamp.priors import Normal as Normal
     from bayesdamp.priors import Uniform as Uniform
     from bayesdamp.records.cleaning.clean import clean as clean
-    from bayesdamp.records.envelope.reading import read_envelope as read_envelope
     from bayesdamp.records.envelope.record import EnvelopeRecord as EnvelopeRecord
+    from bayesdamp.records.envelope.record import read_envelope as read_envelope
     from bayesdamp.records.oscillation.features import features as features
     from bayesdamp.records.oscillation.first_look import first_words as first_words
     from bayesdamp.records.read import read_record as read_record

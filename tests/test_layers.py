@@ -57,7 +57,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "inference.deviation": _BELOW
     | {"inference.noise", "inference.model", "inference.fit", "inference.curves.weighted", "inference.checks"}
     | {"inference.deviation"},
-    "inference.envelope": _BELOW | {"inference.deviation", "inference.envelope"},
+    "inference.envelope": _BELOW
+    | {"inference.curves.weighted", "inference.deviation", "inference.envelope"},
     "inference": set(),
     "verdict": NEUTRAL | {"physics", "inference", "store", "verdict"},
     "store": NEUTRAL | {"store"},

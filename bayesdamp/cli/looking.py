@@ -11,7 +11,7 @@ import numpy as np
 from rich.text import Text
 
 from bayesdamp.cli.records import MAYBE_ENVELOPE, FileRecord
-from bayesdamp.records.envelope.reading import read_envelope
+from bayesdamp.records.envelope.record import read_envelope
 from bayesdamp.records.envelope.window import bounded
 from bayesdamp.records.files.contents import Contents
 from bayesdamp.records.files.names import seconds_of_unit, unit_said

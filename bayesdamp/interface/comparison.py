@@ -25,9 +25,8 @@ from bayesdamp.store.files import save_bytes
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit, unit_named
-from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.parts import Grade, decay_table, ratios_table
 from bayesdamp.verdict.specimen import specimen
-from bayesdamp.verdict.tables import decay_table, ratios_table
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
 

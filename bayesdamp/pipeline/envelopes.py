@@ -11,8 +11,7 @@ from bayesdamp.interface.envelopes import answer_envelope
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.pipeline.tasks import Product, task_key
 from bayesdamp.plugins import sources_below
-from bayesdamp.records.envelope.reading import read_envelope
-from bayesdamp.records.envelope.record import EnvelopeRecord, scale_of
+from bayesdamp.records.envelope.record import EnvelopeRecord, read_envelope, scale_of
 from bayesdamp.records.envelope.window import EnvelopeWindow, bounded
 from bayesdamp.serial import split
 from bayesdamp.store import Store, sha256

@@ -42,9 +42,8 @@ from bayesdamp.store.contents import (
 )
 from bayesdamp.types import OK, Evidence, candidate_name, candidate_parts
 from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
-from bayesdamp.verdict import files
 from bayesdamp.verdict.specimen import specimen
-from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.types import Verdict, save_verdicts
 from bayesdamp.verdict.units import in_unit, picture_in_unit
 
 Row = dict[str, Any]
@@ -87,7 +86,7 @@ def write_verdicts(study: Study, store: Store) -> None:
             verdicts.append((together, units.pop() if len(units) == 1 else base))
     if not verdicts:
         return
-    files.write(store.folder, [v for v, _ in verdicts], [in_unit(v, unit) for v, unit in verdicts])
+    save_verdicts(store.folder, [v for v, _ in verdicts], [in_unit(v, unit) for v, unit in verdicts])
     curves = [row for spec, repeat in study.records for row in _damping_curve(store, spec, repeat)]
     write_table(store.folder / "damping_curves.csv", ("record", "unit", *DAMPING_CURVES), curves)
 

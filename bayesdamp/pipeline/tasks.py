@@ -30,7 +30,7 @@ CODE: dict[str, tuple[str, ...]] = {
     "envelope": (
         "bayesdamp.pipeline.envelopes", "bayesdamp.interface.envelopes",
         "bayesdamp.inference.envelope.decay", "bayesdamp.inference.envelope.sums",
-        "bayesdamp.inference.envelope.posterior", "bayesdamp.records.envelope.reading",
+        "bayesdamp.inference.envelope.posterior", "bayesdamp.records.envelope.record",
         "bayesdamp.report.figures.envelope", "bayesdamp.verdict.envelope",
     ),
     "sampled": ("bayesdamp.pipeline.answering", "bayesdamp.physics.kernel.march"),

@@ -17,8 +17,7 @@ from bayesdamp.report.results.run import RunFolder
 from bayesdamp.types import OK
 from bayesdamp.units import unit_named
 from bayesdamp.verdict.agreement import agreement
-from bayesdamp.verdict.parts import Grade
-from bayesdamp.verdict.tables import decay_table, modes_table, ratios_table
+from bayesdamp.verdict.parts import Grade, decay_table, modes_table, ratios_table
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import energy_of

@@ -107,7 +107,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     if one_power and "power" not in ranking.terms:
         # Laws that the record does not follow have no rates of its own.
         whole, plain = draw_twice([*ranking.candidates, *by_power(decay)], (*ranking.terms, "power"))
-    best, frequency, omega = ranking.best, decay.record.frequency, decay.omega
+    best, frequency, omega = ranking.best, decay.record.frequency, b.frequency
     damping = {name: min(p, thresholds.CAP) for name, p in ranking.by_sum.items()}
     first = damping.pop(best.name)
     unexplained, noise = decay.misfit(ranking.fitted.fit)
@@ -187,11 +187,15 @@ def _coefficients_of(
     for term in best.terms:
         if term in POWERS:
             whole, exact = draws.rates[term], plain.rates[term]
-            name, values, of = coefficients([term], whole[None], amplitude, decay.omega)[0]
-            same = coefficients([term], exact[None], amplitude, decay.omega)[0][1] if exact.size else values
+            name, values, of = coefficients([term], whole[None], amplitude, decay.blocks.frequency)[0]
+            same = (
+                coefficients([term], exact[None], amplitude, decay.blocks.frequency)[0][1]
+                if exact.size
+                else values
+            )
             results.append(_coefficient(name, of.format(unit), values, same))
         else:
-            results += _registered(term, ranking, (draws, plain), amplitude, decay.omega, unit)
+            results += _registered(term, ranking, (draws, plain), amplitude, decay.blocks.frequency, unit)
     return tuple(results)
 
 
@@ -210,7 +214,6 @@ def _registered(
     """
     best = ranking.best
     term = best.each[best.terms.index(name)]
-    assert best.scale is not None
     scale = Scale(amplitude * float(np.exp(best.start)), omega or 1.0)
     if best.scale.amplitude != 1.0:  # the record has a scale of its own
         scale = Scale(best.scale.amplitude, scale.frequency)

@@ -233,29 +233,25 @@ def spread_remark(v: Verdict) -> tuple[str, ...]:
     )
 
 
-def _common_amplitudes(records: Sequence[Answered]) -> np.ndarray:
-    """Return three amplitudes that all records have, or those of the first record where they have none in common."""
-    high = min(float(r.curve["amplitude"].max()) for r in records)
-    low = max(float(r.curve["amplitude"].min()) for r in records)
-    if not low < high:
-        a = records[0].curve["amplitude"]
-        high, low = float(a.max()), float(a.min())
-    span = np.log(high / low)
-    return high * np.exp(-span * np.array([0.1, 0.5, 0.9]))
-
-
 def _ratios(
     records: Sequence[Answered], weighed: WeighedSpecimen, sensor: float, seed: int
 ) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
     """Return the specimen's damping ratio at three amplitudes, and the ratio of one more record there.
 
-    The law's own ratio is drawn from the joint posterior; the deviation of the damping from its law at an amplitude is
-    pooled over the records. The sensor's error is left out where laws hold exactly.
+    These are amplitudes that all records have, or those of the first record where they have none in common. The law's
+    own ratio is drawn from the joint posterior; the deviation of the damping from its law at an amplitude is pooled
+    over the records. The sensor's error is left out where laws hold exactly.
     """
     approximate = all("over" in r.curve for r in records)
     unit = next((r.verdict.damping_ratio[0].unit for r in records if r.verdict.damping_ratio), "rad")
+    high = min(float(r.curve["amplitude"].max()) for r in records)
+    low = max(float(r.curve["amplitude"].min()) for r in records)
+    if not low < high:
+        a = records[0].curve["amplitude"]
+        high, low = float(a.max()), float(a.min())
+    amplitudes = high * np.exp(-np.log(high / low) * np.array([0.1, 0.5, 0.9]))
     specimen_rows, following_rows = [], []
-    for row, amplitude in enumerate(_common_amplitudes(records)):
+    for row, amplitude in enumerate(amplitudes):
         rng = np.random.default_rng([seed, row])
         law, spreads = weighed.ratios(float(amplitude), DRAWS, seed)
         own = law.copy()

@@ -1,9 +1,9 @@
-"""Define the verdict: the answer on one record, or on one specimen, as values."""
+"""Define the verdict: the answer on one record, or on one specimen, as values, and its files."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields
 from enum import StrEnum
 from math import isfinite
@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Self
 from bayesdamp.calls import CheckedMethods
 from bayesdamp.formatting import with_interval
 from bayesdamp.serial import join, split
-from bayesdamp.store.files import save_bytes
+from bayesdamp.store.files import save_bytes, write_json
+from bayesdamp.store.tables import write_table
 from bayesdamp.types import VERDICT_SCHEMA, InputError
 from bayesdamp.verdict.parts import (
     NAN,
@@ -33,13 +34,15 @@ from bayesdamp.verdict.parts import (
     Rival,
     Share,
     UsedWindow,
+    ratios_table,
 )
-from bayesdamp.verdict.tables import ratios_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
+VERDICT_JSON, VERDICT_TABLE = "verdict.json", "verdicts.csv"
+"""Files of a run with the verdicts on its records."""
 COLUMN = {"column": Column()}
 """Metadata of a field that is a column of verdicts.csv."""
 _ENDS = {
@@ -268,8 +271,12 @@ class Verdict(CheckedMethods):
         facts: dict[str, str] = {}
         for f in _columns():
             value, column = getattr(self, f.name), f.metadata["column"]
-            if column.label and value not in (None, "", ()) and value == value:
-                facts[column.label] = f"{_shown(value)} {column.unit}".rstrip()
+            if not column.label or value in (None, "", ()) or value != value:
+                continue
+            shown = f"{value:.2g}" if isinstance(value, float) else str(value)
+            if hasattr(value, "low"):
+                shown = with_interval(value.value, value.low, value.high)
+            facts[column.label] = f"{shown} {column.unit}".rstrip()
         return facts
 
     def _repr_html_(self) -> str:
@@ -350,13 +357,6 @@ def columns() -> tuple[str, ...]:
     return tuple(names)
 
 
-def _shown(value: Any) -> str:
-    """Return a value, or a value with its interval, as text."""
-    if hasattr(value, "low"):
-        return with_interval(value.value, value.low, value.high)
-    return f"{value:.2g}" if isinstance(value, float) else str(value)
-
-
 def _plain(value: object) -> object:
     if isinstance(value, dict):
         return {k: _plain(v) for k, v in value.items()}
@@ -365,3 +365,36 @@ def _plain(value: object) -> object:
     if isinstance(value, float) and not isfinite(value):
         return None
     return value
+
+
+def load_verdicts(path: Path) -> list[Verdict]:
+    """Read the JSON that `save_verdicts` wrote.
+
+    Raises
+    ------
+    OSError
+        Where the file cannot be read.
+    AttributeError, KeyError, TypeError, ValueError
+        Where the file is something else.
+    """
+    return [Verdict.from_dict(entry) for entry in json.loads(path.read_text(encoding="utf-8"))]
+
+
+def save_verdicts(folder: Path, verdicts: Sequence[Verdict], shown: Sequence[Verdict] | None = None) -> None:
+    """Write both files into a run's folder: an object and a line for each verdict.
+
+    Parameters
+    ----------
+    folder
+        The run's folder.
+    verdicts
+        In the order of the records, then those of the specimens.
+    shown
+        The same verdicts in the units that their records came in, for the table; `verdicts` by default.
+    """
+    write_json(folder / VERDICT_JSON, [v.to_dict() for v in verdicts])
+    rows = [v.row() for v in shown or verdicts]
+    names = columns()
+    more = dict.fromkeys(s.term for v in verdicts for s in v.energy if s.term not in names)
+    behind = names.index("quadratic") + 1
+    write_table(folder / VERDICT_TABLE, (*names[:behind], *more, *names[behind:]), rows)

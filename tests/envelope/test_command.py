@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.records.envelope.reading import are_envelopes, read_envelope
-from bayesdamp.records.envelope.record import unit_in
+from bayesdamp.records.envelope.record import are_envelopes, read_envelope, unit_in
 from bayesdamp.store import Store
 from bayesdamp.types import InputError
 from validation.truth.ringdowns import Ringdown, simulate

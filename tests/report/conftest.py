@@ -12,7 +12,6 @@ import pytest
 
 from bayesdamp.store import TABLES, CellResult, Store, write_json, write_table
 from bayesdamp.store.contents import FeaturesSeen, WeighedCandidate
-from bayesdamp.verdict import files
 from bayesdamp.verdict.parts import (
     Bound,
     Coefficient,
@@ -23,7 +22,7 @@ from bayesdamp.verdict.parts import (
     Rival,
     Share,
 )
-from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.types import Verdict, save_verdicts
 from bayesdamp.verdict.words import sentence
 
 MODELS = ("viscous", "coulomb", "quadratic", "viscous+coulomb")
@@ -416,7 +415,7 @@ def write_answers(folder: Path) -> None:
         ]
         meta = {"verdict": v.to_dict(), "candidates": candidates}
         store.write(CellResult(f"answer/{v.record}/0", "key", meta, {}))
-    files.write(folder, verdicts)
+    save_verdicts(folder, verdicts)
 
 
 @pytest.fixture(scope="session")

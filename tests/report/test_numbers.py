@@ -18,7 +18,7 @@ from rich.console import Console
 import bayesdamp.formatting as fmt
 from bayesdamp.report import render
 from bayesdamp.report.terminal import VerdictPrinter
-from bayesdamp.verdict import files
+from bayesdamp.verdict.types import load_verdicts
 from tests.report import stored as expected
 from tests.report.conftest import RunMaker, write_answers
 from tests.report.pages import Comparison, Tables, numbers
@@ -78,7 +78,7 @@ def compare_page(c: Comparison, folder: Path) -> None:
 def compare_terminal(c: Comparison, folder: Path) -> None:
     out, f = io.StringIO(), expected.Folder(folder)
     told = VerdictPrinter(Console(file=out, width=200), {"bench": "deg"})
-    for verdict in files.read(folder / "verdict.json"):
+    for verdict in load_verdicts(folder / "verdict.json"):
         told(verdict)
     parts = re.split(rf"^({'|'.join(f.verdicts)}): ", out.getvalue(), flags=re.MULTILINE)
     for signal, text in zip(parts[1::2], parts[2::2], strict=True):
@@ -149,7 +149,7 @@ def exchanged(v: Any) -> Any:
 
 
 FMT, WORDS, REPORT = "bayesdamp.formatting", "bayesdamp.verdict.words", "bayesdamp.report"
-TABLES, SECTIONS, ANSWER = "bayesdamp.verdict.tables", f"{REPORT}.sections", f"{REPORT}.sections.answer"
+TABLES, SECTIONS, ANSWER = "bayesdamp.verdict.parts", f"{REPORT}.sections", f"{REPORT}.sections.answer"
 SIZES = (f"{FMT}.with_interval", f"{WORDS}.with_interval")
 CONTROLS: dict[str, tuple[tuple[str, ...], Change, str]] = {
     "interval starts at its value": (

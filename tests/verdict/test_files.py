@@ -16,8 +16,7 @@ import pytest
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import made_record
 from bayesdamp.verdict import Verdict
-from bayesdamp.verdict.files import read, write
-from bayesdamp.verdict.types import columns
+from bayesdamp.verdict.types import columns, load_verdicts, save_verdicts
 from tests.verdict.test_decide import decided, findings
 
 
@@ -54,11 +53,14 @@ def envelope() -> Verdict:
 
 def test_an_envelope_and_a_motion_have_one_schema(envelope: Verdict, tmp_path: Path) -> None:
     motion = decided(findings())
-    write(tmp_path, [motion, envelope])
+    save_verdicts(tmp_path, [motion, envelope])
     for one in json.loads((tmp_path / "verdict.json").read_text()):
         assert one.pop("schema") == 1
         assert faults(Verdict, one) == []
-    assert [v.to_dict() for v in read(tmp_path / "verdict.json")] == [motion.to_dict(), envelope.to_dict()]
+    assert [v.to_dict() for v in load_verdicts(tmp_path / "verdict.json")] == [
+        motion.to_dict(),
+        envelope.to_dict(),
+    ]
     rows = list(csv.DictReader((tmp_path / "verdicts.csv").read_text().splitlines()))
     assert [row["quantity"] for row in rows] == ["angle", "envelope"]
     assert tuple(rows[0]) == columns()
@@ -88,7 +90,7 @@ def test_other_terms_have_columns_too(envelope: Verdict, tmp_path: Path) -> None
         made_record("swing.csv", t, 3.0 * 0.5 ** (t / 12.0), "mm"), sums=(("viscous",), ("cubic",))
     ).verdict
     for verdicts, there in (([envelope, other], True), ([envelope], False)):
-        write(tmp_path, verdicts)
+        save_verdicts(tmp_path, verdicts)
         columns = (tmp_path / "verdicts.csv").read_text().splitlines()[0].split(",")
         assert ("cubic" in columns) is there
         assert columns.index("quadratic") + 1 == columns.index("cubic" if there else "other_forms")

@@ -19,8 +19,8 @@ from bayesdamp.verdict.parts import (
     OverLaw,
     Rival,
     Share,
+    quality_of,
 )
-from bayesdamp.verdict.tables import quality_of
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import energy_of, loses_like, sentence

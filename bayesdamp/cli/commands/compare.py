@@ -20,7 +20,7 @@ from bayesdamp.pipeline import Depth
 from bayesdamp.pipeline.envelopes import read_recording
 from bayesdamp.pipeline.run import WRONG_CELLS
 from bayesdamp.plugins import read_modules, use
-from bayesdamp.records.envelope.reading import are_envelopes
+from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import read_each
 from bayesdamp.report.terminal import conclude
 from bayesdamp.types import InputError

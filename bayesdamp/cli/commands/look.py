@@ -13,7 +13,7 @@ from bayesdamp.cli import looking, records
 from bayesdamp.cli import options as o
 from bayesdamp.cli.single_file import LOOK_PAGE, SingleFile
 from bayesdamp.plugins import read_modules, use
-from bayesdamp.records.envelope.reading import are_envelopes
+from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import contents
 from bayesdamp.types import InputError
 

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 from scipy.special import ndtr
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
 from bayesdamp.inference.deviation.gaussian.linear import (
-    DampingLikelihood,
     Normals,
     Weighed,
     condensed,
-    damping_likelihood,
     with_priors,
 )
 from bayesdamp.inference.deviation.gaussian.linear import (
@@ -166,11 +164,6 @@ class EnvelopeCandidate:
         mean = weights @ curves
         variance = weights @ ((curves - mean) ** 2 + np.sum((columns @ factors) ** 2, axis=2))
         return mean, np.sqrt(variance)
-
-    @property
-    def likelihood(self) -> DampingLikelihood:
-        """Likelihood of the rates' scores alone, under each combination."""
-        return damping_likelihood(self.about.normals, np.arange(len(self.terms)), self.about.log_sizes)
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -356,7 +349,8 @@ def _posteriors_about(
     columns = motion.tangents * np.concatenate([units, [START_SD], np.ones(KNOTS)])
     residual = blocks.x - motion.y + motion.tangents[:, :d] @ p[:d]
     scales = SCALES if n < MANY else SCALES_MANY
-    grid = _grid(scales.size)
+    sizes = grid_of(KNOTS, phases=False)
+    grid = Grid(*(np.concatenate([getattr(sizes, f.name)] * scales.size) for f in fields(Grid)))
     variance = np.repeat(scales**2, grid.log_prior.size // scales.size)
     weight = np.array([noise.log_weight for noise, _ in noises])
     weight = weight - np.logaddexp.reduce(weight) - np.log(scales.size)
@@ -374,10 +368,3 @@ def _posteriors_about(
     every = Normals(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Normals)))
     times = len(noises)
     return motion, FitPosteriors(every, np.tile(grid.size_g, times), np.tile(grid.log_prior, times), positive)
-
-
-@cache
-def _grid(times: int) -> Grid:
-    """Return the grid of the deviation's sizes and lengths, repeated."""
-    grid = grid_of(KNOTS, phases=False)
-    return Grid(*(np.concatenate([getattr(grid, f.name)] * times) for f in fields(Grid)))

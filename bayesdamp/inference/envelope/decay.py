@@ -12,10 +12,11 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import smooth_root
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_rates, solver_of
 from bayesdamp.inference.envelope.noise import SHARES, SLOW, Noise, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit, sums_on
-from bayesdamp.physics.amplitude.laws import EXPONENTS, SUMS, ClosedForm, Law, power_decay, power_slopes
+from bayesdamp.physics.amplitude.laws import EXPONENTS, SUMS, ClosedForm, power_decay, power_slopes
+from bayesdamp.physics.amplitude.loss import Scale
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.records.envelope.decay import ABOVE_FLOOR, LEAST_DROP, NEPER, blocks
-from bayesdamp.records.envelope.record import EnvelopeRecord
+from bayesdamp.records.envelope.record import EnvelopeRecord, scale_of
 from bayesdamp.records.envelope.window import EnvelopeWindow, find_window
 from bayesdamp.types import Refusal
 
@@ -90,11 +91,6 @@ class Decay:
     inverse: np.ndarray
 
     @property
-    def omega(self) -> float | None:
-        """Frequency in rad/s, None where it is not known."""
-        return 2.0 * np.pi * self.record.frequency if self.record.frequency else None
-
-    @property
     def readings(self) -> int:
         """Number of readings in the decay."""
         return self.window.stop - self.first
@@ -152,18 +148,22 @@ def free_decay(
     """
     chosen = window or find_window(record.t, record.level)
     first, stop = chosen.start, chosen.stop
-    b, reference = _blocks(record, chosen, first)
     for _ in range(TRIES):
+        b, _ = _blocks(record, chosen, first)
         held_level = held_blocks(b) if window is None and stop - first >= SPARSE else 0
         if held_level == 0:
             break
         first += held_level * (stop - first) // b.t.size
+    tries = 0
+    while True:
         b, reference = _blocks(record, chosen, first)
-    asked = _sums(record, sums, b, reference)
-    b, noises, inverse, later, end = infer_noises(b, asked)
-    for _ in range(TRIES):
+        # The parameters of terms are relative to the start of the decay.
+        start, plain = b.ends[0], tuple(sums) == SUMS
+        scale = Scale() if plain else scale_of(record, sums, start + reference)
+        asked = sums_on(sums, scale, start, float(b.x.min()))
+        b, noises, inverse, later, end = infer_noises(b, asked)
         size = chosen.stop - first
-        if window is not None or size < SPARSE:
+        if window is not None or size < SPARSE or tries == TRIES:
             break
         behind = first + end * size // b.t.size
         if later == 0 and (chosen.floor is not None or size - (behind - first) < SHORTER * size):
@@ -172,9 +172,7 @@ def free_decay(
             behind = chosen.stop
         first += later * size // b.t.size
         chosen = replace(chosen, stop=behind)
-        b, reference = _blocks(record, chosen, first)
-        asked = _sums(record, sums, b, reference)
-        b, noises, inverse, later, end = infer_noises(b, asked)
+        tries += 1
     if chosen.stop < stop:
         last = f"{record.t[chosen.stop - 1]:.4g} s"
         ends = f"ends at {last}, {ABOVE_FLOOR:g} dB above the noise floor that its scatter shows"
@@ -203,18 +201,6 @@ def _blocks(record: EnvelopeRecord, window: EnvelopeWindow, first: int) -> tuple
     each = (window.stop - first) / t.size
     frequency = 2.0 * np.pi * record.frequency if record.frequency else None
     return Blocks(t - t[0], x - reference, duration, mean_rate, floor, each, frequency), reference
-
-
-def _sums(
-    record: EnvelopeRecord, sums: Sequence[tuple[str, ...]], b: Blocks, reference: float
-) -> tuple[Sum, ...]:
-    """Return the sums on this decay; the parameters of terms are relative to its start."""
-    start, scale = b.ends[0], None
-    if tuple(sums) != SUMS:
-        from bayesdamp.records.envelope.record import scale_of
-
-        scale = scale_of(record, sums, start + reference)
-    return sums_on(sums, scale, start, float(b.x.min()))
 
 
 def held_blocks(b: Blocks) -> int:
@@ -294,7 +280,11 @@ def infer_noises(
     rough = np.diag(1.0 / np.maximum(0.02, np.exp(-b.x) * visible))
     law, x0, rates = loosest_fit(b, sums, rough)
     fit = law.decay(b.t, x0, rates)
-    b = replace(b, x=b.x - _bend(b, law, x0, rates, fit))
+    # The mean of a decay's readings in each block minus the decay at their mean time, to second order.
+    off = np.gradient(b.t) * np.sqrt(max(1.0 - b.each**-2, 0.0) / 12.0)
+    before = law.decay(b.t - off, x0, rates)
+    bend = 0.5 * (before + law.decay(b.t + off, x0, rates)) - fit
+    b = replace(b, x=b.x - bend)
     tangents = solver_of(b, law).solve(np.append(rates, x0), tangents=ALL).tangents
     columns, warp = tangents[:, :-KNOTS], tangents[:, -KNOTS:]
     early = max(1, round(CHECKED * n)) if n >= 30 else 0
@@ -318,13 +308,6 @@ def infer_noises(
     low = np.flatnonzero(np.exp(2.0 * fit) < 10.0 ** (ABOVE_FLOOR / 10.0) * best.floor)
     end = int(low[0]) if low.size else n
     return b, covariances, inverse, _strangers(whole, columns, b.x - fit, early), end
-
-
-def _bend(b: Blocks, law: Law, x0: float, rates: np.ndarray, fit: np.ndarray) -> np.ndarray:
-    """Return the mean of a decay's readings in each block minus the decay at their mean time, to second order."""
-    off = np.gradient(b.t) * np.sqrt(max(1.0 - b.each**-2, 0.0) / 12.0)
-    before = law.decay(b.t - off, x0, rates)
-    return 0.5 * (before + law.decay(b.t + off, x0, rates)) - fit
 
 
 def _strangers(covariance: np.ndarray, columns: np.ndarray, residual: np.ndarray, early: int) -> int:

@@ -105,22 +105,18 @@ def _covariance(
 ) -> np.ndarray:  # fmt: skip
     su, lu, floor, lv, white = numbers
     covariance = su * su * np.exp(lag / -lu)
-    kernel = (1.0 - slow) * _averaged(lag, lv, each, apart)
+    # Of means of `each` readings of an Ornstein-Uhlenbeck process of sd 1, `apart` s apart.
+    a = np.exp(-apart / lv)
+    whole = a**each
+    share = (1.0 - whole) / (each * (1.0 - a))
+    fast = share**2 * np.exp((lag - (each - 1.0) * apart) / -lv)
+    own = (each * (1.0 - a * a) - 2.0 * a * (1.0 - whole)) / (each * (1.0 - a)) ** 2
+    fast[np.diag_indices_from(fast)] = own
+    kernel = (1.0 - slow) * fast
     if slow > 0:
         kernel += slow * thermal
     covariance += (0.5 * floor) * kernel * (inverse[:, None] * inverse)
     covariance[np.diag_indices_from(covariance)] += white * white
-    return covariance
-
-
-def _averaged(lag: np.ndarray, time: float, each: float, apart: float) -> np.ndarray:
-    """Return the covariance of means of `each` readings of an Ornstein-Uhlenbeck process of sd 1, `apart` s apart."""
-    a = np.exp(-apart / time)
-    whole = a**each
-    share = (1.0 - whole) / (each * (1.0 - a))
-    covariance = share**2 * np.exp((lag - (each - 1.0) * apart) / -time)
-    own = (each * (1.0 - a * a) - 2.0 * a * (1.0 - whole)) / (each * (1.0 - a)) ** 2
-    covariance[np.diag_indices_from(covariance)] = own
     return covariance
 
 
@@ -213,10 +209,8 @@ def infer_noise(
             value += numbers[5] / MEAN_G - theta[5]
         return float(value)
 
-    bounds, options = (
-        list(zip(low[free], high[free], strict=True)),
-        {"maxiter": 40, "ftol": 1e-7, "eps": 1e-4},
-    )
+    bounds = list(zip(low[free], high[free], strict=True))
+    options = {"maxiter": 40, "ftol": 1e-7, "eps": 1e-4}
     fit = minimize(cost, first[free], method="L-BFGS-B", bounds=bounds, options=options)
     first[free] = fit.x
     su, lu, f, lv, white, tau = map(float, np.exp(first))

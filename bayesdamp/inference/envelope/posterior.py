@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
-from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
+from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood, damping_likelihood
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, EnvelopeCandidate
 from bayesdamp.physics.amplitude.laws import hats
 
@@ -217,7 +217,9 @@ def likelihood_of(
         Unit of the record's readings.
     """
     scale = WIDE * float(candidate.rates.sum()) / candidate.unit
-    log, slope, information = merged(candidate.likelihood, grid_of(KNOTS, phases=False).log_prior.size, scale)
+    about = candidate.about
+    of_scores = damping_likelihood(about.normals, np.arange(len(candidate.terms)), about.log_sizes)
+    log, slope, information = merged(of_scores, grid_of(KNOTS, phases=False).log_prior.size, scale)
     slope, information = slope / candidate.unit, information / candidate.unit**2
     x = np.linspace(float(blocks.x.min()), blocks.ends[0], LOSSES)
     shapes = candidate.law.shapes(np.append(x, 0.0))

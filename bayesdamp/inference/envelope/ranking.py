@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
+from bayesdamp.inference.curves.weighted import shares
 from bayesdamp.inference.deviation.numbers.draws import Quantity
 from bayesdamp.inference.envelope.candidates import EnvelopeCandidate, weigh_power
 from bayesdamp.inference.envelope.decay import Decay
@@ -51,8 +52,7 @@ class Ranking:
     @property
     def probability(self) -> np.ndarray:
         """Probability of each sum."""
-        weights = np.exp(self.log_evidence - self.log_evidence.max())
-        return weights / weights.sum()
+        return shares(self.log_evidence)
 
     @property
     def best(self) -> Sum:
@@ -148,7 +148,6 @@ def power_law(decay: Decay, ranking: Ranking) -> PowerFit:
 
 def by_power(decay: Decay) -> list[EnvelopeCandidate]:
     """Weigh one power of the velocity, as a damping term."""
-
     b = decay.blocks
     sums = sums_on([("power",)], Scale(), b.ends[0], float(b.x.min()))
     return weighed(b, sums, decay.noises, decay.inverse)

@@ -9,13 +9,15 @@ replaces random numbers.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
 from scipy.special import ndtri
 
+from bayesdamp.inference.curves.weighted import effective, shares
 from bayesdamp.inference.deviation.gaussian.hyperparameters import EXACT, MEAN_G
+from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, fit_rates, weigh
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
@@ -89,7 +91,7 @@ class Sum:
     start: float = 0.0
     low: float = 0.0
     each: tuple[DampingTerm, ...] = ()
-    scale: Scale | None = None
+    scale: Scale = field(default_factory=Scale)
 
     @property
     def name(self) -> str:
@@ -120,7 +122,13 @@ class Sum:
         """Return the law at scores of the further parameters."""
         if not self.each:
             return ClosedForm(self.terms)
-        shapes = tuple(self._shape(i, self.own(scores, i)) for i in range(len(self.each)))
+
+        def shape(term: int) -> Shape:
+            own = self.own(scores, term)
+            loss, unit = log_loss(self.each[term], own, self.scale), self.unit_rate(term, own)
+            return lambda x: np.exp(loss(x - self.start) - unit)
+
+        shapes = tuple(map(shape, range(len(self.each))))
         return Tabled(self.terms, shapes, self.low - BEYOND, self.start + BEYOND)
 
     def unit_rate(self, term: int, scores: tuple[float, ...], scale: Scale | None = None) -> float:
@@ -128,20 +136,12 @@ class Sum:
 
         `scale` replaces that of the sum.
         """
-
-        loss = log_loss(self.each[term], scores, scale or self.scale)  # type: ignore[arg-type]
+        loss = log_loss(self.each[term], scores, scale or self.scale)
         along = loss(np.append(np.linspace(self.low, self.start, 33), 0.0) - self.start)
         return float(max(along[-1], along.max() + np.log(SMALL)))
 
-    def _shape(self, term: int, scores: tuple[float, ...]) -> Shape:
 
-        loss, unit = log_loss(self.each[term], scores, self.scale), self.unit_rate(term, scores)  # type: ignore[arg-type]
-        return lambda x: np.exp(loss(x - self.start) - unit)
-
-
-def sums_on(
-    asked: Sequence[tuple[str, ...]], scale: Scale | None, start: float, low: float
-) -> tuple[Sum, ...]:
+def sums_on(asked: Sequence[tuple[str, ...]], scale: Scale, start: float, low: float) -> tuple[Sum, ...]:
     """Return sums of terms by name on a record.
 
     Parameters
@@ -151,11 +151,8 @@ def sums_on(
     scale, start, low
         As in `Sum`.
     """
-    plain = Sum((), start, low)
     return tuple(
-        replace(plain, terms=terms)
-        if all(term in POWERS for term in terms)
-        else replace(plain, terms=terms, each=tuple(map(TERMS.get, terms)), scale=scale)
+        Sum(terms, start, low, () if set(terms) <= set(POWERS) else tuple(map(TERMS.get, terms)), scale)
         for terms in asked
     )
 
@@ -167,9 +164,10 @@ def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[La
     is steeper than all of these, it also includes the third power of the amplitude.
     """
     steep = Tabled(("steep",), (_power(STEEP),), float(b.x.min()) - BEYOND, b.ends[0] + BEYOND)
-    fits = [_least_squares(b, law, inverse) for law in (ClosedForm(SUMS[-1]), steep)]
+    fits = [(law, fit_rates(b, law, inverse)) for law in (ClosedForm(SUMS[-1]), steep)]
     fits += [_fit_sum(b, s, inverse) for s in sums if s.each]
-    law, x0, rates, _ = min(fits, key=lambda fit: fit[3])
+    law, fit = min(fits, key=lambda pair: pair[1].squares)
+    x0, rates = float(fit.values[-1]), fit.values[:-1]
     if law.terms == SUMS[-1]:
         return law, x0, rates
     assert isinstance(law, Tabled)
@@ -179,23 +177,18 @@ def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[La
     return law, x0, np.append(rates, np.zeros(len(more)))
 
 
-def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[Law, float, np.ndarray, float]:
-    """Return the same as `_least_squares` at the best scores of a sum's further parameters."""
+def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[Law, LeastSquaresFit]:
+    """Return the law of a sum at the best scores of its further parameters, and its fit."""
 
     @cache
-    def at(scores: tuple[float, ...]) -> tuple[Law, float, np.ndarray, float]:
-        return _least_squares(b, s.law(scores), inverse)
+    def at(scores: tuple[float, ...]) -> tuple[Law, LeastSquaresFit]:
+        law = s.law(scores)
+        return law, fit_rates(b, law, inverse)
 
     if not s.count:
         return at(())
-    explored = explore(lambda z: -0.5 * at(z)[3], s.count, FIRST_ROUNDS)
-    return min((at(tuple(z)) for z in explored.points.tolist()), key=lambda fit: fit[3])
-
-
-def _least_squares(b: Blocks, law: Law, inverse: np.ndarray) -> tuple[Law, float, np.ndarray, float]:
-    """Return a law with its start and rates at the least squares, and these squares."""
-    fit = fit_rates(b, law, inverse)
-    return law, float(fit.values[-1]), fit.values[:-1], fit.squares
+    explored = explore(lambda z: -0.5 * at(z)[1].squares, s.count, FIRST_ROUNDS)
+    return min((at(tuple(z)) for z in explored.points.tolist()), key=lambda pair: pair[1].squares)
 
 
 def _power(power: float) -> Shape:
@@ -278,11 +271,11 @@ class Explored:
 
     def resampled(self, count: int) -> np.ndarray:
         """Return points of equal weight, (count, e), spread evenly through the posterior."""
-        weight = _normalised(self.log_weight)
+        weight = shares(self.log_weight)
         off = self.points - weight @ self.points
         widest = np.linalg.eigh((off.T * weight) @ off)[1][:, -1]
         order = np.argsort(self.points @ widest)
-        cumulative = np.cumsum(_normalised(self.log_weight[order]))
+        cumulative = np.cumsum(shares(self.log_weight[order]))
         at = np.searchsorted(cumulative, (np.arange(count) + 0.5) / count)
         return self.points[order][np.minimum(at, len(order) - 1)]
 
@@ -311,7 +304,7 @@ def explore(
         logs = np.append(logs, [log_likelihood(tuple(z)) for z in drawn.tolist()])
         mixture = np.logaddexp.reduce([_log_normal(points, *proposal) for proposal in proposals], axis=0)
         log_weight = logs + _log_normal(points, *prior) - mixture - np.log(ROUND)
-        if _effective(log_weight) >= ENOUGH or len(proposals) >= rounds:
+        if effective(log_weight) >= ENOUGH or len(proposals) >= rounds:
             return Explored(points, log_weight)
         proposals.append(_fitted(points, log_weight, 2.0 + 2.0 * count))
 
@@ -322,9 +315,9 @@ def _fitted(points: np.ndarray, log_weight: np.ndarray, least: float) -> tuple[n
     Weights are flattened until they are worth `least` points.
     """
     power = 1.0
-    while _effective(power * log_weight) < least:
+    while effective(power * log_weight) < least:
         power *= FLATTER
-    weight = _normalised(power * log_weight)
+    weight = shares(power * log_weight)
     mean = weight @ points
     off = points - mean
     covariance = WIDER * (off.T * weight) @ off
@@ -342,16 +335,6 @@ def _even(first: int, count: int) -> np.ndarray:
         root = (1.0 + root) ** (1.0 / (count + 1))
     steps = root ** -np.arange(1.0, count + 1)
     return (0.5 + np.arange(first + 1, first + ROUND + 1)[:, None] * steps) % 1.0
-
-
-def _effective(log_weight: np.ndarray) -> float:
-    weight = _normalised(log_weight)
-    return float(1.0 / (weight @ weight))
-
-
-def _normalised(log_weight: np.ndarray) -> np.ndarray:
-    weight = np.exp(log_weight - log_weight.max())
-    return weight / weight.sum()
 
 
 def _log_normal(points: np.ndarray, mean: np.ndarray, triangle: np.ndarray) -> np.ndarray:

@@ -100,7 +100,12 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
     bent = core < LEAST_DROP and fall(yb, top, yb.size) > SURE_DROP and power_law_holds(levels, top)
     if not bent:
         _refuse_small(core)
-    begin, broken = _follow_back(levels, first, last)
+    begin, broken = first, first > 0
+    for _ in range(ROUNDS):
+        before = begin
+        begin, broken = _follow_back(levels, begin, last)
+        if abs(begin - before) <= 1:
+            break
     end, floor = _follow_on(levels, begin)
     if core > SURE_DROP and (fall(yb, begin, end) < LEAST_DROP or fall(yb, begin, last) < LOST * core):
         begin, broken = first, first > 0  # the short lines gave a start that leaves no decay
@@ -181,16 +186,7 @@ def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
     Short straight lines are fitted to the readings; going back from the straight part, the first one that fits
     worse than those do, or falls at another rate, contains readings that are not part of the decay.
     """
-    broken = first > 0
-    for _ in range(ROUNDS):
-        before = first
-        first, broken = _follow_back_once(levels.tb, levels.yb, first, last)
-        if abs(first - before) <= 1:
-            break
-    return first, broken
-
-
-def _follow_back_once(t: np.ndarray, y: np.ndarray, first: int, last: int) -> tuple[int, bool]:
+    t, y = levels.tb, levels.yb
     span = last - first + 1
     width = max(NARROWEST, round(SHORT * span))
     if span < width + 2:

@@ -15,8 +15,7 @@ from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store.contents import AnswerContent, EnvelopeContent, WeighedCandidate
 from bayesdamp.table import Table
 from bayesdamp.types import OK
-from bayesdamp.verdict.parts import DampingRatio
-from bayesdamp.verdict.tables import number
+from bayesdamp.verdict.parts import DampingRatio, number
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
 

@@ -21,7 +21,7 @@ from bayesdamp.store.contents import ModeContent
 from bayesdamp.store.files import read_description
 from bayesdamp.types import OK, InputError, candidate_name, candidate_parts, summed
 from bayesdamp.units import Unit, unit_named
-from bayesdamp.verdict import files
+from bayesdamp.verdict.types import VERDICT_JSON, load_verdicts
 
 Row = dict[str, Any]
 _NUMBERS = ("sd_noise", "sd_law", "deviation", "deviation_low", "deviation_high", "unexplained_pct")
@@ -63,9 +63,9 @@ class RunFolder:
         self._store = Store(self.folder, self.info.get("cells"))
         self._places = {name: Place.of(name) for name in self._store.names()}
         self._read: dict[str, CellResult | None] = {}
-        path = self.folder / files.JSON
+        path = self.folder / VERDICT_JSON
         try:
-            self.verdicts = files.read(path)
+            self.verdicts = load_verdicts(path)
         except (OSError, ValueError):
             self.verdicts = []
         except (AttributeError, KeyError, TypeError):

@@ -31,8 +31,16 @@ from bayesdamp.report.sections import Section, by_signal
 from bayesdamp.store.contents import WeighedCandidate
 from bayesdamp.table import Table
 from bayesdamp.types import OK
-from bayesdamp.verdict.parts import Coefficient, Grade, MotionKind
-from bayesdamp.verdict.tables import decay_table, modes_table, number, quality_of, ratios_table
+from bayesdamp.verdict.parts import (
+    Coefficient,
+    Grade,
+    MotionKind,
+    decay_table,
+    modes_table,
+    number,
+    quality_of,
+    ratios_table,
+)
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.records.envelope.reading import read_envelope
+from bayesdamp.records.envelope.record import read_envelope
 from bayesdamp.records.envelope.window import bounded, find_window
 from bayesdamp.types import Refusal
 from tests.failures import Failures
