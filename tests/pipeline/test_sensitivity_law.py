@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import gaussian_kde
 
 from bayesdamp.config import load_study
-from bayesdamp.inference.evidence.savage_dickey import FARTHEST
+from bayesdamp.inference.evidence.sensitivity import FARTHEST
 from bayesdamp.pipeline import run_study
 from bayesdamp.store import Store, read_table
 from tests.interface.test_deviation import KNOWN

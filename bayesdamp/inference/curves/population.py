@@ -174,28 +174,24 @@ def _grid(kernels: Sequence[_Kernels], scale: float) -> tuple[np.ndarray, np.nda
 
 def _log_likelihood(kernel: _Kernels, m: np.ndarray, tau: np.ndarray) -> np.ndarray:
     """Return log ∫ likelihood(θ) N(θ | m, τ) dθ up to a constant, over θ ≥ 0, of the shape of m."""
-    log = np.full(m.shape, -np.inf)
-    for centre, log_weight in zip(kernel.centres, kernel.log_weights, strict=True):
-        wall = centre < FAR * kernel.width
-        log = np.logaddexp(log, log_weight + _log_overlap(centre, kernel.width, m, tau, wall))
-    return log - log_ndtr(m / tau)
-
-
-def _log_overlap(centre: float, width: float, m: np.ndarray, tau: np.ndarray, wall: bool) -> np.ndarray:
-    """Return log ∫ K(θ) N(θ | m, τ) dθ up to constants, where K is a normal about the centre.
-
-    At a wall the integral is over θ ≥ 0, and K includes its mirror image.
-    """
+    width, log = kernel.width, np.full(m.shape, -np.inf)
     variance = width**2 + tau**2
 
-    def about(c: float) -> np.ndarray:
-        overlap = -0.5 * (m - c) ** 2 / variance - 0.5 * np.log(variance)
-        if not wall:
-            return overlap
-        top = (m * width**2 + c * tau**2) / variance
-        return overlap + log_ndtr(top * np.sqrt(variance) / (width * tau))
+    def overlap(centre: float) -> np.ndarray:
+        """Return log ∫ K(θ) N(θ | m, τ) dθ up to constants, where K is a normal about the centre."""
+        return -0.5 * (m - centre) ** 2 / variance - 0.5 * np.log(variance)
 
-    return np.logaddexp(about(centre), about(-centre)) if wall else about(centre)
+    def inside(centre: float) -> np.ndarray:
+        """Return the same over θ ≥ 0."""
+        top = (m * width**2 + centre * tau**2) / variance
+        return overlap(centre) + log_ndtr(top * np.sqrt(variance) / (width * tau))
+
+    for centre, log_weight in zip(kernel.centres, kernel.log_weights, strict=True):
+        # Near zero, K includes its mirror image.
+        near = centre < FAR * width
+        own = np.logaddexp(inside(centre), inside(-centre)) if near else overlap(centre)
+        log = np.logaddexp(log, log_weight + own)
+    return log - log_ndtr(m / tau)
 
 
 def _density(kernel: _Kernels, x: np.ndarray) -> np.ndarray:

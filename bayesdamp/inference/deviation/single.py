@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from bayesdamp.inference.checks.checks import Ahead
 from bayesdamp.inference.checks.diagnostics import summarise, verdict
-from bayesdamp.inference.checks.forecast import Ahead
 from bayesdamp.inference.deviation.candidate import MotionCandidate, active_of, linearise, tangents_at
 from bayesdamp.inference.deviation.data import Data, prepared
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of

@@ -1,6 +1,6 @@
 """Model evidence: its methods, found by name, and how far to trust their results."""
 
-from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
+from bayesdamp.inference.evidence.method import Draws, EvidenceMethod
 from bayesdamp.plugins import Registry
 
 EVIDENCES: Registry[EvidenceMethod] = Registry(

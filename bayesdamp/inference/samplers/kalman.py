@@ -69,7 +69,11 @@ def filter_online(target: Target, mode: Mode) -> Online:
     covariance = (points - mean).T @ (points - mean) / (2 * k)
     means, sds = np.empty((signal.t.size, k)), np.empty((signal.t.size, k))
     for i, (y, gap) in enumerate(zip(signal.y.tolist(), np.r_[0.0, np.diff(signal.t)].tolist(), strict=True)):
-        pairs = [moved(x, gap) for x in _sigma_points(mean, covariance)]
+        # By eigenvectors of the correlations: at first θ and θ̇ follow from the scores, and no Cholesky factor exists.
+        sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        lengths, axes = np.linalg.eigh(covariance / sd[:, None] / sd)
+        away = math.sqrt(mean.size) * sd[:, None] * axes * np.sqrt(np.maximum(lengths, 0.0))
+        pairs = [moved(x, gap) for x in np.concatenate([mean + away.T, mean - away.T])]
         points, predicted = np.array([x for x, _ in pairs]), np.array([v for _, v in pairs])
         mean, expected = points.mean(axis=0), float(predicted.mean())
         about, off = points - mean, predicted - expected
@@ -83,17 +87,6 @@ def filter_online(target: Target, mode: Mode) -> Online:
             means[i:], sds[i:] = np.nan, np.nan
             break
     return Online(means, sds, covariance[:k, :k])
-
-
-def _sigma_points(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return sigma points, (2d, d), of a normal distribution with this mean, (d,), and covariance, (d, d).
-
-    They use eigenvectors of the correlations: at first θ and θ̇ follow from the scores, and no Cholesky factor exists.
-    """
-    sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    lengths, axes = np.linalg.eigh(covariance / sd[:, None] / sd)
-    away = math.sqrt(mean.size) * sd[:, None] * axes * np.sqrt(np.maximum(lengths, 0.0))
-    return np.concatenate([mean + away.T, mean - away.T])
 
 
 @dataclass(frozen=True)
@@ -182,7 +175,13 @@ def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
         motions = y - mode.likelihood.residuals(points)
         if not np.all(np.isfinite(motions)):
             raise Refusal("the restarted filter met a motion that escapes")
-        expected, slope, variance = _regression(motions, factor)
+        # Each sample as a linear function of the scores: its expected value, slope and residual variance.
+        middle, above, below = motions[0], motions[1 : k + 1], motions[k + 1 :]
+        expected = middle + 0.5 * np.sum(above + below - 2 * middle, axis=0)
+        rise = 0.5 * (above - below)
+        whole = 0.5 * np.sum((above - expected) ** 2 + (below - expected) ** 2, axis=0)
+        left = whole + (1 - k) * (middle - expected) ** 2 - np.sum(rise**2, axis=0)
+        slope, variance = np.linalg.solve(factor.T, rise).T, np.maximum(left, 0.0)
         weight = 1.0 / (noise**2 + variance)
         pull = np.cumsum((weight * (y - expected + slope @ mean))[:, None] * slope, axis=0)
         gathered = np.cumsum(weight[:, None, None] * slope[:, :, None] * slope[:, None, :], axis=0)
@@ -193,20 +192,6 @@ def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
         if np.max(np.abs(np.linalg.solve(width, new - mean))) < SETTLED:
             return Restarted(means, covariances, now, passes)
     raise Refusal(f"the restarted filter did not settle in {PASSES} passes")
-
-
-def _regression(motions: np.ndarray, factor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return each sample as a linear function of the scores, from motions at sigma points at 0 and ±1 sd, (2k + 1, n).
-
-    The function has an expected value (n,), a slope (n, k), and a residual variance (n,).
-    """
-    k = factor.shape[0]
-    middle, above, below = motions[0], motions[1 : k + 1], motions[k + 1 :]
-    expected = middle + 0.5 * np.sum(above + below - 2 * middle, axis=0)
-    rise = 0.5 * (above - below)
-    whole = 0.5 * np.sum((above - expected) ** 2 + (below - expected) ** 2, axis=0)
-    left = whole + (1 - k) * (middle - expected) ** 2 - np.sum(rise**2, axis=0)
-    return expected, np.linalg.solve(factor.T, rise).T, np.maximum(left, 0.0)
 
 
 def _running(

@@ -8,16 +8,16 @@ from functools import partial
 
 import numpy as np
 
-from bayesdamp.inference.checks.forecast import carried_on
+from bayesdamp.inference.checks.checks import carried_on
 from bayesdamp.inference.deviation.single import first_half as first_half_of
 from bayesdamp.inference.deviation.single import under
 from bayesdamp.inference.evidence import Draws
-from bayesdamp.inference.evidence.savage_dickey import savage_dickey
 from bayesdamp.inference.evidence.sensitivity import (
     against_width,
     first_half,
     log_predictive,
     predict,
+    savage_dickey,
     under_priors,
 )
 from bayesdamp.inference.fit.mode import Mode, log_evidence_near

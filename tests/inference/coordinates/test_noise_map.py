@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from bayesdamp.inference.coordinates.noise_map import NoiseMap
+from bayesdamp.inference.coordinates.whitening import NoiseMap
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.evidence.methods import bridge, importance
 from bayesdamp.inference.fit.mode import Mode

@@ -13,7 +13,7 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import bayesdamp as bd
-from bayesdamp.inference.checks.forecast import Ahead
+from bayesdamp.inference.checks.checks import Ahead
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.single import Single, first_half
 from bayesdamp.inference.evidence.methods.importance import Importance

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.evidence import EVIDENCES, Draws
-from bayesdamp.inference.evidence.savage_dickey import savage_dickey
+from bayesdamp.inference.evidence.sensitivity import savage_dickey
 from bayesdamp.inference.fit.mode import Mode, log_evidence_near
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target, build_target

@@ -10,14 +10,15 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import truncnorm
 
-from bayesdamp.inference.checks.forecast import Ahead, carried_on
+from bayesdamp.inference.checks.checks import Ahead, carried_on
 from bayesdamp.inference.evidence.methods.importance import Importance
-from bayesdamp.inference.evidence.savage_dickey import density_at_zero, savage_dickey
 from bayesdamp.inference.evidence.sensitivity import (
     against_width,
+    density_at_zero,
     first_half,
     log_predictive,
     predict,
+    savage_dickey,
     under_priors,
 )
 from bayesdamp.inference.fit.mode import Mode

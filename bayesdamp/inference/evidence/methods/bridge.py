@@ -10,7 +10,7 @@ from scipy.special import logsumexp
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.coordinates.reflected_t import fitted
 from bayesdamp.inference.coordinates.whitening import Shear, shear_of
-from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
+from bayesdamp.inference.evidence.method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings

@@ -8,7 +8,7 @@ from scipy.special import logsumexp
 from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT, fitted
 from bayesdamp.inference.coordinates.whitening import Shear, expansion, shear_of, truncated_about
 from bayesdamp.inference.curves.weighted import effective
-from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
+from bayesdamp.inference.evidence.method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.numerics.pareto import pareto_k
