@@ -270,7 +270,8 @@ class Verdict(CheckedMethods):
         """What terminal and page show on lines of their own, by label."""
         facts: dict[str, str] = {}
         for f in _columns():
-            value, column = getattr(self, f.name), f.metadata["column"]
+            value: Any = getattr(self, f.name)
+            column = f.metadata["column"]
             if not column.label or value in (None, "", ()) or value != value:
                 continue
             shown = f"{value:.2g}" if isinstance(value, float) else str(value)
