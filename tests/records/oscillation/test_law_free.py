@@ -135,3 +135,37 @@ def test_a_noisy_record_of_thousands_of_cycles_is_measured_where_its_turns_are_c
     assert sds < 4
     off, sds = measured(replace(counted, crossing_times=np.empty(0)))
     assert off > 1e-3
+
+
+def viscous_and_coulomb(number: int) -> tuple[Signal, float, float]:
+    """Return a record of closed form, its viscous damping ratio, and its Coulomb loss over the viscous one at 1."""
+    rng = np.random.default_rng([5, number])
+    frequency, fall, share = 50.0, rng.uniform(5, 11), rng.uniform(0.2, 0.5)
+    friction = share / (1 - share) / np.sqrt(fall)
+    viscous = 0.01 / (1 + share / (1 - share))
+    stop = np.log((1 + friction) / (1 / fall + friction)) / (viscous * frequency)
+    t = np.arange(0.0, stop, 2 * np.pi / (30 * frequency))
+    y = ((1 + friction) * np.exp(-viscous * frequency * t) - friction) * np.cos(frequency * t)
+    noise = np.exp(rng.uniform(*np.log([0.003, 0.06])))
+    return Signal(t, y + noise * rng.standard_normal(t.size)), viscous, friction
+
+
+def test_intervals_at_the_ends_hold_where_the_damping_is_a_sum(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mean squares of 20 records' scores at either end, below the 99.95 % point of a chi-square.
+
+    The control: where a power of the amplitude is taken for a straight line, the standard errors are too small.
+    """
+    records = [viscous_and_coulomb(number) for number in range(20)]
+
+    def squares() -> np.ndarray:
+        scores = []
+        for signal, viscous, friction in records:
+            fit = law_free(signal, features(signal))
+            curve = fit.at(np.array(fit.span))
+            scores.append((curve.ratio - viscous * (1 + friction / curve.amplitude)) / curve.ratio_sd)
+        return np.mean(np.square(scores), axis=0)
+
+    largest = chi2.ppf(0.9995, 20) / 20
+    assert np.all(squares() < largest)
+    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.STEADY", 0.999)
+    assert np.all(squares() > largest)
