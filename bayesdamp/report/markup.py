@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import cache
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -12,21 +11,19 @@ from markupsafe import Markup
 from bayesdamp.table import symbols
 
 TEMPLATES = Path(__file__).parent / "templates"
-
-
-@cache
-def _environment() -> Environment:
-    loader = FileSystemLoader(TEMPLATES)
-    environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["symbols"] = symbols
-    return environment
+ENVIRONMENT = Environment(
+    loader=FileSystemLoader(TEMPLATES),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+ENVIRONMENT.filters["symbols"] = symbols
 
 
 def fill(template: str, **values: object) -> Markup:
     """Fill a template with values; text is escaped."""
-    return Markup(_environment().get_template(template).render(values))
+    return Markup(ENVIRONMENT.get_template(template).render(values))
 
 
 def folded(summary: str, *content: object) -> Markup:

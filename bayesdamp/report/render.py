@@ -51,14 +51,9 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
         page, figures = page_of(run, pool)
     except OtherVersionError as error:
         raise InputError(error.what, str(folder)) from None
-    drawn, files = (
-        run.folder / "figures" / DRAWN,
-        {f"{name}.{kind}" for name in figures for kind in ("svg", "png")},
-    )
-    try:
-        before = drawn.read_text(encoding="utf-8").split("\n")
-    except OSError:
-        before = []
+    drawn = run.folder / "figures" / DRAWN
+    files = {f"{name}.{kind}" for name in figures for kind in ("svg", "png")}
+    before = drawn.read_text(encoding="utf-8").split("\n") if drawn.is_file() else []
     remove_listed(drawn.parent, [name for name in before if name and name not in files])
     if files or before:
         write_bytes(drawn, "\n".join(sorted(files)).encode())

@@ -6,34 +6,31 @@ from bayesdamp.physics.symbols import meaning_of, own_words, parameter_symbol
 from bayesdamp.types import Symbol, candidate_parts
 
 _SYMBOLS = {
-    "noise_sd": Symbol("noise sd", "noise sd", "standard deviation of the noise"),
-    "noise_time": Symbol("noise time", "noise time", "correlation time of the noise"),
-    "noise_dof": Symbol("noise dof", "noise dof", "degrees of freedom of the noise"),
     "natural_frequency": Symbol("ωₙ", r"$\omega_n$", "natural frequency (derived)"),
-    "damping_ratio": Symbol("damping ratio at rest", "damping ratio at rest", "linear damping ratio at rest"),
     "quality_factor": Symbol("Q", r"$Q$", "quality factor at rest"),
-    "equivalent_ratio": Symbol(
-        "equivalent damping ratio", "equivalent damping ratio", "equivalent viscous damping ratio"
-    ),
-    "log_decrement": Symbol("logarithmic decrement", "logarithmic decrement", "logarithmic decrement"),
-    "half_life": Symbol("half-life", "half-life", "time in which the amplitude falls to half"),
-    "energy_fraction": Symbol(
-        "specific damping capacity",
-        "specific damping capacity",
-        "share of the energy that is lost in a cycle",
-    ),
-    "energy_lost": Symbol("energy lost in a cycle", "energy lost in a cycle", "energy lost in a cycle"),
-    "viscous_coefficient": Symbol("viscous coefficient", "viscous coefficient", "inertia times 2ζ"),
-    "coulomb_torque": Symbol("friction", "friction", "inertia times μc"),
-    "quadratic_coefficient": Symbol("quadratic coefficient", "quadratic coefficient", "inertia times μq"),
 }
-"""Symbols of the noise's parameters and of derived quantities."""
+_WORDS = {
+    "noise_sd": ("noise sd", "standard deviation of the noise"),
+    "noise_time": ("noise time", "correlation time of the noise"),
+    "noise_dof": ("noise dof", "degrees of freedom of the noise"),
+    "damping_ratio": ("damping ratio at rest", "linear damping ratio at rest"),
+    "equivalent_ratio": ("equivalent damping ratio", "equivalent viscous damping ratio"),
+    "log_decrement": ("logarithmic decrement", "logarithmic decrement"),
+    "half_life": ("half-life", "time in which the amplitude falls to half"),
+    "energy_fraction": ("specific damping capacity", "share of the energy that is lost in a cycle"),
+    "energy_lost": ("energy lost in a cycle", "energy lost in a cycle"),
+    "viscous_coefficient": ("viscous coefficient", "inertia times 2ζ"),
+    "coulomb_torque": ("friction", "inertia times μc"),
+    "quadratic_coefficient": ("quadratic coefficient", "inertia times μq"),
+}
+"""Parameters of the noise and derived quantities that are written as words, and their meanings."""
 
 
 def symbol(parameter: str) -> Symbol:
     """Return how a parameter is written; a parameter without a symbol keeps its name."""
     named = parameter_symbol(parameter) or _SYMBOLS.get(parameter)
-    return named or Symbol(parameter, parameter, meaning_of(parameter))
+    text, meaning = _WORDS.get(parameter) or (parameter, meaning_of(parameter))
+    return named or Symbol(text, text, meaning)
 
 
 def axis(parameter: str, units: str) -> str:

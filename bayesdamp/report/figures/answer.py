@@ -76,7 +76,23 @@ def draw_answer(
         rest.axhline(0.0, color=QUIET, lw=0.6)
         rest.set(title="Residual of the fit", xlabel="time / s", ylabel=recorded or unit)
     _ratios(ratio, arrays, unit)
-    _energies(energy, arrays, unit)
+    # The energy lost in a cycle: by each term, or without a law.
+    a, lost = arrays["amplitude"], False
+    for name, values in sorted(arrays.items()):
+        if name.startswith("work/"):
+            term, lost = name.removeprefix("work/"), lost or bool(np.any(values > 0))
+            energy.plot(a, values, color=colour(term), ls=dash(term), label=words.model(term))
+    by_term = bool(energy.lines)
+    if not by_term and "free/lost" in arrays:
+        values = arrays["free/lost"]
+        energy.plot(arrays["free/amplitude"], values, color=INK, label="without a law")
+        a, lost = arrays["free/amplitude"], bool(np.any(values > 0))
+    title = f"Energy lost in a cycle, {'by term' if by_term else 'without a law'}"
+    energy.set(title=title, xlabel=f"amplitude / {unit}", ylabel=f"{unit}²/s²")
+    energy.set(xscale="log", yscale="log" if lost else "linear")
+    plain(energy)
+    energy.set_xlim(a.min(), a.max())
+    energy.legend(loc="best")
 
 
 def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
@@ -105,23 +121,3 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     ax.set_xlim(a.min(), a.max())
     # Below the axes, because ten names would hide the curves.
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=6.5, ncols=2, borderaxespad=0.1)
-
-
-def _energies(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
-    """Draw the energy lost in a cycle: by each term, or without a law."""
-    a, lost = arrays["amplitude"], False
-    for name, values in sorted(arrays.items()):
-        if name.startswith("work/"):
-            term, lost = name.removeprefix("work/"), lost or bool(np.any(values > 0))
-            ax.plot(a, values, color=colour(term), ls=dash(term), label=words.model(term))
-    by_term = bool(ax.lines)
-    if not by_term and "free/lost" in arrays:
-        a, values = arrays["free/amplitude"], arrays["free/lost"]
-        ax.plot(a, values, color=INK, label="without a law")
-        lost = bool(np.any(values > 0))
-    title = f"Energy lost in a cycle, {'by term' if by_term else 'without a law'}"
-    ax.set(title=title, xlabel=f"amplitude / {unit}", ylabel=f"{unit}²/s²")
-    ax.set(xscale="log", yscale="log" if lost else "linear")
-    plain(ax)
-    ax.set_xlim(a.min(), a.max())
-    ax.legend(loc="best")

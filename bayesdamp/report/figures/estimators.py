@@ -93,7 +93,14 @@ def against(
 
 def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
     shade = colour(e.model)
-    low, high = _limits(e)
+    middle = e.truth if np.isfinite(e.truth) else float(np.median([*e.own.values(), *e.refined.values()]))
+    reach = ALONE * abs(middle) or 1.0
+    if e.posterior is not None:
+        middle = 0.5 * (e.posterior[0] + e.posterior[1])
+        reach = REACH * 0.5 * (e.posterior[1] - e.posterior[0]) or ALONE * abs(middle) or 1.0
+        if np.isfinite(e.truth):
+            reach = max(reach, 1.2 * abs(e.truth - middle))
+    low, high = middle - reach, middle + reach
     if e.posterior is not None:
         ax.axvspan(*e.posterior, color=shade, alpha=0.18, lw=0, zorder=0.2)
     if np.isfinite(e.truth):
@@ -135,19 +142,6 @@ def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
     ax.locator_params(axis="x", nbins=4)
     ax.tick_params(axis="y", length=0)
     ax.spines["left"].set_visible(False)
-
-
-def _limits(e: CoefficientEstimates) -> tuple[float, float]:
-    """Return the ends of a coefficient's axis."""
-    middle = e.truth if np.isfinite(e.truth) else float(np.median([*e.own.values(), *e.refined.values()]))
-    reach = ALONE * abs(middle) or 1.0
-    if e.posterior is not None:
-        low, high = e.posterior
-        middle = 0.5 * (low + high)
-        reach = REACH * 0.5 * (high - low) or ALONE * abs(middle) or 1.0
-        if np.isfinite(e.truth):
-            reach = max(reach, 1.2 * abs(e.truth - middle))
-    return middle - reach, middle + reach
 
 
 def eigenvalues(real: Sequence[float], imaginary: Sequence[float], model: str) -> Figure:

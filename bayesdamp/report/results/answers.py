@@ -43,9 +43,14 @@ def answer_content(run: RunFolder, signal: str) -> AnswerContent | None:
     return None if content is None or content.verdict.get("law_free") else content
 
 
-def answer_of(run: RunFolder, signal: str) -> RecordAnswer | None:
-    """Return the answer on a record's first repeat, after sampling if it was sampled; None if there is none."""
-    cells = (run.cell(kind, signal, run.repeats(signal)[0]) for kind in ("sampled", "answer"))
+def answer_of(
+    run: RunFolder, signal: str, kinds: Sequence[str] = ("sampled", "answer")
+) -> RecordAnswer | None:
+    """Return the answer on a record's first repeat, after sampling if it was sampled; None if there is none.
+
+    `kinds` contains the kinds of the tasks that have such an answer, the preferred one first.
+    """
+    cells = (run.cell(kind, signal, run.repeats(signal)[0]) for kind in kinds)
     cell = next((c for c in cells if c is not None and c.outcome == OK), None)
     if cell is None:
         return None

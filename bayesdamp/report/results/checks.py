@@ -26,14 +26,13 @@ from bayesdamp.report.results.run import (
     rows_of,
     truth,
 )
-from bayesdamp.store.contents import AnswerContent, PosteriorContent
+from bayesdamp.store.contents import PosteriorContent
 from bayesdamp.table import Table
 from bayesdamp.types import OK, candidate_parts
 from bayesdamp.verdict.agreement import Z95, Agreement, agreement, intervals
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.thresholds import MOVED, WIDTH_HOLDS
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.units import in_unit
 
 WINDOW_SPREAD = 3.0
 """Standard deviations by which a coefficient seldom changes by chance between parts of a record."""
@@ -64,25 +63,17 @@ def sampled_words(comparison: Agreement) -> str:
 
 def sampled(run: RunFolder, signal: str) -> list[Check]:
     """Compare the answer with the one from linear approximations; empty if nothing was sampled."""
-    repeat = run.repeats(signal)[0]
-    cells = [run.cell(kind, signal, repeat) for kind in ("answer", "sampled")]
-    verdicts = [
-        in_unit(Verdict.from_dict(AnswerContent.of(c).verdict), run.unit(signal))
-        for c in cells
-        if c is not None and c.outcome == OK
-    ]
-    if len(verdicts) < 2 or verdicts[0].grade is Grade.NO_FREE_DECAY or verdicts[-1].law_free:
+    first, last = (answer_of(run, signal, kinds) for kinds in (("answer",), ("sampled",)))
+    if first is None or last is None or first.verdict.grade is Grade.NO_FREE_DECAY or last.verdict.law_free:
         return []
-    comparison = agreement(*verdicts)
+    comparison = agreement(first.verdict, last.verdict)
+    text = f"This result is from MCMC sampling; linear approximations alone gave: {first.verdict.sentence}"
     if comparison.confirms:
-        return [
-            Check(
-                "MCMC sampling gives this result and confirms that of linear approximations: the damping ratios differ "
-                f"by at most {max(comparison.moved, 0.1):.1f} standard deviations."
-            )
-        ]
-    text = f"This result is from MCMC sampling; linear approximations alone gave: {verdicts[0].sentence}"
-    if comparison.same:
+        text = (
+            "MCMC sampling gives this result and confirms that of linear approximations: the damping ratios differ "
+            f"by at most {max(comparison.moved, 0.1):.1f} standard deviations."
+        )
+    elif comparison.same:
         text = (
             "This result is from MCMC sampling; the damping ratios from linear approximations differ by up to "
             f"{comparison.moved:.1f} standard deviations."
@@ -133,7 +124,19 @@ class Checks:
             )
             return [Check(text)] if has_tables else []
         checks = [*self._convergence(), *self._ratios(), *self._coefficients(), *self._evidence(evidence)]
-        checks += [*self._residuals(), *self._truth()]
+        checks += self._residuals()
+        true = true_models(self.run).get(self.signal)
+        if true is not None and v is not None and v.damping:
+            text = f"Truth: the record was simulated with {words.model(true)} damping"
+            if _same_sum([true], v.damping) is None:
+                share = next((r.probability for r in v.rivals if _same_sum([true], r.damping)), 0.0)
+                text = f"{text}, to which the answer gives {fmt.probability(share)}."
+                checks.append(Check(text, fails=True))
+            elif v.decided:
+                checks.append(Check(f"{text}, as the answer says."))
+            else:
+                share = fmt.probability(v.probability)
+                checks.append(Check(f"{text}, the most probable in the answer ({share})."))
         if self.exact_only and has_tables:
             text = (
                 "Chains, evidence and residual checks assume that the laws hold exactly. The answer does not assume "
@@ -391,20 +394,6 @@ class Checks:
                 p = fmt.number(row["predictive_p"], 2)
                 text = f"Records simulated from the model look different from this one (predictive p {p})."
                 yield Check(text, fails=not self.exact_only)
-
-    def _truth(self) -> Iterator[Check]:
-        """Compare the answer's damping with the damping that the record was simulated with."""
-        true, v = true_models(self.run).get(self.signal), self.verdict
-        if true is None or v is None or not v.damping:
-            return
-        text = f"Truth: the record was simulated with {words.model(true)} damping"
-        if _same_sum([true], v.damping) is None:
-            share = next((r.probability for r in v.rivals if _same_sum([true], r.damping)), 0.0)
-            yield Check(f"{text}, to which the answer gives {fmt.probability(share)}.", fails=True)
-        elif v.decided:
-            yield Check(f"{text}, as the answer says.")
-        else:
-            yield Check(f"{text}, the most probable in the answer ({fmt.probability(v.probability)}).")
 
 
 def _name(method: str) -> str:

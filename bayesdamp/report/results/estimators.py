@@ -261,39 +261,28 @@ class ErrorSeries:
 
 def series(run: RunFolder) -> list[ErrorSeries]:
     """Return every series of at least three values in the run, by damping and factor."""
-    models = true_models(run)
-    designs = {signal: _design(run, signal) for signal in models}
+    designs: dict[str, dict[str, list[float]]] = {}
+    for signal, model in true_models(run).items():
+        source, own = run.simulation(signal), designs.setdefault(model, {})
+        rate = ((run.info.get("equilibrium") or {}).get(signal) or {}).get("natural_frequency")
+        amplitude = (run.about(signal).get("reference") or {}).get("amplitude")
+        if rate and amplitude and source.get("duration"):
+            truth, periods = source.get("truth") or {}, source["duration"] * rate / (2 * math.pi)
+            start = abs(truth.get("theta0") or amplitude)
+            factors = (100 * truth.get("noise_sd", 0.0) / start, (source["samples"] - 1) / periods, periods)
+            own[signal] = [float(f"{x:.2g}") for x in factors]  # in the order of FACTORS
     runs = []
-    for model in dict.fromkeys(models.values()):
-        own = {s: design for s, design in designs.items() if design is not None and models[s] == model}
+    for model, own in designs.items():
         if len(own) < LEAST:
             continue
-        base = [
-            Counter(design[i] for design in own.values()).most_common(1)[0][0] for i in range(len(FACTORS))
-        ]
+        base = [Counter(values).most_common(1)[0][0] for values in zip(*own.values())]
         for i, factor in enumerate(FACTORS):
-            along = {
-                s: design[i]
-                for s, design in own.items()
-                if all(design[j] == base[j] for j in range(len(base)) if j != i)
-            }
+            rest = base[:i] + base[i + 1 :]
+            along = {s: design[i] for s, design in own.items() if design[:i] + design[i + 1 :] == rest}
             if len(set(along.values())) >= LEAST:
                 signals = sorted(along, key=lambda s: along[s])
                 runs.append(_series(run, model, factor, signals, [along[s] for s in signals]))
     return runs
-
-
-def _design(run: RunFolder, signal: str) -> tuple[float, float, float] | None:
-    """Return noise in per cent of the first amplitude, samples per period and periods, rounded to two digits."""
-    source = run.simulation(signal)
-    rate = ((run.info.get("equilibrium") or {}).get(signal) or {}).get("natural_frequency")
-    amplitude = (run.about(signal).get("reference") or {}).get("amplitude")
-    if not rate or not amplitude or not source.get("duration"):
-        return None
-    truth, periods = source.get("truth") or {}, source["duration"] * rate / (2 * math.pi)
-    start = abs(truth.get("theta0") or amplitude)
-    numbers = (100 * truth.get("noise_sd", 0.0) / start, (source["samples"] - 1) / periods, periods)
-    return tuple(float(f"{x:.2g}") for x in numbers)  # type: ignore[return-value]
 
 
 def _series(run: RunFolder, model: str, factor: str, signals: list[str], values: list[float]) -> ErrorSeries:

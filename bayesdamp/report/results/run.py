@@ -15,7 +15,7 @@ from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.provenance import Provenance
 from bayesdamp.report.drawing import Drawings
-from bayesdamp.store import TABLES, TEXT_OF, CellResult, Store, read_table
+from bayesdamp.store import TABLES, CellResult, Store, read_table
 from bayesdamp.store.cells import Place
 from bayesdamp.store.contents import ModeContent
 from bayesdamp.store.files import read_description
@@ -24,9 +24,6 @@ from bayesdamp.units import Unit, unit_named
 from bayesdamp.verdict.types import VERDICT_JSON, load_verdicts
 
 Row = dict[str, Any]
-_NUMBERS = ("sd_noise", "sd_law", "deviation", "deviation_low", "deviation_high", "unexplained_pct")
-LATER: dict[str, object] = {"restoring": "", **dict.fromkeys(_NUMBERS, math.nan)}
-"""Columns that earlier versions did not write, with the values that replace them."""
 _TRUSTED = ("combined", "nested", "bridge", "importance", "laplace")
 """Evidence methods, the most trusted first."""
 _SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
@@ -161,8 +158,7 @@ class RunFolder:
         path = self.folder / name
         if not path.is_file():
             return []
-        later = LATER | ({"deviation": ""} if (name, "deviation") in TEXT_OF else {})
-        rows = [{**later, **row} for row in read_table(path)]
+        rows = read_table(path)
         missing = set(TABLES[name]) - set(rows[0]) if rows else set()
         if missing:
             raise InputError(

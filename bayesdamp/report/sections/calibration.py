@@ -72,12 +72,34 @@ class CalibratedSection(Section):
         )
         alarm = f"{100 * result['alarm']:g} %"
         claim = f"{text[:1].upper()}{text[1:]} (false-alarm rate {alarm} for each of the two tables, Holm)."
-        parts: list[object] = [paragraph(claim, "lead"), *map(paragraph, EXPLAINED), _records(result)]
-        parts += [_model(run, result, rows, model) for model in result["counts"]]
+        counts: Mapping[str, Mapping[str, Any]] = result["counts"]
+
+        def doubted(model: str) -> str:
+            samplers = counts[model]["samplers"].items()
+            bad = {s: sum(n for o, n in own.items() if o != OK) for s, own in samplers}
+            return "; ".join(f"{words.method(sampler)}: {count}" for sampler, count in bad.items())
+
+        def refused(model: str) -> str:
+            reasons = sorted(counts[model]["refused"].items(), key=lambda x: -x[1])
+            return "; ".join(f"{n}: {reason}" for reason, n in reasons) or fmt.NONE
+
+        def time(model: str) -> str:
+            return fmt.duration(sum(counts[model]["seconds"].values()) / max(counts[model]["tried"], 1))
 
         def number(name: str) -> Callable[[dict[str, str]], str]:
             return lambda r: fmt.number(float(r[name]), 3) if r[name] else fmt.NONE
 
+        of_model: dict[str, Callable[[str], str]] = {
+            "model": words.model,
+            "records tried": lambda model: str(counts[model]["tried"]),
+            "records that count": lambda model: str(counts[model]["counted"]),
+            "of these unreliable by the sampler's diagnostics": doubted,
+            "time each": time,
+            "not counted": refused,
+        }
+        parts: list[object] = [paragraph(claim, "lead"), *map(paragraph, EXPLAINED)]
+        parts += [Table.of(counts, of_model, (0, 5))]
+        parts += [_model(run, result, rows, model) for model in counts]
         columns: dict[str, Callable[[dict[str, str]], str]] = {
             "model": lambda r: words.model(r["model"]),
             "method": lambda r: words.method(r["method"]),
@@ -101,32 +123,6 @@ def _csv(run: RunFolder, name: str) -> list[dict[str, str]]:
         return []
     with path.open(newline="", encoding="utf-8") as handle:
         return list(csv.DictReader(handle))
-
-
-def _records(result: Mapping[str, Any]) -> Table:
-    """Return how many records of each model count, and why others do not."""
-    counts: Mapping[str, Mapping[str, Any]] = result["counts"]
-
-    def doubted(model: str) -> str:
-        bad = {s: sum(n for o, n in own.items() if o != OK) for s, own in counts[model]["samplers"].items()}
-        return "; ".join(f"{words.method(sampler)}: {count}" for sampler, count in bad.items())
-
-    def refused(model: str) -> str:
-        reasons = sorted(counts[model]["refused"].items(), key=lambda x: -x[1])
-        return "; ".join(f"{n}: {reason}" for reason, n in reasons) or fmt.NONE
-
-    def time(model: str) -> str:
-        return fmt.duration(sum(counts[model]["seconds"].values()) / max(counts[model]["tried"], 1))
-
-    columns: dict[str, Callable[[str], str]] = {
-        "model": words.model,
-        "records tried": lambda model: str(counts[model]["tried"]),
-        "records that count": lambda model: str(counts[model]["counted"]),
-        "of these unreliable by the sampler's diagnostics": doubted,
-        "time each": time,
-        "not counted": refused,
-    }
-    return Table.of(counts, columns, (0, 5))
 
 
 def _model(run: RunFolder, result: Mapping[str, Any], rows: Sequence[dict[str, str]], model: str) -> Markup:
@@ -224,14 +220,11 @@ class RecoveredSection(Section):
             hits = own["hits"]
             inside = "inside" if hits["low"] <= hits["excess"] <= hits["high"] else "outside"
             low, excess, high = (fmt.fixed(hits[k], 1) for k in ("low", "excess", "high"))
-            shares = [
-                100 * hits["hits"] / max(hits["records"], 1),
-                100 * hits["share_low"],
-                100 * hits["share_high"],
-            ]
+            share = 100 * hits["hits"] / max(hits["records"], 1)
+            interval = f"{100 * hits['share_low']:.1f} to {100 * hits['share_high']:.1f} %"
             claim = (
                 f"The most probable model was the true one in {hits['hits']} of {hits['records']} records "
-                f"({shares[0]:.1f} %, 95 % interval {shares[1]:.1f} to {shares[2]:.1f} %); {hits['expected']:.1f} are "
+                f"({share:.1f} %, 95 % interval {interval}); {hits['expected']:.1f} are "
                 f"expected from the probabilities. The difference of {excess} is {inside} its "
                 f"{100 * (1 - result['alarm']):g} % band, {low} to {high}."
             )
@@ -255,6 +248,10 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     lines = [[name, *map(str, row)] for name, row in zip(names, result["confusion"], strict=True)]
     caption = "Number of records, by true model (rows) and most probable model (columns)"
     confusion = Table(["", *names], lines, caption=caption)
+
+    def fixed(name: str, places: int = 3) -> Callable[[Mapping[str, Any]], str]:
+        return lambda row: fmt.fixed(row[name], places)
+
     p_values: dict[str, Callable[[Mapping[str, Any]], str]] = {
         "p": lambda row: fmt.number(row["p"], 2),
         "p (Holm)": lambda row: fmt.number(row["p_holm"], 2),
@@ -262,35 +259,32 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     by_probability: dict[str, Callable[[Mapping[str, Any]], str]] = {
         "probability of the best": lambda b: f"{b['from']:g} to {b['to']:g}",
         "records": lambda b: str(b["records"]),
-        "mean": lambda b: fmt.fixed(b["probability"], 3),
-        "share correct": lambda b: fmt.fixed(b["share"], 3),
-        "low": lambda b: fmt.fixed(b["low"], 3),
-        "high": lambda b: fmt.fixed(b["high"], 3),
+        "mean": fixed("probability"),
+        "share correct": fixed("share"),
+        **{name: fixed(name) for name in ("low", "high")},
         **p_values,
     }
     caption = (
         "Share of correct models against the probability of the most probable model. If the probabilities are correct, "
         "all shares are between low and high with 99 % probability."
     )
-    bins = Table.of(
-        result["bins"],
-        by_probability,
-        (0,),
-        caption,
-        lambda b: "" if b["low"] <= b["share"] <= b["high"] else "alert",
-    )
+
+    def kind(b: Mapping[str, Any]) -> str:
+        return "" if b["low"] <= b["share"] <= b["high"] else "alert"
+
+    bins = Table.of(result["bins"], by_probability, (0,), caption, kind)
     by_model: dict[str, Callable[[Mapping[str, Any]], str]] = {
         "model": lambda m: words.model(m["model"]),
         "records": lambda m: str(m["true"]),
-        "sum of its probabilities": lambda m: fmt.fixed(m["expected"], 1),
+        "sum of its probabilities": fixed("expected", 1),
         **p_values,
     }
     by_design: dict[str, Callable[[Mapping[str, Any]], str]] = {
         "noise": lambda d: f"{100 * d['noise']:g} %",
         "cycles": lambda d: fmt.given(d["cycles"]),
         "records": lambda d: str(d["records"]),
-        "share correct": lambda d: fmt.fixed(d["share"], 3),
-        "mean probability of the best": lambda d: fmt.fixed(d["probability"], 3),
+        "share correct": fixed("share"),
+        "mean probability of the best": fixed("probability"),
     }
     designs = [Table.of(result["by_design"], by_design)] if len(result["by_design"]) > 1 else []
     return [confusion, bins, Table.of(result["by_model"], by_model), *designs]

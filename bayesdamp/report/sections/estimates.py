@@ -93,7 +93,12 @@ class EstimatesSection(SignalSection):
                     "unit": lambda r: words.unit(r["unit"]),
                 }
                 content.append(folded("The other parameters", Table.of(others, columns, (0, 1, 2, 4))))
-            curves = _traces(run, signal, repeats[0], model) if is_drawn(run, place) else {}
+            curves = {
+                f"{words.method(cell.place.method)}: {name.replace('_', ' ').replace('/', ' ')}": curve
+                for cell in (run.cells("estimate", signal, repeats[0], model) if is_drawn(run, place) else ())
+                for name, curve in cell.arrays.items()
+                if curve.ndim == 1 and curve.size >= 3 and np.issubdtype(curve.dtype, np.number)
+            }
             if curves:
                 caption = f"{signal}, {words.model(model)}: progress of the iterative methods."
                 draw = partial(traces, curves)
@@ -156,13 +161,13 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row], repeats
     units = {r["parameter"]: words.unit(r["unit"]) for r in rows}
 
     def value(rows: Sequence[Row], name: str) -> str:
-        own = [r for r in rows if r["parameter"] == name and math.isfinite(r["value"])]
+        own = [r for r in rows_of(rows, parameter=name) if math.isfinite(r["value"])]
         if len(own) == 1:
             return fmt.with_error(own[0]["value"], own[0]["stderr"])
         return fmt.spread([r["value"] for r in own]) if own else fmt.NONE
 
     def error(rows: Sequence[Row], name: str) -> str:
-        own = [r for r in rows if r["parameter"] == name and math.isfinite(r["value"])]
+        own = [r for r in rows_of(rows, parameter=name) if math.isfinite(r["value"])]
         errors = [abs(r["error_pct"]) for r in own if math.isfinite(r["error_pct"])]
         if len(errors) < 2:
             return fmt.number(errors[0], 3) if errors else fmt.NONE
@@ -201,27 +206,13 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row], repeats
         caption += (
             f"Range over {len(repeats)} repeats; the largest number of evaluations and the longest time."
         )
-    return Table.of(
-        [
-            rows_of(rows, estimator=estimator, stage=stage)
-            for estimator, stage in dict.fromkeys((r["estimator"], r["stage"]) for r in rows)
-        ],
-        columns,
-        (0, 1, len(columns) - 1),
-        caption,
-        lambda rows: "" if any(math.isfinite(r["value"]) for r in rows) else "quiet",
-    )
 
+    def kind(rows: Sequence[Row]) -> str:
+        return "" if any(math.isfinite(r["value"]) for r in rows) else "quiet"
 
-def _traces(run: RunFolder, signal: str, repeat: int, model: str) -> dict[str, np.ndarray]:
-    """Return the stored curves of the iterative methods, by their titles."""
-    curves: dict[str, np.ndarray] = {}
-    for cell in run.cells("estimate", signal, repeat, model):
-        for name, curve in cell.arrays.items():
-            if curve.ndim == 1 and curve.size >= 3 and np.issubdtype(curve.dtype, np.number):
-                title = f"{words.method(cell.place.method)}: {name.replace('_', ' ').replace('/', ' ')}"
-                curves[title] = curve
-    return curves
+    keys = dict.fromkeys((r["estimator"], r["stage"]) for r in rows)
+    each = [rows_of(rows, estimator=estimator, stage=stage) for estimator, stage in keys]
+    return Table.of(each, columns, (0, 1, len(columns) - 1), caption, kind)
 
 
 def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
@@ -255,7 +246,17 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
             ]
             table = Table(["length", "relative error", "expression"], lines, (2,))
             parts.append(folded(f"The Pareto front of {words.method(method)}", table))
-        parts.append(_drawn(run, signal, model, method, details))
+        name, by = f"{method}-{signal}-{model}", words.method(method)
+        if {"generator_eigenvalues_re", "generator_eigenvalues_im"} <= set(details):
+            real, imaginary = details["generator_eigenvalues_re"], details["generator_eigenvalues_im"]
+            draw = partial(eigenvalues, real, imaginary, model)
+            caption = f"{signal}: eigenvalues of the generator by {by}."
+            parts.append(run.drawings.add(f"eigenvalues-{name}", caption, draw))
+        elif {"velocity", "force", "law"} <= set(details):
+            curves = (details[k] for k in ("velocity", "force", "law"))
+            draw = partial(force, *curves, model, run.unit(signal).base)
+            caption = f"{signal}: the damping force that the {by} learnt, and the law fitted to it."
+            parts.append(run.drawings.add(f"force-{name}", caption, draw))
         rest = [
             [name.replace("_", " "), _plain(value)]
             for name, value in details.items()
@@ -265,23 +266,6 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
         if rest:
             parts.append(folded(f"Settings that {words.method(method)} used", Table(["", ""], rest, (0, 1))))
     return [Markup("<h4>Further results of the methods</h4>"), stack(*parts)] if parts else []
-
-
-def _drawn(run: RunFolder, signal: str, model: str, method: str, details: Details) -> Markup | str:
-    """Return the figure of a method's eigenvalues or force; empty if it has neither."""
-    name = f"{method}-{signal}-{model}"
-    if {"generator_eigenvalues_re", "generator_eigenvalues_im"} <= set(details):
-        real, imaginary = details["generator_eigenvalues_re"], details["generator_eigenvalues_im"]
-        caption = f"{signal}: eigenvalues of the generator by {words.method(method)}."
-        return run.drawings.add(f"eigenvalues-{name}", caption, partial(eigenvalues, real, imaginary, model))
-    if {"velocity", "force", "law"} <= set(details):
-        velocity, learnt, law = (details[k] for k in ("velocity", "force", "law"))
-        draw = partial(force, velocity, learnt, law, model, run.unit(signal).base)
-        caption = (
-            f"{signal}: the damping force that the {words.method(method)} learnt, and the law fitted to it."
-        )
-        return run.drawings.add(f"force-{name}", caption, draw)
-    return ""
 
 
 def _plain(value: object) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 
-import numpy as np
 from markupsafe import Markup, escape
 
 from bayesdamp import formatting as fmt
@@ -45,8 +44,23 @@ class AskedSection(Section):
                 f"F_rest is {fmt.listing(rests, 'or')}; θ in rad, time in s.{metres}"
             )
         sentences += _systems(run)
+        posterior = run.study.get("posterior") or {}
+        noise = posterior.get("noise")
+        suffix = f", with {words.method(noise)} noise" if isinstance(noise, str) else ""
+        if run.under_law:
+            suffix = ", with white noise, whose size is what the deviations do not explain"
+        used = {
+            "Estimators": (run.study.get("estimators") or {}).get("use"),
+            "Posteriors": posterior.get("samplers"),
+            "Evidence": (run.study.get("evidence") or {}).get("methods"),
+        }
         if not only_answered(run):
-            sentences += _methods(run)
+            for what, names in used.items():
+                if names:
+                    text = names if isinstance(names, str) else fmt.listing(map(words.method, names))
+                    sentences.append(f"{what}: {text}{suffix * (what == 'Posteriors')}.")
+                elif names is not None:
+                    sentences.append(f"{what}: switched off.")
         elif any(a.candidates for a in answers(run)):
             sampled = any(run.cells("sampled", signal) for signal in run.signals)
             more = "; the most probable ones were also sampled" if sampled else ""
@@ -87,41 +101,16 @@ def _systems(run: RunFolder) -> list[str]:
     return [f"{fmt.listing(names)}: {text}" for text, names in named.items()]
 
 
-def _methods(run: RunFolder) -> list[str]:
-    """Return a sentence on the estimators, the samplers and the evidence methods, as far as the study names them."""
-    posterior = run.study.get("posterior") or {}
-    noise = posterior.get("noise")
-    suffix = f", with {words.method(noise)} noise" if isinstance(noise, str) else ""
-    if run.under_law:
-        suffix = ", with white noise, whose size is what the deviations do not explain"
-    used = {
-        "Estimators": (run.study.get("estimators") or {}).get("use"),
-        "Posteriors": posterior.get("samplers"),
-        "Evidence": (run.study.get("evidence") or {}).get("methods"),
-    }
-    sentences = []
-    for what, names in used.items():
-        if names:
-            text = names if isinstance(names, str) else fmt.listing(map(words.method, names))
-            sentences.append(f"{what}: {text}{suffix * (what == 'Posteriors')}.")
-        elif names is not None:
-            sentences.append(f"{what}: switched off.")
-    return sentences
-
-
 def _signals(run: RunFolder) -> Table | str:
-    def recorded(signal: str) -> str:
-        unit, quantity = run.unit(signal), run.quantity(signal)
-        return f"{unit.called(quantity)} in {unit.of(quantity)}"
+    """Return what was recorded of each signal, and how much of it is used."""
 
     def samples(signal: str) -> tuple[str, str]:
         """Return the number of samples and the duration."""
         answer, cell = answer_of(run, signal), run.cell("signal", signal, run.repeats(signal)[0])
-        t = cell.arrays.get("t", np.empty(0)) if cell else np.empty(0)
         if answer is not None and answer.envelope is not None:
             w, t = answer.verdict.window, answer.arrays["t"]
             count, duration = answer.envelope.samples, w.stop - w.start if w else float(t[-1] - t[0])
-        elif len(t):
+        elif cell is not None and len(t := cell.arrays.get("t", ())):
             count, duration = len(t), float(t[-1] - t[0])
         else:
             return fmt.NONE, fmt.NONE
@@ -131,7 +120,7 @@ def _signals(run: RunFolder) -> Table | str:
     columns: dict[str, Callable[[str], str]] = {
         "signal": str,
         "origin": lambda s: "simulated" if run.simulated(s) else "measured",
-        "recorded": recorded,
+        "recorded": lambda s: f"{run.unit(s).called(run.quantity(s))} in {run.unit(s).of(run.quantity(s))}",
         "repeats": lambda s: str(len(run.repeats(s))),
         "samples used": lambda s: used[s][0],
         "duration / s": lambda s: used[s][1],
@@ -162,7 +151,20 @@ class ProvenanceSection(Section):
         if versions:
             table = Table(["package", "version"], versions, text)
             parts.append(folded(f"Versions of {len(versions)} packages", table))
-        parts += [_without_result(run), *_timing(info.get("seconds") or {})]
+        tasks: dict[str, list[str]] = {}
+        for cell in run.cells():
+            # The section on the evidence shows the tasks that were pruned.
+            if cell.outcome != OK and status_of(cell.outcome) is not Status.PRUNED:
+                tasks.setdefault(cell.outcome, []).append(cell.name)
+        if tasks:
+            count = sum(map(len, tasks.values()))
+            lines = [
+                [why, ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")]
+                for why, names in tasks.items()
+            ]
+            caption = f"{count} task{'s' if count > 1 else ''} ended without a result"
+            parts.append(Table(["reason", "tasks"], lines, text, caption))
+        parts += _timing(info.get("seconds") or {})
         budget = (info.get("error_budget") or {}).items()
         rows = {f"{signal}/{model}": own for signal, each in budget for model, own in each.items() if own}
         if rows:
@@ -174,25 +176,6 @@ class ProvenanceSection(Section):
             )
             parts.append(Table.of(rows, columns, caption=caption))
         return stack(*parts)
-
-
-def _without_result(run: RunFolder) -> Table | None:
-    """Return the tasks that ended without a result, by the sentence that gives the reason."""
-    tasks: dict[str, list[str]] = {}
-    for cell in run.cells():
-        # The section on the evidence shows the tasks that were pruned.
-        if cell.outcome != OK and status_of(cell.outcome) is not Status.PRUNED:
-            tasks.setdefault(cell.outcome, []).append(cell.name)
-    columns: dict[str, Callable[[str], str]] = {
-        "reason": str,
-        "tasks": lambda outcome: (
-            ", ".join(tasks[outcome][:3])
-            + (f" and {len(tasks[outcome]) - 3} more" if len(tasks[outcome]) > 3 else "")
-        ),
-    }
-    count = sum(map(len, tasks.values()))
-    caption = f"{count} task{'s' if count > 1 else ''} ended without a result"
-    return Table.of(tasks, columns, (0, 1), caption) if tasks else None
 
 
 def _timing(seconds: Mapping[str, float]) -> list[object]:
