@@ -31,10 +31,9 @@ _NAMES = {
     "interface.density": ("Density",),
     "interface.estimate": ("Estimate", "estimate"),
     "interface.evidence": ("Evidence", "evidence"),
-    "interface.fit": ("Fit", "fit"),
+    "interface.fit": ("Fit", "Prediction", "fit"),
     "interface.model": ("Model",),
     "interface.posterior": ("Posterior", "sample"),
-    "interface.prediction": ("Prediction",),
     "interface.record": ("Record", "read"),
     "interface.result": ("load",),
     "interface.signal": ("Signal", "signal"),
@@ -69,11 +68,11 @@ if TYPE_CHECKING:
     from bayesdamp.interface.evidence import Evidence as Evidence
     from bayesdamp.interface.evidence import evidence as evidence
     from bayesdamp.interface.fit import Fit as Fit
+    from bayesdamp.interface.fit import Prediction as Prediction
     from bayesdamp.interface.fit import fit as fit
     from bayesdamp.interface.model import Model as Model
     from bayesdamp.interface.posterior import Posterior as Posterior
     from bayesdamp.interface.posterior import sample as sample
-    from bayesdamp.interface.prediction import Prediction as Prediction
     from bayesdamp.interface.record import Record as Record
     from bayesdamp.interface.record import read as read
     from bayesdamp.interface.result import load as load

@@ -396,6 +396,10 @@ def _counts(weighing: Weighing, result: CandidateResult) -> bool:
 
 
 def _row(weighing: Weighing, result: CandidateResult) -> WeighedCandidate:
+    """Return a candidate as it is stored; without the rms residual at the samples where cycles were averaged."""
+    data, noise = weighing.data, weighing.variance / weighing.inflation
+    # A mean over several samples has only its share of the noise, to which that within the mean is added.
+    squares = result.fit.squares / result.fit.residual.size + (data.thinned - 1) * noise
     return WeighedCandidate(
         damping="+".join(result.candidate.damping),
         restoring=result.candidate.restoring,
@@ -403,18 +407,6 @@ def _row(weighing: Weighing, result: CandidateResult) -> WeighedCandidate:
         log_evidence_exact=(
             result.log_evidence if result.weighed is None else result.exact_weighed.log_evidence
         ),
-        rms=_rms(weighing, result),
+        rms=None if data.averaged is not None else float(np.sqrt(squares)),
         parameters=result.fit.parameters.damping_names,
     )
-
-
-def _rms(weighing: Weighing, result: CandidateResult) -> float | None:
-    """Return the rms residual of a candidate's fit at the samples; None where very many cycles were averaged.
-
-    A mean over several samples has only its share of the noise, to which that within the mean is added.
-    """
-    data, noise = weighing.data, weighing.variance / weighing.inflation
-    if data.averaged is not None:
-        return None
-    squares = result.fit.squares / result.fit.residual.size + (data.thinned - 1) * noise
-    return float(np.sqrt(squares))

@@ -1,4 +1,4 @@
-"""Fit a model to a record: the best fit, and the normal distribution about it."""
+"""Fit a model to a record: the best fit, the normal distribution about it, and the motion at other times."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
 from bayesdamp.formatting import compact
+from bayesdamp.inference.checks.checks import laplace_draws
 from bayesdamp.inference.deviation.findings import default_amplitudes
 from bayesdamp.inference.deviation.numbers.draws import Quantity, quantity
 from bayesdamp.inference.deviation.single import Found, Single, put_together
@@ -19,16 +20,21 @@ from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode, value_i
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface import axes as drawing
 from bayesdamp.interface.answer import in_base
+from bayesdamp.interface.arguments import numbers_of
 from bayesdamp.interface.density import Density, units_of
 from bayesdamp.interface.model import Model, check_signal, fit_approximate, fit_exact
-from bayesdamp.interface.prediction import Prediction, check_times, predict_approximate, predict_exact
 from bayesdamp.interface.result import Result, outcome_notes
 from bayesdamp.interface.signal import Signal
+from bayesdamp.physics.kernel.solve import QUANTITIES
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
+from bayesdamp.records.oscillation.features import features
 from bayesdamp.serial import Reduced
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError, Refusal
+from bayesdamp.units import UNITS
 from bayesdamp.verdict.words import UNSEEN
 
 if TYPE_CHECKING:
@@ -38,6 +44,62 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 EXACT = 'laws hold exactly in this fit: use sample(fit).derived, or give deviation="law"'
 _EMPTY = np.empty(0)
+BAND = 200
+"""Draws for the standard deviation of a prediction, which is then good to a twentieth of itself."""
+PRECISION = 1e-6
+"""Precision of a predicted motion, as a share of the record's range."""
+SHOWN = 8
+"""Largest number of times in a printed prediction."""
+TWO_SIDED = 1.96
+"""Half width of a 95 % band in standard deviations."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Prediction(Result):
+    """A motion at given times.
+
+    Attributes
+    ----------
+    t
+        Times in s, shape (m,).
+    value, sd
+        Motion at the best fit, and its standard deviation from the parameters' uncertainty without the noise, each of
+        shape (m,), in `unit`.
+    quantity, unit
+        What is predicted, and its unit.
+    """
+
+    t: Vector
+    value: Vector
+    sd: Vector
+    quantity: str
+    unit: str
+
+    def summary(self) -> pd.DataFrame:
+        """Return a row for each time: t in s, value and sd in `unit`."""
+        import pandas as pd
+
+        return pd.DataFrame({"t": self.t, "value": self.value, "sd": self.sd, "unit": self.unit})
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the motion with its 95 % band, and return the axes."""
+        ax = drawing.get_axes(ax)[0]
+        order = np.argsort(self.t)
+        t, value, half = self.t[order], self.value[order], TWO_SIDED * self.sd[order]
+        ax.fill_between(t, value - half, value + half, color=drawing.FAINT, label="95 %")
+        ax.plot(t, value, color=drawing.BLUE, lw=1.0, label="best fit")
+        ax.set_xlabel("time / s")
+        ax.set_ylabel(f"{self.quantity} / {self.unit}")
+        ax.legend(loc="upper right")
+        return ax
+
+    def _table(self) -> Table:
+        some = np.unique(np.linspace(0, self.t.size - 1, min(SHOWN, self.t.size)).astype(int))
+        columns = (self.t[some].tolist(), self.value[some].tolist(), self.sd[some].tolist())
+        rows = tuple((compact(t), compact(v, 5), compact(sd, 2)) for t, v, sd in zip(*columns, strict=True))
+        notes = (f"{some.size} of {self.t.size} times",) if some.size < self.t.size else ()
+        heads = ("time / s", f"{self.quantity} / {self.unit}", "sd")
+        return Table(heads, rows, caption="Predicted motion", notes=notes)
 
 
 @dataclass(frozen=True)
@@ -166,22 +228,7 @@ class Fit(Result, Reduced):
         Refusal
             Without a fit, and where laws hold exactly: `sample(fit).derived` has the ratio there.
         """
-        return self._ratios_of(amplitudes, None)
-
-    def _ratios_of(self, amplitudes: Sequence[float] | None, u: Vector | None) -> pd.DataFrame:
-        """Return `damping_ratio` of draws with their deviations, (n, K), by default of the linear model's."""
-        import pandas as pd
-
-        if self.law is None:
-            raise Refusal(EXACT if self.outcome == OK else self.outcome)
-        weighing, own = self.law.weighing, self.signal.own_unit.displacement
-        wanted = in_base(amplitudes, weighing, self.signal.own_unit) or default_amplitudes(weighing)
-        rows = [
-            {**asdict(r), "amplitude": r.amplitude * own.scale, "unit": own.name}
-            for r in self.law.ratios(wanted, self.law.scores if u is None else u, self.model.sensor)
-        ]
-        columns = ["amplitude", "unit", *(name for name in rows[0] if name not in ("amplitude", "unit"))]
-        return pd.DataFrame(rows, columns=columns)
+        return tabulate_ratios(self, amplitudes)
 
     def predict(self, t: ArrayLike, quantity: str | None = None) -> Prediction:
         """Return the motion at given times.
@@ -440,3 +487,69 @@ def fit(
     except Refusal as refusal:
         return Fit(own, model, outcome=str(refusal))
     return Fit.at_mode(own, model, mode, notes)
+
+
+def tabulate_ratios(
+    fit: Fit, amplitudes: Sequence[float] | None = None, u: Vector | None = None
+) -> pd.DataFrame:
+    """Return `Fit.damping_ratio` of draws with their deviations, u (n, K), by default of the linear model's."""
+    import pandas as pd
+
+    if fit.law is None:
+        raise Refusal(EXACT if fit.outcome == OK else fit.outcome)
+    weighing, own = fit.law.weighing, fit.signal.own_unit.displacement
+    wanted = in_base(amplitudes, weighing, fit.signal.own_unit) or default_amplitudes(weighing)
+    rows = [
+        {**asdict(r), "amplitude": r.amplitude * own.scale, "unit": own.name}
+        for r in fit.law.ratios(wanted, fit.law.scores if u is None else u, fit.model.sensor)
+    ]
+    columns = ["amplitude", "unit", *(name for name in rows[0] if name not in ("amplitude", "unit"))]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def check_times(t: ArrayLike, quantity: str) -> Vector:
+    """Return times, (m,), from an array of any shape or a number. Raises InputError for wrong times or quantity."""
+    if quantity not in QUANTITIES:
+        raise InputError(f"predict: unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}")
+    times = numbers_of(t, "t", "predict").ravel()
+    if not np.all(np.isfinite(times)):
+        raise InputError("predict: t must be finite times, in s from the first sample")
+    return times
+
+
+def predict_exact(target: Target, mode: Mode, signal: Signal, times: Vector, wanted: str) -> Prediction:
+    """Predict where laws hold exactly: at times (m,) within the record, after it, or before it."""
+    derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(signal.quantity)
+    precision = PRECISION * float(np.ptp(signal.y)) * features(signal).frequency ** derivatives
+    osc, best = target.oscillator, target.all_values(mode.z)
+    z = laplace_draws(target, mode, BAND, 0)
+    drawn = {**{n: np.full(BAND, float(v)) for n, v in target.known.items()}, **target.values(z)}
+    value, sd = np.empty(times.size), np.empty(times.size)
+    for chosen, way in ((times >= 0, 1.0), (times < 0, -1.0)):
+        if not chosen.any():
+            continue
+        # With reversed time, forces that are odd in the velocity change their sign, and so do velocities.
+        signs = {n: way for n in (*osc.coefficients, "omega0")}
+        single = {n: v * signs.get(n, 1.0) for n, v in best.items()}
+        many = {n: v * signs.get(n, 1.0) for n, v in drawn.items()}
+        grid, at = np.unique(np.concatenate([[0.0], way * times[chosen]]), return_inverse=True)
+        motion = Trajectories(osc, grid, wanted, single, precision)
+        value[chosen] = (way if wanted == "velocity" else 1.0) * motion.record(single)[at[1:]]
+        sd[chosen] = motion.many(many).std(axis=0)[at[1:]]
+    return Prediction(times, value, sd, wanted, UNITS[signal.unit].of(wanted))
+
+
+def predict_approximate(law: Single, signal: Signal, times: Vector, wanted: str) -> Prediction:
+    """Predict where laws hold approximately: in the part of the record that was fitted. Raises InputError outside."""
+    end = float(law.knots[-1])
+    if not times.size:
+        return Prediction(times, times, times, wanted, UNITS[signal.unit].of(wanted))
+    if times.min() < 0 or times.max() > end:
+        raise InputError(
+            f"predict: t goes from {times.min():.6g} to {times.max():.6g} s; the fit covers 0 to {end:.6g} s, and how "
+            'the law deviates elsewhere is not known; use deviation="none" to extrapolate'
+        )
+    grid, at = np.unique(times, return_inverse=True)
+    motions = law.motions(np.concatenate([law.best, law.scores[:: len(law.scores) // BAND]]), grid, wanted)
+    band = np.nanstd(motions[1:], axis=0)
+    return Prediction(times, motions[0][at], band[at], wanted, UNITS[signal.unit].of(wanted))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -14,7 +14,8 @@ from bayesdamp.calls import told
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.config.signals import canonical_model
-from bayesdamp.estimators.shared import has_noise
+from bayesdamp.estimators import run as run_estimator
+from bayesdamp.estimators.shared import decay_start, has_noise, start_parameters
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.findings import SENSOR
@@ -39,7 +40,6 @@ from bayesdamp.interface.arguments import (
 from bayesdamp.interface.density import Density
 from bayesdamp.interface.result import Result
 from bayesdamp.interface.signal import Signal
-from bayesdamp.interface.starts import Starts, observed, regression
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
@@ -58,6 +58,15 @@ FIXED = (*POSITIVE, "epsilon")
 PRIOR_STARTS = 2
 """Number of draws from the prior that searches start from, in addition to the starts from the record."""
 NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd to simulate"
+Starts = Mapping[Seed, Mapping[str, float]]
+"""Parameter values by name, from each source of a start."""
+REGRESSION = "least_squares"
+"""The estimator that gives a start where a study has none."""
+OBSERVED = Seed("frequency and decay")
+"""The start from the record's turning points. A regression on derivatives is far off where noise hides these, as in a
+record of the acceleration."""
+ALL = Seed("fit of all dampings")
+"""The start with the motion of the fit under which the noise was chosen, which stays in phase with the record."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -475,3 +484,51 @@ def _choose(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...
         notes.append(f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name}.")
     starts = {Seed("fit that chose the noise"): fit.parameters.named(fit.z)}
     return weighing.noise.likeliest, epsilon, tuple(notes), starts
+
+
+def regression(signal: types.Signal, problem: Problem) -> tuple[dict[Seed, Mapping[str, float]], str]:
+    """Return the values of least squares, and its outcome."""
+    estimates = run_estimator(REGRESSION, signal, problem, stages=("initial",), seed=0)
+    return {Seed(REGRESSION, e.stage): e.values for e in estimates if e.values}, estimates[0].outcome
+
+
+def observed(signal: types.Signal, features: Features, problem: Problem) -> dict[Seed, Mapping[str, float]]:
+    """Return the start that the record shows; nothing where it cannot be read.
+
+    It is the restoring law of the record's frequency and midline, its smoothed start, and the damping of its
+    decrements.
+    """
+    try:
+        values = start_parameters(signal, problem, features)
+    except Refusal:
+        return {}
+    return {OBSERVED: values | decay_start(problem, features)}
+
+
+def of_all(
+    fit: Mapping[str, float],
+    damping: Sequence[str],
+    problem: Problem,
+    decays: Mapping[Seed, Mapping[str, float]],
+) -> dict[Seed, Mapping[str, float]]:
+    """Return the start with the motion of a fit of all dampings.
+
+    Its damping is that of the record's decrements, because fewer terms have to account for the whole decay. It is the
+    fit's own where no other is known or the terms are the same.
+
+    Parameters
+    ----------
+    fit
+        Parameters of the fit, by name.
+    damping
+        Its damping terms.
+    problem
+        The terms and the system that need a start.
+    decays
+        What `observed` returned.
+    """
+    oscillator = Oscillator(problem.damping, problem.system.restoring)
+    motion = {n: fit[n] for n in (*oscillator.law.parameters, "theta0", "omega0") if n in fit}
+    own = {n: v for n, v in fit.items() if n in oscillator.coefficients}
+    decay = {n: v for n, v in decays.get(OBSERVED, {}).items() if n in oscillator.coefficients}
+    return {ALL: motion | own | ({} if tuple(damping) == problem.damping else decay)}

@@ -71,7 +71,14 @@ def numpyro_model(
         z = jnp.asarray(centre[at] + factor @ jnp.asarray(u))
         # The density of u is replaced by the prior of the scores times the volume.
         volume = float(np.sum(np.log(np.diag(factor))))
-        own = _log_prior(z, [isinstance(priors[n], SharedHalfNormal) for n in free])
+        # The prior of the scores, over (2π)^(−d/2), is N(0, 1); of those with a shared scale, with an unknown scale
+        # that is the same for all. A reflected score has half of the density on each side of zero.
+        own = -0.5 * jnp.sum(z**2)
+        places = np.flatnonzero([isinstance(priors[n], SharedHalfNormal) for n in free])
+        if places.size:
+            squares = jnp.sum(z[places] ** 2)
+            constant = places.size * (0.5 * np.log(2 * np.pi) - np.log(2.0))
+            own = -0.5 * (jnp.sum(z**2) - squares) + shared_log_density(squares, places.size) + constant
         numpyro.factor(f"{prefix}prior", 0.5 * jnp.sum(jnp.asarray(u) ** 2) + own + volume)
         return {
             n: numpyro.deterministic(f"{prefix}{n}", type(priors[n]).transform(z[i], *priors[n].numbers))
@@ -89,17 +96,3 @@ def numpyro_model(
         return {n: values[n] for n in names}
 
     return model
-
-
-def _log_prior(z: Array, shared: Sequence[bool]) -> Array:
-    """Return the log prior density of scores z, (d,), over (2π)^(−d/2).
-
-    It is N(0, 1); where `shared`, with an unknown scale that is the same for all. A reflected score has half of the
-    density on each side of zero.
-    """
-    places = np.flatnonzero(shared)
-    if not places.size:
-        return -0.5 * jnp.sum(z**2)
-    squares = jnp.sum(z[places] ** 2)
-    constant = places.size * (0.5 * np.log(2 * np.pi) - np.log(2.0))
-    return -0.5 * (jnp.sum(z**2) - squares) + shared_log_density(squares, places.size) + constant

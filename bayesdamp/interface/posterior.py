@@ -21,7 +21,7 @@ from bayesdamp.inference.deviation.single import Single, sample_motions
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface import axes as drawing
-from bayesdamp.interface.fit import Fit
+from bayesdamp.interface.fit import Fit, tabulate_ratios
 from bayesdamp.interface.result import Result, outcome_notes
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import features
@@ -139,15 +139,29 @@ class Posterior(Result, types.Posterior):
             n: ((), float(v), {"definition": f"known: {_definition(n, fit)}"}) for n, v in fit.known.items()
         }
         y = law.weighing.data.y if law else signal.y
+        shape, dims = self.draws.shape[:2], ("chain", "draw")
+        stats: dict[str, Any] = {
+            n: (dims, np.asarray(v)) for n, v in self.stats.items() if np.shape(v) == shape
+        }
+        if law is None:
+            target, _ = fit.engine
+            z = target.prior_draws(shape[1], np.random.default_rng([self.seed, 1]))[None]
+            prior = _parameters(self, np.stack(list(target.values(z).values()), axis=-1))
+            own = _parameters(self, self.draws)
+            lp = {"definition": "log prior plus log likelihood, in natural units", "units": "nat"}
+            stats["lp"] = (dims, self.log_prior + self.log_likelihood, lp)
+        else:
+            prior = _with_deviations(self, law, law.prior_draws(shape[1], self.seed)[None])
+            own = _with_deviations(self, law, self.u)
+            nats = {"definition": "log likelihood of the record", "units": "nat"}
+            stats["log_likelihood"] = (dims, self.log_likelihood, nats)
         groups = {
-            "posterior": _parameters(self, self.draws)
-            if law is None
-            else _with_deviations(self, law, self.u),
-            "prior": _prior(self),
+            "posterior": own,
+            "prior": prior,
             **_pointwise(self),
             "observed_data": _along(self, {RECORD: (("time",), y, attributes)}),
             "constant_data": _along(self, known),
-            "sample_stats": _stats(self),
+            "sample_stats": (stats, {"chain": np.arange(shape[0]), "draw": np.arange(shape[1])}),
         }
         tree = xr.DataTree.from_dict({name: xr.Dataset(*groups[name]) for name in ORDER if name in groups})
         tree.attrs |= {
@@ -186,7 +200,9 @@ class Posterior(Result, types.Posterior):
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
         """Return `Fit.damping_ratio` of these draws. Raises Refusal where laws hold exactly, or without draws."""
         self._require_draws()
-        return self.fit._ratios_of(amplitudes, self.u.reshape(-1, self.u.shape[-1]) if self.u.size else None)
+        return tabulate_ratios(
+            self.fit, amplitudes, self.u.reshape(-1, self.u.shape[-1]) if self.u.size else None
+        )
 
     @property
     def log_prior(self) -> Array:
@@ -326,16 +342,6 @@ def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
     return variables, coords
 
 
-def _prior(post: Posterior) -> Group:
-    """Return as many draws of the prior as a chain has."""
-    law, count = post.fit.law, post.draws.shape[1]
-    if law is not None:
-        return _with_deviations(post, law, law.prior_draws(count, post.seed)[None])
-    target, _ = post.fit.engine
-    z = target.prior_draws(count, np.random.default_rng([post.seed, 1]))[None]
-    return _parameters(post, np.stack(list(target.values(z).values()), axis=-1))
-
-
 def _pointwise(post: Posterior) -> dict[str, Group]:
     """Return log likelihoods and replications of each sample, (chain, draw, time)."""
     law, (chains, count, _) = post.fit.law, post.draws.shape
@@ -400,24 +406,6 @@ def _along(
     t = post.fit.signal.t if law is None else law.weighing.data.times
     times = ("time", t, {"units": "s", "definition": "time from the first sample"})
     return variables, {**coords, "time": times}
-
-
-def _stats(post: Posterior) -> Group:
-    """Return the sampler's statistics of each draw, with its log density.
-
-    Where laws may hold approximately the log likelihood is in place of the density.
-    """
-    shape, dims = post.draws.shape[:2], ("chain", "draw")
-    variables: dict[str, Any] = {
-        n: (dims, np.asarray(v)) for n, v in post.stats.items() if np.shape(v) == shape
-    }
-    if post.fit.law is None:
-        lp = {"definition": "log prior plus log likelihood, in natural units", "units": "nat"}
-        variables["lp"] = (dims, post.log_prior + post.log_likelihood, lp)
-    else:
-        nats = {"definition": "log likelihood of the record", "units": "nat"}
-        variables["log_likelihood"] = (dims, post.log_likelihood, nats)
-    return variables, {"chain": np.arange(shape[0]), "draw": np.arange(shape[1])}
 
 
 def sample(

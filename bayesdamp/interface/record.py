@@ -208,20 +208,14 @@ def read(
     given = unit
     unit, quantity = next(iter(units))
     known_unit(unit, quantity, path.name)
+    warned = []
     for record in raw:
         if (doubt := question(record, unit, quantity, given is not None)) is not None:
             raise InputError(doubt.sentence, path.name, arguments=doubt.arguments)
-    if given is None:
-        raw = tuple(_with_warning(record, unit, quantity) for record in raw)
+        doubts = [] if given is not None else findings(record, unit, quantity)
+        new = [f"{f.sentence}; give unit= where that is wrong." for f in doubts if f.kind is Kind.DEGREES]
+        before = record.provenance
+        warned.append(replace(record, provenance=replace(before, warnings=(*before.warnings, *new))))
+    raw = tuple(warned)
     columns = tuple((r.provenance.time_column, r.provenance.value_column) for r in raw)
     return Record(path, columns, unit, quantity, raw)
-
-
-def _with_warning(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
-    """Return the record with a warning where its unit is assumed."""
-    doubts = [f for f in findings(raw, unit, quantity) if f.kind is Kind.DEGREES]
-    if not doubts:
-        return raw
-    before = raw.provenance
-    new = (f"{doubt.sentence}; give unit= where that is wrong." for doubt in doubts)
-    return replace(raw, provenance=replace(before, warnings=(*before.warnings, *new)))

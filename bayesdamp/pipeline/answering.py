@@ -13,8 +13,7 @@ from bayesdamp.interface.answer import Answer, answer, found_name
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.records import NOT_APPLICABLE, signal_key
-from bayesdamp.pipeline.targets import StudyRecord
+from bayesdamp.pipeline.records import NOT_APPLICABLE, StudyRecord, signal_key
 from bayesdamp.pipeline.tasks import Product, cell_seed, task_key
 from bayesdamp.priors import Prior
 from bayesdamp.serial import join, split

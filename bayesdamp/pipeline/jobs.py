@@ -84,7 +84,14 @@ class Contest:
             return self.names
         heights = self._heights()
         order, top = tuple(heights), max(heights.values(), default=math.nan)
-        doubtful = (n for n in order[count:] if top - heights[n] < FAR and self._is_doubtful(n))
+        methods = [method for method in self.study.evidence.methods if method != "laplace"]
+        trusted = (Status.OK, Status.NOT_SAMPLED, Status.PRUNED)
+        doubtful = (
+            n
+            for n in order[count:]
+            if top - heights[n] < FAR
+            and any(status_of(self._outcome(n, method)) not in trusted for method in methods)
+        )
         return (*order[:count], *doubtful)
 
     def likely(self) -> tuple[str, ...]:
@@ -103,12 +110,6 @@ class Contest:
                 values = (self._log_evidence(name, method) for method in order)
                 heights[name] = next((v for v in values if math.isfinite(v)), -math.inf)
         return dict(sorted(heights.items(), key=lambda item: -item[1]))
-
-    def _is_doubtful(self, name: str) -> bool:
-        """Return whether a method with an error estimate was tried on a candidate and is not to be trusted."""
-        methods = [method for method in self.study.evidence.methods if method != "laplace"]
-        statuses = [status_of(self._outcome(name, method)) for method in methods]
-        return any(status not in (Status.OK, Status.NOT_SAMPLED, Status.PRUNED) for status in statuses)
 
     def _cell(self, name: str, method: str) -> CellResult | None:
         return self.store.find(f"evidence/{self.spec.name}/{self.repeat}/{name}/{method}")

@@ -1,10 +1,10 @@
-"""The task of one record: read or simulated, cleaned, with its features and what is known of its system."""
+"""The task of one record (read or simulated, cleaned, with its features), and the stored record for other tasks."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import fields, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -23,20 +23,23 @@ from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.cleaning.decimate import decimated
 from bayesdamp.records.findings import question
 from bayesdamp.records.oscillation.anomalies import anomalies
-from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord, unwrapped
 from bayesdamp.records.reference import reference_of
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents import FeaturesSeen, RecordContent
-from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Refusal, Signal
+from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Reference, Refusal, Signal, System
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import seen_instead
 
 NOT_APPLICABLE = Status.NOT_APPLICABLE.because("the record has no noise, so there is no posterior")
 RAW_POINTS = 20_000
+KEPT = 8
+"""Signals that stay in memory."""
+_SIGNALS: dict[tuple[str, str], Signal] = {}
 _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
 
 
@@ -201,3 +204,39 @@ def signal_of(record: CellResult) -> Signal:
     m = RecordContent.of(record)
     t, y = record.arrays["t"], record.arrays["y"]
     return Signal(t, y, m.quantity, m.unit, m.name, m.step, Provenance.of(m.provenance))
+
+
+class StudyRecord:
+    """A record and what is known of its system."""
+
+    def __init__(self, study: Study, spec: SignalSpec, cell: CellResult) -> None:
+        self.study, self.spec, self.cell = study, spec, cell
+
+    @cached_property
+    def signal(self) -> Signal:
+        """The signal, cached for the last few records together with the quantities that are derived of it."""
+        name = self.cell.name, self.cell.key
+        signal = _SIGNALS.setdefault(name, signal_of(self.cell))
+        while len(_SIGNALS) > KEPT:
+            del _SIGNALS[next(iter(_SIGNALS))]
+        return signal
+
+    @cached_property
+    def content(self) -> RecordContent:
+        """The values of its cell, without the samples."""
+        return RecordContent.of(self.cell)
+
+    @property
+    def reference(self) -> Reference:
+        """The scale of default priors. Raises ValueError where the record shows no oscillation."""
+        return self.content.scales
+
+    @cached_property
+    def features(self) -> Features:
+        """Features of the signal."""
+        return features(self.signal)
+
+    def system(self, law: str) -> System:
+        """Return the system under a law; a friction's ε (rad/s) that was not given follows from the record."""
+        system, epsilon = self.spec.under(law), self.content.known.get("epsilon")
+        return system if epsilon is None else replace(system, known={**system.known, "epsilon": epsilon})

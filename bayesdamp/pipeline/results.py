@@ -276,7 +276,22 @@ def _candidate(folder: Path, key: tuple[str, int, str], cells: Sequence[CellResu
                 stages.append(replace(stage, estimator=method, trace=trace))
             estimates[method] = tuple(stages)
         elif kind == "posterior":
-            posteriors[method] = _posterior(folder, method, cell)
+            draws = cell.arrays.get("draws", np.empty((0, 0, 0)))
+            likelihood, content = np.empty(draws.shape[:2]), PosteriorContent.of(cell)
+            if content.file and (folder / content.file).is_file():
+                import xarray as xr
+
+                with xr.open_datatree(folder / content.file, engine="h5netcdf") as tree:
+                    likelihood = np.asarray(tree["/log_likelihood/record"].to_numpy()[..., 0])
+            posteriors[method] = replace(
+                content.posterior,
+                draws=draws,
+                log_likelihood=likelihood,
+                summaries=content.summary,
+                sampler=method,
+                seconds=cell.seconds,
+                outcome=cell.outcome,
+            )
         else:
             content = EvidenceContent.of(cell).evidence
             evidence[method] = content or types.Evidence(name, method, outcome=cell.outcome)
@@ -292,23 +307,4 @@ def _candidate(folder: Path, key: tuple[str, int, str], cells: Sequence[CellResu
         posteriors=posteriors,
         evidence=evidence,
         outcome=outcome,
-    )
-
-
-def _posterior(folder: Path, sampler: str, cell: CellResult) -> types.Posterior:
-    draws = cell.arrays.get("draws", np.empty((0, 0, 0)))
-    likelihood, content = np.empty(draws.shape[:2]), PosteriorContent.of(cell)
-    if content.file and (folder / content.file).is_file():
-        import xarray as xr
-
-        with xr.open_datatree(folder / content.file, engine="h5netcdf") as tree:
-            likelihood = np.asarray(tree["/log_likelihood/record"].to_numpy()[..., 0])
-    return replace(
-        content.posterior,
-        draws=draws,
-        log_likelihood=likelihood,
-        summaries=content.summary,
-        sampler=sampler,
-        seconds=cell.seconds,
-        outcome=cell.outcome,
     )

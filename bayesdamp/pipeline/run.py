@@ -116,7 +116,14 @@ def run_study(
                     write_verdicts(study, current)
             progress.begin("drawing the report", ())
             write_tables(study, Store(out, _current(study, store)))
-            _render(out, None if scheduler else pool)
+            from bayesdamp.report import render  # imports Matplotlib
+
+            try:
+                render(out, None if scheduler else pool)
+            except BrokenExecutor:
+                assert pool is not None
+                restart(pool)
+                render(out)
         cells = ((n, store.find(n)) for n in names)
         failed = [(n, c.outcome) for n, c in cells if c and status_of(c.outcome) is Status.FAILED]
         for name, outcome in failed:
@@ -242,17 +249,6 @@ def _prepare() -> None:
     """Import modules that are needed later, while the first record leaves processes idle."""
     for name in ("bayesdamp.report", "bayesdamp.inference.samplers.nuts", "arviz_base"):
         import_module(name)
-
-
-def _render(out: Path, pool: Executor | None) -> None:
-    from bayesdamp.report import render
-
-    try:
-        render(out, pool)
-    except BrokenExecutor:
-        assert pool is not None
-        restart(pool)
-        render(out)
 
 
 def _current(study: Study, store: Store) -> dict[str, str]:

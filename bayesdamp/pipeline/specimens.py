@@ -251,7 +251,16 @@ def compute_population(study: Study, store: Store) -> Product:
         raise Refusal("no population: no model was weighed on every specimen")
     best = max(candidates, key=lambda c: sums[c])
     names = list(coefficients_of(draws[specimens[0].name], best))
-    populations = {n: _population_of(specimens, draws, best, n) for n in names}
+    damping = "+".join(parse_model(candidate_parts(best)[0]))
+    populations: dict[str, PopulationFound] = {}
+    for name in names:
+        samples = []
+        for label, arrays in draws.items():
+            values, log_prior = arrays[f"{best}/{name}"], arrays[f"{best}/{name}/log_prior"]
+            samples.append(Sample(label, values, np.zeros(values.size), log_prior))
+        priors = [priors_of(damping, s.reference, s.priors)[name] for s in specimens]
+        scale = location_scale(priors, [float(np.mean(s.values)) for s in samples])
+        populations[name] = PopulationFound(scale, **vars(population(samples, scale)))
     content = PopulationContent(
         deviation=assumed[0],
         best=best,
@@ -263,20 +272,6 @@ def compute_population(study: Study, store: Store) -> Product:
     )
     warnings = dict.fromkeys(p.outcome for p in populations.values() if p.outcome != OK)
     return Product(content, outcome="; ".join(warnings) or OK)
-
-
-def _population_of(
-    specimens: Sequence[Specimen], draws: Mapping[str, Arrays], candidate: str, name: str
-) -> PopulationFound:
-    samples = []
-    for label, arrays in draws.items():
-        values = arrays[f"{candidate}/{name}"]
-        log_prior = arrays[f"{candidate}/{name}/log_prior"]
-        samples.append(Sample(label, values, np.zeros(values.size), log_prior))
-    damping = "+".join(parse_model(candidate_parts(candidate)[0]))
-    priors = [priors_of(damping, s.reference, s.priors)[name] for s in specimens]
-    scale = location_scale(priors, [float(np.mean(s.values)) for s in samples])
-    return PopulationFound(scale, **vars(population(samples, scale)))
 
 
 def location_scale(priors: Sequence[Prior], means: Sequence[float]) -> float:

@@ -1,4 +1,4 @@
-"""The tables of a run and its verdicts, from its cells."""
+"""The tables of a run, its verdicts and its run.json, from its cells."""
 
 from __future__ import annotations
 
@@ -8,14 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.config import SignalSpec, Simulation, Study
+from bayesdamp.config import Recording, SignalSpec, Simulation, Study
+from bayesdamp.config.load import record_question
+from bayesdamp.config.signals import damping_order
 from bayesdamp.inference.curves.weighted import summarise
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.answering import (
+    ANSWERED,
     SAMPLED,
+    answer_cell,
     answer_of,
     answered_of,
     is_approximate,
@@ -25,10 +30,18 @@ from bayesdamp.pipeline.answering import (
 )
 from bayesdamp.pipeline.candidates.averaging import probabilities
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
-from bayesdamp.pipeline.run_info import run_info
 from bayesdamp.pipeline.specimens import Specimen, coefficients_of
 from bayesdamp.pipeline.tasks import cell_seed
-from bayesdamp.store import DAMPING_CURVES, SPECIMEN_TABLES, TABLES, Store, write_json, write_table
+from bayesdamp.store import (
+    DAMPING_CURVES,
+    SPECIMEN_TABLES,
+    TABLES,
+    CellResult,
+    Store,
+    provenance,
+    write_json,
+    write_table,
+)
 from bayesdamp.store.contents import (
     AnswerContent,
     EstimateContent,
@@ -36,10 +49,12 @@ from bayesdamp.store.contents import (
     ModeContent,
     PopulationContent,
     PosteriorContent,
+    RecordContent,
     SampledPosterior,
     Summary,
     WeighingContent,
 )
+from bayesdamp.store.files import SCHEMA
 from bayesdamp.types import OK, Evidence, candidate_name, candidate_parts
 from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
 from bayesdamp.verdict.specimen import specimen
@@ -87,7 +102,14 @@ def write_verdicts(study: Study, store: Store) -> None:
     if not verdicts:
         return
     save_verdicts(store.folder, [v for v, _ in verdicts], [in_unit(v, unit) for v, unit in verdicts])
-    curves = [row for spec, repeat in study.records for row in _damping_curve(store, spec, repeat)]
+    curves: list[Row] = []  # without a law, a row for each amplitude
+    for spec, repeat in study.records:
+        answer, unit = answer_of(store, spec.name, repeat), unit_named(spec.source.unit)
+        if answer is not None and "free/amplitude" in answer.arrays:
+            arrays = picture_in_unit(answer.arrays, unit)
+            head = {"record": answer.verdict.record, "unit": unit.displacement.name}
+            rows = zip(*(arrays[f"free/{name}"].tolist() for name in DAMPING_CURVES), strict=True)
+            curves += [{**head, **dict(zip(DAMPING_CURVES, row, strict=True))} for row in rows]
     write_table(store.folder / "damping_curves.csv", ("record", "unit", *DAMPING_CURVES), curves)
 
 
@@ -106,18 +128,6 @@ def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[Sig
         return None
     seed = cell_seed(study, f"specimen/{name}")
     return specimen(name, answered, stated_priors(study), study.posterior.sensor, seed)
-
-
-def _damping_curve(store: Store, spec: SignalSpec, repeat: int) -> list[Row]:
-    """Return the rows of a record's damping curve without a law, one for each amplitude."""
-    answer = answer_of(store, spec.name, repeat)
-    if answer is None or "free/amplitude" not in answer.arrays:
-        return []
-    unit = unit_named(spec.source.unit)
-    arrays = picture_in_unit(answer.arrays, unit)
-    head = {"record": answer.verdict.record, "unit": unit.displacement.name}
-    columns = [arrays[f"free/{name}"].tolist() for name in DAMPING_CURVES]
-    return [{**head, **dict(zip(DAMPING_CURVES, row, strict=True))} for row in zip(*columns, strict=True)]
 
 
 def _branches(study: Study, store: Store) -> Iterator[tuple[SignalSpec, str, Row, SampledPosterior | None]]:
@@ -342,11 +352,107 @@ def _populations(study: Study, store: Store) -> Iterator[Row]:
         return
     first, specs = next(iter(study.specimens.items()))
     head = {**_specimen_model(Specimen(study, first, specs, store), content.best), "over": "specimens"}
+    head["outcome"] = cell.outcome
     for name, coefficient in content.populations.items():
-        common = {**head, "parameter": name, "unit": content.units[name]}
-        common |= {"prior_scale": coefficient.scale, "outcome": cell.outcome}
+        common = {**head, "parameter": name, "unit": content.units[name], "prior_scale": coefficient.scale}
         yield {**common, "what": "mean", **_numbers(coefficient.mean)}
         yield {**common, "what": "spread", **_numbers(coefficient.spread)}
         for label, summary in coefficient.shrunk.items():
             own = {**_numbers(summary), "effective": coefficient.effective[label]}
             yield {**common, "what": "own value", "of": label, **own}
+
+
+def run_info(study: Study, store: Store) -> Row:
+    """Return the content of a run's run.json, from its cells."""
+    files = {s.source.file: s.source.path for s in study.signals if isinstance(s.source, Recording)}
+    about: dict[str, Row] = {}
+    priors, budget = {}, {}
+    assumed: dict[str, None] = {}
+    for spec in study.signals:
+        if spec.is_envelope:
+            answered = store.find(f"{ANSWERED}/{spec.name}/0")
+            content = AnswerContent.maybe(answered)
+            if answered and content and content.envelope:
+                unit, outcome = content.envelope.unit, answered.outcome
+                about[spec.name] = {"quantity": "envelope", "unit": unit, "outcome": outcome}
+                assumed |= dict.fromkeys(content.envelope.assumed)
+            continue
+        cell = store.find(f"signal/{spec.name}/0")
+        if cell is None:
+            continue
+        # Where the first repeat shows no oscillation, another one may.
+        oscillating = _first_oscillating(store, spec) or cell
+        answer = AnswerContent.maybe(store.find(f"{ANSWERED}/{spec.name}/0"))
+        content = RecordContent.of(cell)
+        about[spec.name] = {
+            **content.provenance,
+            "unit": spec.source.unit,
+            "quantity": spec.source.quantity,
+            "simulated": isinstance(spec.source, Simulation),
+            "restoring": list(spec.restoring),
+            "outcome": oscillating.outcome,
+            "bound": dict(content.bound),
+        }
+        if answer and len(answer.noises) > 1:
+            about[spec.name]["noise"] = answer.noise
+        if oscillating.outcome == OK:
+            known = RecordContent.of(oscillating)
+            about[spec.name] |= {"epsilon_note": known.epsilon_note, "reference": known.scales}
+            about[spec.name]["features"] = known.features
+        cells = {m: store.find(f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
+        modes = {m: ModeContent.of(c) if c.outcome == OK else None for m, c in cells.items() if c}
+        priors[spec.name] = {m: dict(mode.priors) if mode else {} for m, mode in modes.items()}
+        budget[spec.name] = {m: dict(mode.error_budget) if mode else {} for m, mode in modes.items()}
+        if not modes:  # only the answer weighed candidates
+            answered = answer_cell(store, spec.name, 0)
+            many = len(spec.restoring) > 1
+            priors[spec.name] = {
+                candidate_name(c.damping, c.restoring) if many else c.damping: dict(c.priors)
+                for c in (AnswerContent.of(answered).priors if answered else ())
+            }
+    # The damping terms that the study compares or simulates.
+    names = {t for s in study.signals for m in study.dampings(s) for t in m.split("+")}
+    names |= {t for s in study.signals if isinstance(s.source, Simulation) for t in s.source.damping}
+    terms = {name: TERMS.get(name) for name in damping_order() if name in names}
+    models = [*study.models.compare, *(m for s in study.signals for m in study.compare(s))]
+    laws = dict.fromkeys(law for s in study.signals for law in s.restoring)
+    return {
+        "name": study.name,
+        "description": study.description,
+        "seed": study.seed,
+        "study": study.resolved(),
+        "asked": record_question(study, store.folder),
+        "schema": SCHEMA,
+        **provenance(files),
+        "seconds": {name: cell.seconds for name in store.names() if (cell := store.find(name))},
+        "cells": dict(store.only or {}),
+        "signals": about,
+        "priors": priors,
+        **({"assumed": list(assumed)} if assumed else {}),
+        "models": list(dict.fromkeys(models)),
+        "damping": {
+            n: {"parameter": t.parameter, "unit": t.unit, "force": t.formula} for n, t in terms.items()
+        },
+        "restoring": {law: LAWS.get(law).formula for law in laws},
+        "error_budget": budget,
+        "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals if not s.is_envelope},
+    }
+
+
+def _first_oscillating(store: Store, spec: SignalSpec) -> CellResult | None:
+    """Return the first repeat of a signal that shows an oscillation."""
+    cells = (store.find(f"signal/{spec.name}/{repeat}") for repeat in range(spec.repeats))
+    return next((cell for cell in cells if cell and cell.outcome == OK), None)
+
+
+def _equilibrium(spec: SignalSpec, store: Store) -> Row:
+    """Return the derived equilibrium and natural frequency, where the whole restoring law is known."""
+    cell = _first_oscillating(store, spec)
+    oscillator = Oscillator(("viscous",), spec.system.restoring)
+    shape = RecordContent.of(cell).features if cell is not None else None
+    if shape is None or not all(n in spec.system.known for n in oscillator.law.parameters):
+        return {}
+    return {
+        "equilibrium": oscillator.equilibrium(spec.system.known, shape.rest),
+        "natural_frequency": oscillator.natural_frequency(spec.system.known, shape.rest),
+    }

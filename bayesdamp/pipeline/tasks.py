@@ -21,7 +21,7 @@ from bayesdamp.store.files import no_room
 from bayesdamp.types import OK, InputError, Refusal
 
 _BRANCH = (
-    "bayesdamp.pipeline.candidates.branch", "bayesdamp.physics.kernel.march", "bayesdamp.pipeline.targets",
+    "bayesdamp.pipeline.candidates.branch", "bayesdamp.physics.kernel.march", "bayesdamp.pipeline.records",
     "bayesdamp.interface.fit",
 )  # fmt: skip
 CODE: dict[str, tuple[str, ...]] = {
@@ -34,7 +34,7 @@ CODE: dict[str, tuple[str, ...]] = {
         "bayesdamp.report.figures.envelope", "bayesdamp.verdict.envelope",
     ),
     "sampled": ("bayesdamp.pipeline.answering", "bayesdamp.physics.kernel.march"),
-    "estimate": ("bayesdamp.pipeline.candidates.cells", "bayesdamp.pipeline.targets", "bayesdamp.estimators"),
+    "estimate": ("bayesdamp.pipeline.candidates.cells", "bayesdamp.pipeline.records", "bayesdamp.estimators"),
     "mode": (*_BRANCH, "bayesdamp.pipeline.candidates.modes"),
     "posterior": (*_BRANCH, "bayesdamp.pipeline.candidates.posteriors"),
     "evidence": (*_BRANCH, "bayesdamp.pipeline.candidates.weighing"),

@@ -11,11 +11,10 @@ from bayesdamp.config.compare import comparison
 from bayesdamp.inference.fit.mode import Mode, maximise
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target, build_target
-from bayesdamp.interface.starts import OBSERVED, observed, regression
+from bayesdamp.interface.model import OBSERVED, observed, regression
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
-from bayesdamp.pipeline.records import compute_signal, signal_key
-from bayesdamp.pipeline.targets import StudyRecord
+from bayesdamp.pipeline.records import StudyRecord, compute_signal, signal_key
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.store import Store

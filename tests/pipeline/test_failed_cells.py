@@ -69,7 +69,7 @@ def test_a_failed_mode(study, tmp_path, monkeypatch):
         raise ArithmeticError("made to fail")
 
     monkeypatch.setattr(cells, "compute_mode", failing)
-    monkeypatch.setattr("bayesdamp.pipeline.run._render", lambda *_: None)
+    monkeypatch.setattr("bayesdamp.report.render", lambda *_: None)
     assert run_study(study, tmp_path / "out", workers=1) == 3
     store = Store(tmp_path / "out")
     assert store.read("mode/good/0/viscous").outcome == "failed: ArithmeticError: made to fail"

@@ -30,7 +30,7 @@ def modes(run: RunFolder) -> set[str]:
 
 
 def test_the_first_question_does_not_show(tmp_path, monkeypatch):
-    monkeypatch.setattr("bayesdamp.pipeline.run._render", lambda *_: None)
+    monkeypatch.setattr("bayesdamp.report.render", lambda *_: None)
     out, file = tmp_path / "out", tmp_path / "two.toml"
     file.write_text(STUDY, encoding="utf-8")
     assert run_study(load_study(file), out, workers=1) == 0

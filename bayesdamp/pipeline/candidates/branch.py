@@ -15,7 +15,7 @@ from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.answering import ANSWERED, law_of, likelihood_of, stated_priors
-from bayesdamp.pipeline.targets import StudyRecord
+from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.serial import join
 from bayesdamp.store import Store
 from bayesdamp.store.contents import AnswerContent, ModeContent

@@ -11,7 +11,7 @@ from bayesdamp.estimators import run as run_estimator
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
-from bayesdamp.interface.starts import REGRESSION
+from bayesdamp.interface.model import REGRESSION
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.restoring import LAWS

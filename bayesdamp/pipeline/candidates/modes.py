@@ -9,8 +9,7 @@ import numpy as np
 from bayesdamp.inference.checks.checks import check_fit
 from bayesdamp.inference.fit.search import basins
 from bayesdamp.interface.fit import Fit
-from bayesdamp.interface.model import PRIOR_STARTS
-from bayesdamp.interface.starts import observed, of_all, regression
+from bayesdamp.interface.model import PRIOR_STARTS, observed, of_all, regression
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records import NOT_APPLICABLE
 from bayesdamp.pipeline.tasks import Product, cell_seed

@@ -220,12 +220,6 @@ class SeedsSection(SignalSection):
         def kind(s: tuple[int, ChainStart]) -> str:
             return "alert" if s[1].shift > ALIKE else ""
 
-        def ended(c: Climb) -> str:
-            return "no maximum" if c.mode is None else f"maximum {c.mode + 1}" if c.mode else "the mode"
-
-        def kind_of_climb(c: Climb) -> str:
-            return "alert" if c.mode is None else "quiet" if c.mode else ""
-
         columns: dict[str, Callable[[tuple[int, ChainStart]], str]] = {
             "chain": lambda s: str(s[0]),
             "starting point": lambda s: _listing([s[1].seed]),
@@ -237,26 +231,11 @@ class SeedsSection(SignalSection):
             mode = mode_of(run, signal, repeat, model)
             if mode is None or not mode.climbs:
                 continue
-            top = mode.log_posterior
-
-            def below(value: float | None, top: float = top) -> str:
-                """Return by how many nats a log posterior is below the mode's."""
-                finite = value is not None and math.isfinite(value)
-                return fmt.number(top - value, 3) if finite else "not finite"
-
-            of_climb: dict[str, Callable[[Climb], str]] = {
-                "starting point": lambda c: _listing((c.seed, *c.same)),
-                "start: nats below the mode": lambda c, below=below: below(c.start),
-                "sds from the mode": lambda c: fmt.number(c.distance, 3),
-                "likelihood evaluations": lambda c: str(c.evaluations),
-                "ended in": ended,
-                "end: nats below the mode": lambda c, top=top: fmt.nats(max(top - c.end, 0.0)),
-            }
             name = words.model(model)
             summary = Markup("<p><strong>{}.</strong> {}</p>").format(
                 name[:1].upper() + name[1:], " ".join(_sentences(mode))
             )
-            tables = [Table.of(mode.climbs, of_climb, (0, 4), kind=kind_of_climb)]
+            tables = [_searches(mode)]
             for cell in run.cells("posterior", signal, repeat, model):
                 starts = PosteriorContent.of(cell).posterior.starts
                 if starts:
@@ -309,6 +288,30 @@ def _starting_points(climbs: Sequence[Climb]) -> str:
     """List the starting points of searches at the beginning of a sentence."""
     text = _listing(seed for c in climbs for seed in (c.seed, *c.same))
     return text[:1].upper() + text[1:]
+
+
+def _searches(mode: ModeContent) -> Table:
+    def below(value: float | None) -> str:
+        """Return by how many nats a log posterior is below the mode's."""
+        if value is None or not math.isfinite(value):
+            return "not finite"
+        return fmt.number(mode.log_posterior - value, 3)
+
+    def ended(c: Climb) -> str:
+        return "no maximum" if c.mode is None else f"maximum {c.mode + 1}" if c.mode else "the mode"
+
+    def kind(c: Climb) -> str:
+        return "alert" if c.mode is None else "quiet" if c.mode else ""
+
+    columns: dict[str, Callable[[Climb], str]] = {
+        "starting point": lambda c: _listing((c.seed, *c.same)),
+        "start: nats below the mode": lambda c: below(c.start),
+        "sds from the mode": lambda c: fmt.number(c.distance, 3),
+        "likelihood evaluations": lambda c: str(c.evaluations),
+        "ended in": ended,
+        "end: nats below the mode": lambda c: fmt.nats(max(mode.log_posterior - c.end, 0.0)),
+    }
+    return Table.of(mode.climbs, columns, (0, 4), kind=kind)
 
 
 PLUGINS = (PosteriorsSection(), RunningSection(), SeedsSection())

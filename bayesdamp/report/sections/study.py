@@ -110,7 +110,8 @@ def _signals(run: RunFolder) -> Table | str:
         if answer is not None and answer.envelope is not None:
             w, t = answer.verdict.window, answer.arrays["t"]
             count, duration = answer.envelope.samples, w.stop - w.start if w else float(t[-1] - t[0])
-        elif cell is not None and len(t := cell.arrays.get("t", ())):
+        elif cell is not None and "t" in cell.arrays:
+            t = cell.arrays["t"]
             count, duration = len(t), float(t[-1] - t[0])
         else:
             return fmt.NONE, fmt.NONE
