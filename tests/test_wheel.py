@@ -48,7 +48,7 @@ def test_a_shipped_study_is_found_by_name(wheel: Path, tmp_path: Path) -> None:
     where = "from bayesdamp.config.load import shipped_folder; print(shipped_folder())"
     for arguments, said in (
         (("-c", where), str(tmp_path / "installed" / "bayesdamp" / "studies")),
-        (("-m", "bayesdamp.cli", "check", "quickstart"), "quickstart: ok"),
+        (("-m", "bayesdamp", "check", "quickstart"), "quickstart: ok"),
     ):
         done = subprocess.run(
             [sys.executable, *arguments],

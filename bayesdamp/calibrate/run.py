@@ -141,7 +141,12 @@ def run_calibration(
                 from bayesdamp.report import render
 
                 render(out)
-        lines = [f"{chunk.name}: {chunk.outcome}" for chunk in failed] + _failures(whole)
+        lines = [f"{chunk.name}: {chunk.outcome}" for chunk in failed]
+        for chunk in (c for chunks in whole.values() for c in chunks):
+            content = RanksContent.of(chunk)
+            for i, outcomes in enumerate(zip(content.outcomes, *content.sampler_outcomes.values())):
+                wrong = [o for o in outcomes if status_of(o) is Status.FAILED]
+                lines += [f"{chunk.name}, record {i + 1}: {outcome}" for outcome in wrong]
         for line in lines:
             console.print(line, style="red", highlight=False)
         for series in every:
@@ -174,17 +179,6 @@ def _write(study: Study, store: Store, results: Mapping[str, Sequence[CellResult
         "result": summary,
     }
     write_json(store.folder / "run.json", info)
-
-
-def _failures(results: Mapping[str, Sequence[CellResult]]) -> list[str]:
-    """Return a line for each record on which the program failed."""
-    lines = []
-    for chunk in (c for chunks in results.values() for c in chunks):
-        content = RanksContent.of(chunk)
-        for i, outcomes in enumerate(zip(content.outcomes, *content.sampler_outcomes.values())):
-            failed = [o for o in outcomes if status_of(o) is Status.FAILED]
-            lines += [f"{chunk.name}, record {i + 1}: {outcome}" for outcome in failed]
-    return lines
 
 
 def gather(

@@ -59,7 +59,7 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
     distribution function from the uniform one, for "coverage" the share that contains the truth, with the limits of
     99 % of such shares. p_holm below `ALARM` is a verdict of wrong.
     """
-    rows = []
+    rows, classical = list[Row](), list[Row]()
     for model, sampler, name, ranks, below in _ranks(study, results):
         head = {"model": model, "method": sampler, "parameter": name}
         counts = statistics.histogram(ranks, study.calibration.draws, points(study.calibration.draws))
@@ -69,7 +69,19 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
         rows.append({**head, **checked, "p": statistics.uniformity_p(counts)})
         inside = np.abs(below - 0.5)
         rows += [{**head, **_coverage_row(inside <= 0.5 * level, level)} for level in LEVELS]
-    classical = (row for chunks in results.values() for row in _classical_rows(chunks))
+    for chunks in results.values():
+        good = np.concatenate([RanksContent.of(c).accepted for c in chunks])
+        content = RanksContent.of(chunks[0])
+        truth, value, stderr = (_join(chunks, part)[good] for part in ("truth", "value", "stderr"))
+        for k, name in enumerate(content.names):
+            if name == LIKELIHOOD or not np.any(np.isfinite(value[:, k])):
+                continue
+            has_error = np.isfinite(stderr[:, k]) & (stderr[:, k] > 0)
+            away = np.abs(value[:, k] - truth[:, k])[has_error] / stderr[has_error, k]
+            head = {"model": content.model, "method": CLASSICAL, "parameter": name}
+            for level in LEVELS:  # so many standard errors, as the refined estimate's Hessian gives them
+                inside, without = away <= norm.ppf(0.5 + 0.5 * level), int(np.sum(~has_error))
+                classical.append({**head, **_coverage_row(inside, level, without)})
     rows = _adjust(rows) + _adjust(classical)
     for row in rows:
         p = row["p_holm"]
@@ -107,21 +119,6 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
         "high": float(high) / n if n else math.nan,
         "p": float(binomtest(hits, n, level).pvalue) if n else math.nan,
     }
-
-
-def _classical_rows(chunks: Sequence[CellResult]) -> Iterator[Row]:
-    """Return the rows of value ± so many standard errors, as the refined estimate's Hessian gives them."""
-    good = np.concatenate([RanksContent.of(c).accepted for c in chunks])
-    content = RanksContent.of(chunks[0])
-    truth, value, stderr = (_join(chunks, part)[good] for part in ("truth", "value", "stderr"))
-    for k, name in enumerate(content.names):
-        if name == LIKELIHOOD or not np.any(np.isfinite(value[:, k])):
-            continue
-        has_error = np.isfinite(stderr[:, k]) & (stderr[:, k] > 0)
-        away = np.abs(value[:, k] - truth[:, k])[has_error] / stderr[has_error, k]
-        for level in LEVELS:
-            row = _coverage_row(away <= norm.ppf(0.5 + 0.5 * level), level, int(np.sum(~has_error)))
-            yield {"model": content.model, "method": CLASSICAL, "parameter": name, **row}
 
 
 def rank_rows(study: Study, results: Results) -> Iterator[Row]:
@@ -216,6 +213,12 @@ def recovery_summary(results: Results) -> Row:
         right = p[np.arange(truth.size), truth]
         confusion = np.zeros((len(models), len(models)), int)
         np.add.at(confusion, (truth, top), 1)
+        by_design = []
+        for noise, cycles in sorted(set(map(tuple, design.tolist()))):
+            inside = np.all(design == (noise, cycles), axis=1)
+            sizes = {"noise": noise, "cycles": cycles, "records": int(inside.sum())}
+            means = {"share": float(hit[inside].mean()), "probability": float(height[inside].mean())}
+            by_design.append({**sizes, **means})
         by_model = []
         for m, model in enumerate(models):
             count = int(np.sum(truth == m))
@@ -235,7 +238,7 @@ def recovery_summary(results: Results) -> Row:
             "log_score": float(np.mean(np.log(np.maximum(right, 1e-300)))) if right.size else math.nan,
             "log_score_expected": float(np.mean(np.sum(p * np.log(np.maximum(p, 1e-300)), axis=1))),
             "log_score_ignorant": -math.log(len(models)),
-            "by_design": list(_by_design(hit, height, design)),
+            "by_design": by_design,
             "seconds": sum(c.seconds for c in chunks),
         }
     return summary
@@ -277,16 +280,4 @@ def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
             "low": least / n,
             "high": most / n,
             "p": statistics.hits_p(int(hit[inside].sum()), p[inside]),
-        }
-
-
-def _by_design(hit: np.ndarray, p: np.ndarray, design: np.ndarray) -> Iterator[Row]:
-    for noise, cycles in sorted(set(map(tuple, design.tolist()))):
-        inside = np.all(design == (noise, cycles), axis=1)
-        yield {
-            "noise": noise,
-            "cycles": cycles,
-            "records": int(inside.sum()),
-            "share": float(hit[inside].mean()),
-            "probability": float(p[inside].mean()),
         }

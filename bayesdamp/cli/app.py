@@ -176,7 +176,7 @@ def _usage_error(error: Any, given: Sequence[str]) -> str:
     at = re.fullmatch(r"Invalid value for '(--[\w-]+)[^']*': Input should be ([^,]*)(,.*)?", line)
     line = f"{at[1]}: must be {at[2]}" if at else line
     if given[:1] == ["simulate"]:
-        from bayesdamp.cli.simulated import suggest_option
+        from bayesdamp.cli.commands.simulate import suggest_option
 
         line += suggest_option(getattr(error, "option_name", None) or "")
     if not line:

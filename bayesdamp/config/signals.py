@@ -166,16 +166,11 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
     if missing:
         what = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
         raise StudyError(key, f"{what}; a simulation needs the true value, here or as a number in [system]")
-    _check_motion(oscillator, truth, settings.duration, key)
-    return Simulation(damping=tuple(terms.values()), truth=truth, **settings.model_dump())
-
-
-def _check_motion(oscillator: Oscillator, truth: Mapping[str, float], duration: float, key: str) -> None:
-    """Refuse a motion that does not oscillate, or so often that no computation ends. Raises StudyError."""
+    # A motion must oscillate, and not so often that no computation ends.
     large = next((n for n, value in truth.items() if abs(value) > LARGEST), None)
     if large is not None:
         raise StudyError(join_keys(key, large), f"is {truth[large]:g}; it must be at most {LARGEST:g}")
-    length = join_keys(key, "duration")
+    length, duration = join_keys(key, "duration"), settings.duration
     try:
         cycles = oscillator.rough_frequency(truth, near=truth["theta0"]) * duration / (2 * math.pi)
     except ValueError as error:
@@ -186,6 +181,7 @@ def _check_motion(oscillator: Oscillator, truth: Mapping[str, float], duration: 
     if cycles > CYCLES:
         what = f"is {duration:g} s, in which it swings {cycles:.3g} times"
         raise StudyError(length, f"{what}; it must be at most {CYCLES:g} cycles")
+    return Simulation(damping=tuple(terms.values()), truth=truth, **settings.model_dump())
 
 
 def term_keys(law: tuple[str, ...]) -> dict[str, str]:

@@ -48,7 +48,14 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
     present = set(os.listdir(folder)) if os.path.lexists(folder) else set()
     if MARK not in present:
         taken = sorted(present & {*PLACES, *FILES, *tables})
-        if taken and not _has_run(folder):
+        # A clone of a repository has a run's description without the mark.
+        try:
+            path = folder / "run.json"
+            description = json.loads(path.read_bytes()) if is_regular(path) else None
+        except (ValueError, RecursionError):
+            description = None
+        has_run = isinstance(description, dict) and {"name", "seed", "study"} <= description.keys()
+        if taken and not has_run:
             what = f"holds {taken[0]!r}, which no run of bayesdamp wrote"
             raise InputError(f"{folder}: {what}; {_ELSEWHERE}, or move it away")
         with suppress(FileExistsError):
@@ -71,16 +78,6 @@ def _is_marked(folder: Path) -> bool:
         return False
     with path.open("rb") as handle:
         return handle.read(len(SIGNED)) == SIGNED.encode()
-
-
-def _has_run(folder: Path) -> bool:
-    """Return whether the folder holds a run's description, as a clone of a repository does, without the mark."""
-    path = folder / "run.json"
-    try:
-        description = json.loads(path.read_bytes()) if is_regular(path) else None
-    except (ValueError, RecursionError):
-        return False
-    return isinstance(description, dict) and {"name", "seed", "study"} <= description.keys()
 
 
 def is_regular(path: Path) -> bool:

@@ -66,6 +66,13 @@ def write_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, 
 
     Raises ValueError on a key that is not a column.
     """
+
+    def field(value: object) -> str:
+        value = value.item() if isinstance(value, np.generic) else value
+        if value is None or (isinstance(value, float) and math.isnan(value)):
+            return ""
+        return repr(float(value)) if isinstance(value, float) else str(value)
+
     buffer = io.StringIO(newline="")
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(columns)
@@ -73,18 +80,8 @@ def write_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, 
         unknown = set(row) - set(columns)
         if unknown:
             raise ValueError(f"{Path(path).name} has no column {', '.join(sorted(unknown))}")
-        writer.writerow([_field(row.get(c)) for c in columns])
+        writer.writerow([field(row.get(c)) for c in columns])
     write_bytes(path, buffer.getvalue().encode())
-
-
-def _field(value: object) -> str:
-    if isinstance(value, np.generic):
-        value = value.item()
-    if value is None:
-        return ""
-    if isinstance(value, float):
-        return "" if math.isnan(value) else repr(float(value))
-    return str(value)
 
 
 def read_table(path: Path) -> list[dict[str, Any]]:

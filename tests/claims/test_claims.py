@@ -83,7 +83,7 @@ def test_the_page_counts_and_escapes():
 def test_a_folder_without_a_run_is_refused(tmp_path):
     out = tmp_path / "claims.md"
     process = subprocess.run(
-        [sys.executable, "-m", "bayesdamp.cli", "claims", "--paper", str(tmp_path), "--out", str(out)],
+        [sys.executable, "-m", "bayesdamp", "claims", "--paper", str(tmp_path), "--out", str(out)],
         capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     assert process.returncode == 2

@@ -187,7 +187,7 @@ def test_same_seed_same_tables_also_after_losing_some_cells(run, tmp_path):
 def test_killed_in_the_middle_it_resumes(tmp_path):
     file = write(tmp_path, QUICK.replace('"least_squares"', '"least_squares", "envelope"'))
     out = str(tmp_path / "out")
-    command = [sys.executable, "-m", "bayesdamp.cli", "study", str(file), "--out", out, "--workers", "1"]
+    command = [sys.executable, "-m", "bayesdamp", "study", str(file), "--out", out, "--workers", "1"]
     first = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 300
     while not list((tmp_path / "out").glob("cells/mode/noisy/0/*.npz")) and first.poll() is None:

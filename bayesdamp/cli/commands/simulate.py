@@ -2,15 +2,114 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.simulated import as_csv, defaults_used, parse_pairs, simulated
-from bayesdamp.cli.single_file import SIMULATED, SingleFile
+from bayesdamp.cli.options import wrong
+from bayesdamp.cli.single_file import FIRST_LINE, SIMULATED, SingleFile
+from bayesdamp.interface.signal import Signal
+from bayesdamp.interface.simulate import START
+from bayesdamp.interface.simulate import simulate as simulate_record
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import read_modules, use
+from bayesdamp.types import InputError
+
+DAMPING = {"viscous": 0.1}
+"""Default damping, in 1/s: Q of about 30."""
+LAW = {"stiffness": 40.0, "gravity": 4.0, "cubic": 40.0, "rest_angle": 0.0, "spring_angle": 0.0}
+"""Defaults of the restoring laws' parameters: about 1 Hz, and visible nonlinearities."""
+NOISE = 0.01
+"""Default noise as a share of the amplitude: a record without any noise has no likelihood."""
+
+
+def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
+    """Parse `a=1,b=2`. Raises InputError for anything else."""
+    values: dict[str, float] = {}
+    for part in ",".join(texts).split(","):
+        name, _, value = (piece.strip() for piece in part.partition("="))
+        if not part.strip():
+            continue
+        try:
+            number = float(value)
+        except ValueError:
+            example = "viscous=0.05" if option == "--damping" else "stiffness=20"
+            raise wrong(option, part.strip(), f"NAME=NUMBER, such as {example}") from None
+        if name in values:
+            raise InputError(f"{option}: {name[:40]!r} is given twice; once is enough")
+        values[name] = number
+    return values
+
+
+def defaults_used(damping: Mapping[str, float], other: Mapping[str, float], restoring: str) -> str:
+    """Return the defaults other than zero that were used, as one would type them; empty where there are none."""
+    system = {name: LAW[name] for name in LAWS.get(restoring).parameters if name in LAW} | START
+    left = {name: value for name, value in system.items() if value and name not in other}
+    options = {"--damping": {} if damping else DAMPING, "--set": left}
+    typed = ((option, [f"{n}={v:g}" for n, v in values.items()]) for option, values in options.items())
+    return " ".join(f"{option} {','.join(words)}" for option, words in typed if words)
+
+
+def suggest_option(option: str) -> str:
+    """Return what to type for an unknown option that is a damping term or a parameter; empty for others."""
+    name = option.lstrip("-").replace("-", "_")
+    if name in TERMS.names():
+        return f"; it is --damping {name}=NUMBER"
+    parameters = {*START, *(p for law in LAWS.names() for p in LAWS.get(law).parameters)}
+    return f"; it is --set {name}=NUMBER" if name in parameters else ""
+
+
+def simulated(
+    damping: Mapping[str, float],
+    other: Mapping[str, float],
+    restoring: str,
+    noise_sd: float | None = None,
+    **options: Any,
+) -> tuple[Signal, float]:
+    """Return the record that `simulate` makes from the words of the command, and the sd of its noise in rad.
+
+    Parameters
+    ----------
+    damping, other
+        Coefficients and parameters, by name.
+    restoring
+        The restoring law.
+    noise_sd
+        Standard deviation of the noise in rad; a hundredth of the amplitude by default.
+    **options
+        Options of `simulate`.
+
+    Raises
+    ------
+    InputError
+        Where the record cannot be simulated.
+    """
+    further = {key for name in TERMS.names() for key in TERMS.get(name).further}
+    terms = {name: value for name, value in damping.items() if name not in further} or DAMPING
+    own = {name: value for name, value in damping.items() if name in further}
+    needed = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
+    known = {name: value for name, value in LAW.items() if name in needed}
+    make = partial(simulate_record, terms, restoring, **{**known, **own, **other}, **options)
+    clean = make()
+    if noise_sd is None:
+        noise_sd = float(f"{NOISE * np.ptp(clean.y) / 2:.1e}")
+        if noise_sd == 0:
+            raise InputError(
+                "simulate: nothing moves; start away from rest, for example with --set theta0=0.3"
+            )
+    return make(noise_sd=noise_sd), noise_sd
+
+
+def as_csv(signal: Signal) -> str:
+    """Return the record as CSV, after a line that marks it as simulated."""
+    rows = (f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y, strict=True))
+    return FIRST_LINE + "\n".join(["t (s),angle (rad)", *rows]) + "\n"
 
 
 def simulate(

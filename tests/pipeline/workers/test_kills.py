@@ -41,7 +41,7 @@ def command(folder: Path, workers: int, seed: int = 1) -> list[str]:
     file = folder / "killed.toml"
     file.write_text(STUDY.format(seed=seed), encoding="utf-8")
     options = ("--out", str(folder / "out"), "--workers", str(workers), "--quiet")
-    return [sys.executable, "-m", "bayesdamp.cli", "study", str(file), *options]
+    return [sys.executable, "-m", "bayesdamp", "study", str(file), *options]
 
 
 def tables(run: Path) -> dict[str, list[str]]:
