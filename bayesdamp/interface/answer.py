@@ -73,19 +73,9 @@ class Answer:
         """The verdict."""
         return Verdict.from_dict(self.content.verdict)
 
-    @property
-    def candidates(self) -> tuple[WeighedCandidate, ...]:
-        """The candidates in the order in which they were asked for, refused ones last."""
-        return self.content.candidates
-
-    @property
-    def rivals(self) -> tuple[WeighedCandidate, ...]:
-        """Other forms of damping that were weighed."""
-        return self.content.rivals
-
     def of_specimen(self) -> Answered:
         """Return what a verdict on several records needs of this one."""
-        rows = [r for r in self.candidates if r.outcome == OK]
+        rows, rivals = [r for r in self.content.candidates if r.outcome == OK], self.content.rivals
         exact = any(r.log_evidence is None for r in rows)
 
         def log_of(row: WeighedCandidate) -> float:
@@ -93,7 +83,7 @@ class Answer:
 
         top = max(map(log_of, rows))
         runs = {}
-        for row in (*rows, *self.rivals):
+        for row in (*rows, *rivals):
             prefix = f"{RUN}{row.damping}@{row.restoring}/"
             own = {n.removeprefix(prefix): a for n, a in self.arrays.items() if n.startswith(prefix)}
             if "log" in own:
@@ -104,7 +94,7 @@ class Answer:
                 )
         weighed = WeighedRun(
             {(r.damping, r.restoring): log_of(r) - top for r in rows},
-            tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in self.rivals),
+            tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in rivals),
             runs,
             Reference(*map(float, self.arrays.get(f"{RUN}reference", (1.0, 1.0)))),
             self.arrays["amplitude"],

@@ -91,7 +91,7 @@ class Comparison(Result):
                 "rms": None if row.rms is None else row.rms * unit.scale,
             }
             for a, unit in self._each()
-            for row in a.candidates
+            for row in a.content.candidates
         ]
         frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=_CANDIDATES)
         for name in ("log_evidence", "log_evidence_exact"):

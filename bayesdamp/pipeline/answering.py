@@ -117,7 +117,7 @@ def compute_answer(
         restoring=spec.restoring,
         known=known,
         priors=priors,
-        reference=record.reference,
+        reference=record.content.scales,
         sensor=study.posterior.sensor,
         measured=isinstance(spec.source, Recording),
         seed=cell_seed(study, f"{kind}/{spec.name}/{repeat}"),
@@ -155,7 +155,7 @@ def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:
 def answered_of(store: Store, signal: str, repeat: int) -> Answered | None:
     """Return the part of a record's answer that a verdict on several records uses; None where nothing was weighed."""
     stored = answer_of(store, signal, repeat)
-    return None if stored is None or not stored.candidates else stored.of_specimen()
+    return None if stored is None or not stored.content.candidates else stored.of_specimen()
 
 
 def law_of(store: Store, signal: str, repeat: int, damping: str, restoring: str) -> Found:

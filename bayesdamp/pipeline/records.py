@@ -30,7 +30,7 @@ from bayesdamp.records.record import RawRecord, unwrapped
 from bayesdamp.records.reference import reference_of
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents import FeaturesSeen, RecordContent
-from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Reference, Refusal, Signal, System
+from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Refusal, Signal, System
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import seen_instead
@@ -227,11 +227,6 @@ class StudyRecord:
         return RecordContent.of(self.cell)
 
     @property
-    def reference(self) -> Reference:
-        """The scale of default priors. Raises ValueError where the record shows no oscillation."""
-        return self.content.scales
-
-    @cached_property
     def features(self) -> Features:
         """Features of the signal."""
         return features(self.signal)

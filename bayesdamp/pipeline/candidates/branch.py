@@ -53,7 +53,7 @@ class Branch:
     def specify(self, deviation: str) -> Model:
         """Return the candidate as a model; deviation: "none" or "law". Raises Refusal where that is impossible."""
         study, record, system = self.study, self.record, self.record.system(self.restoring)
-        damping, scales = "+".join(self.terms), record.reference
+        damping, scales = "+".join(self.terms), record.content.scales
         model = Model(
             damping, self.restoring, study.noises, deviation=deviation, sensor=study.posterior.sensor
         )
@@ -80,7 +80,7 @@ class Branch:
     def case(self) -> Case:
         """The candidate on the record, where laws hold exactly."""
         record = self.record
-        return Case(record.signal, self.specify("none"), record.features, record.reference)
+        return Case(record.signal, self.specify("none"), record.features, record.content.scales)
 
     @cached_property
     def answer(self) -> AnswerContent | None:

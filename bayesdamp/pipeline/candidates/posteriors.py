@@ -96,7 +96,7 @@ def _motions(branch: Branch, inferred: Mapping[str, np.ndarray]) -> Motions:
     (target, _), record = branch.fit.engine, branch.record
     values = {**target.known, **inferred}
     return Motions(
-        target.oscillator, values, record.features.rest, record.reference.amplitude, branch.spec.inertia
+        target.oscillator, values, record.features.rest, record.content.scales.amplitude, branch.spec.inertia
     )
 
 

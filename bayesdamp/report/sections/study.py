@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from markupsafe import Markup, escape
 
@@ -165,7 +165,22 @@ class ProvenanceSection(Section):
             ]
             caption = f"{count} task{'s' if count > 1 else ''} ended without a result"
             parts.append(Table(["reason", "tasks"], lines, text, caption))
-        parts += _timing(info.get("seconds") or {})
+        known = {n: s for n, s in (info.get("seconds") or {}).items() if isinstance(s, (int, float))}
+        if known:
+            kinds: dict[str, list[float]] = {}
+            for name, seconds in known.items():
+                kinds.setdefault(Place.of(name).kind, []).append(seconds)
+            kinds["all"] = list(known.values())
+            of_kind: dict[str, Callable[[str], str]] = {
+                "stage": str,
+                "tasks": lambda kind: str(len(kinds[kind])),
+                "sum": lambda kind: fmt.duration(sum(kinds[kind])),
+                "longest": lambda kind: fmt.duration(max(kinds[kind])),
+            }
+            parts.append(Table.of(kinds, of_kind, caption="Time, summed over workers"))
+            longest = sorted(known, key=lambda name: -known[name])[:20]
+            times = Table(["task", "time"], [[name, fmt.duration(known[name])] for name in longest])
+            parts.append(folded(f"The {len(longest)} longest tasks", times))
         budget = (info.get("error_budget") or {}).items()
         rows = {f"{signal}/{model}": own for signal, each in budget for model, own in each.items() if own}
         if rows:
@@ -177,26 +192,6 @@ class ProvenanceSection(Section):
             )
             parts.append(Table.of(rows, columns, caption=caption))
         return stack(*parts)
-
-
-def _timing(seconds: Mapping[str, float]) -> list[object]:
-    known = {name: s for name, s in seconds.items() if isinstance(s, (int, float))}
-    if not known:
-        return []
-    kinds: dict[str, list[float]] = {}
-    for name, s in known.items():
-        kinds.setdefault(Place.of(name).kind, []).append(s)
-    kinds["all"] = list(known.values())
-    columns: dict[str, Callable[[str], str]] = {
-        "stage": str,
-        "tasks": lambda kind: str(len(kinds[kind])),
-        "sum": lambda kind: fmt.duration(sum(kinds[kind])),
-        "longest": lambda kind: fmt.duration(max(kinds[kind])),
-    }
-    table = Table.of(kinds, columns, caption="Time, summed over workers")
-    longest = sorted(known, key=lambda name: -known[name])[:20]
-    tasks = Table(["task", "time"], [[name, fmt.duration(known[name])] for name in longest])
-    return [table, folded(f"The {len(longest)} longest tasks", tasks)]
 
 
 PLUGINS = (AskedSection(), ProvenanceSection())
