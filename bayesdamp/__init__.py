@@ -106,9 +106,9 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(_HOME[name]), _NAME_THERE.get(name, name))
     if callable(value) and not isinstance(value, type):
-        from bayesdamp.calls import told
+        from bayesdamp.calls import checked_call
 
-        value = told(value, name)
+        value = checked_call(value, name)
         value.__module__, value.__qualname__ = __name__, name  # where other processes find it
     globals()[name] = value
     return value

@@ -35,12 +35,12 @@ class CheckedMethods:
             if name.startswith("_"):
                 continue
             if isinstance(value, FunctionType):
-                setattr(cls, name, told(value, name))
+                setattr(cls, name, checked_call(value, name))
             elif isinstance(value, classmethod):
-                setattr(cls, name, classmethod(told(value.__func__, name)))
+                setattr(cls, name, classmethod(checked_call(value.__func__, name)))
 
 
-def told(function: Callable[P, R], name: str) -> Callable[P, R]:
+def checked_call(function: Callable[P, R], name: str) -> Callable[P, R]:
     """Return the function with a check of its arguments, under its public name.
 
     It then raises InputError for an unknown keyword, a missing argument, or one of `KINDS` of another type. Its own

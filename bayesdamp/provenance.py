@@ -46,7 +46,7 @@ class Provenance:
     more: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def said(self) -> tuple[str, ...]:
+    def sentences(self) -> tuple[str, ...]:
         """Return the sentences for the user: warnings, the number of header lines, notes."""
         head = self.header_lines
         lines = [f"Beware: {text}" for text in self.warnings]

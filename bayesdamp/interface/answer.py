@@ -102,7 +102,7 @@ class Answer:
         return Answered(self.verdict, weighed, {n: self.arrays[n] for n in CURVE if n in self.arrays})
 
 
-def found_name(damping: str, restoring: str) -> str:
+def law_prefix(damping: str, restoring: str) -> str:
     """Return the prefix of the arrays of a law in `Answer.further`."""
     return f"found/{damping}@{restoring}"
 
@@ -123,7 +123,7 @@ def answer(
     seed: int = 0,
     notes: Sequence[str] = (),
     sample: bool = True,
-    made: dict[str, Weighing] | None = None,
+    weighings: dict[str, Weighing] | None = None,
     repeated: bool = False,
     noise: str | Sequence[str] = "auto",
 ) -> Answer:
@@ -157,7 +157,7 @@ def answer(
         Sentences on the record, for the remarks.
     sample
         Whether the motions themselves are sampled, and not only their linear model.
-    made
+    weighings
         A store of the weighing under linear models, for a second call on the same signal with the same arguments.
     repeated
         Whether the signal is one of several records of a specimen, whose verdict needs each candidate's likelihood of
@@ -188,7 +188,7 @@ def answer(
         return Answer(AnswerContent(other.to_dict()))
     approximate = deviation != "none"
     try:
-        weighing = (made or {}).get(WEIGHED) or weighing_of(
+        weighing = (weighings or {}).get(WEIGHED) or weighing_of(
             signal,
             damping=damping,
             restoring=restoring,
@@ -203,8 +203,8 @@ def answer(
         sentence = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
         refused = Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), quantity=signal.quantity)
         return Answer(AnswerContent(replace(refused, sentence=sentence).to_dict()))
-    if made is not None:
-        made[WEIGHED] = weighing
+    if weighings is not None:
+        weighings[WEIGHED] = weighing
     wanted = in_base(amplitudes, weighing, unit or UNITS[signal.unit])
     if sample:
         weighing = with_samples(weighing, approximate, seed)
@@ -256,7 +256,7 @@ def _store(weighing: Weighing, verdict: Verdict, arrays: Mapping[str, np.ndarray
             further[f"draws/{damping}@{law}"] = draws
             posteriors.append({**name, **table})
         if r.about is not None and r.weighed is not None:
-            laws.append({**name, "found": split(found_of(weighing, r), further, found_name(damping, law))})
+            laws.append({**name, "found": split(found_of(weighing, r), further, law_prefix(damping, law))})
     refused = [
         WeighedCandidate("+".join(c.damping), c.restoring, outcome=why) for c, why in weighing.refused.items()
     ]

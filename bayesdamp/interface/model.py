@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from threadpoolctl import threadpool_limits
 
 from bayesdamp import types
-from bayesdamp.calls import told
+from bayesdamp.calls import checked_call
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.config.signals import canonical_model
@@ -244,7 +244,7 @@ class Model(Result):
         return Table(("", ""), rows, caption=f"Model {self.name}")
 
 
-Model.__init__ = told(Model.__init__, "Model")
+Model.__init__ = checked_call(Model.__init__, "Model")
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ class Signal(Result, types.Signal):
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on the record and on what was done to it."""
-        return self.provenance.said
+        return self.provenance.sentences
 
     @property
     def y_unit(self) -> str:

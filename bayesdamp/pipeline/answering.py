@@ -9,7 +9,7 @@ from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.single import ESCAPED, Found
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.interface.answer import Answer, answer, found_name
+from bayesdamp.interface.answer import Answer, answer, law_prefix
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
@@ -123,7 +123,7 @@ def compute_answer(
         seed=cell_seed(study, f"{kind}/{spec.name}/{repeat}"),
         notes=record.content.anomalies,
         sample=kind == SAMPLED,
-        made=_WEIGHINGS.setdefault(first, {}),
+        weighings=_WEIGHINGS.setdefault(first, {}),
         repeated=bool(spec.specimen),
         noise=study.posterior.noise,
     )
@@ -167,7 +167,7 @@ def law_of(store: Store, signal: str, repeat: int, damping: str, restoring: str)
     own = set(damping.split("+"))
     for law in content.laws:
         if set(law.damping.split("+")) == own and law.restoring == restoring:
-            return join(Found, law.found, cell.arrays, found_name(law.damping, law.restoring))
+            return join(Found, law.found, cell.arrays, law_prefix(law.damping, law.restoring))
     refused = (
         r.outcome for r in content.candidates if set(r.damping.split("+")) == own and r.restoring == restoring
     )

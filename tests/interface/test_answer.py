@@ -78,9 +78,9 @@ def test_motions_are_sampled_of_the_weighing_that_was_made(monkeypatch: pytest.M
     sums, laws = ["viscous", "coulomb"], [made.restoring]
     whole = answer(made.signal, made.amplitudes, damping=sums, restoring=laws).verdict
     kept: dict[str, Weighing] = {}
-    answer(made.signal, made.amplitudes, damping=sums, restoring=laws, sample=False, made=kept)
+    answer(made.signal, made.amplitudes, damping=sums, restoring=laws, sample=False, weighings=kept)
     monkeypatch.setattr("bayesdamp.interface.answer.weighing_of", None)  # nothing weighs again
-    after = answer(made.signal, made.amplitudes, damping=sums, restoring=laws, made=kept).verdict
+    after = answer(made.signal, made.amplitudes, damping=sums, restoring=laws, weighings=kept).verdict
     assert after == whole
     with pytest.raises(TypeError):  # control
         answer(made.signal, made.amplitudes, damping=sums, restoring=laws)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import bayesdamp as bd
-from bayesdamp.calls import told
+from bayesdamp.calls import checked_call
 from tests.interface.problems import not_refused
 
 ANY: Any = bd
@@ -57,7 +57,7 @@ def test_what_is_meant_goes_through() -> None:
             raise TypeError("a fault inside")
         return path, rate, more
 
-    called = told(asked, "asked")
+    called = checked_call(asked, "asked")
     assert called("x", rate=None, other=1) == ("x", None, {"other": 1})
     with pytest.raises(TypeError, match="a fault inside"):
         called("x", 0)

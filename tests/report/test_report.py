@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from bayesdamp.report import render
-from bayesdamp.report.results.run import RunFolder, models_kept
+from bayesdamp.report.results.run import RunFolder, models_not_pruned
 from bayesdamp.report.sections import SECTIONS, Section
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import write_json
@@ -180,7 +180,7 @@ def test_models_that_were_pruned_are_no_failed_check(maker_of) -> None:
         # What was pruned is a line of its own table, with its reason, and has no fit.
         assert ("1 model pruned by Laplace's evidence, and why" in words) == believed
         assert ("far behind" in words) == believed
-        assert ("coulomb" in models_kept(RunFolder(folder), "sim", 0)) != believed
+        assert ("coulomb" in models_not_pruned(RunFolder(folder), "sim", 0)) != believed
 
 
 def test_sections_drawn_elsewhere_are_the_same_report(maker_of) -> None:

@@ -78,7 +78,7 @@ def view_motion(record: FileRecord, several: bool) -> RecordView:
     about = raw.provenance if signal is None else signal.provenance
     # `reading` contains the columns of times and values, but not why these were chosen.
     notes = (*filter(None, [raw.choice]), *(text for text in about.notes if text not in raw.why))
-    lines = list(replace(about, notes=notes).said)
+    lines = list(replace(about, notes=notes).sentences)
     window = None
     if signal is None:
         lines.append(f"No free decay: {record.refusal}")

@@ -227,7 +227,7 @@ def read_envelope(
     in_brackets = bracketed[1].strip() if bracketed else ""
     chosen = unit or unit_in(column) or in_brackets or "units"
     frequency = frequency if frequency is not None else _stated_frequency(facts)
-    return made_record(path.name, t, raw.y, chosen, frequency, facts, about.said)
+    return made_record(path.name, t, raw.y, chosen, frequency, facts, about.sentences)
 
 
 def _stated_frequency(facts: dict[str, str]) -> float | None:

@@ -294,7 +294,7 @@ def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
     return list(dict.fromkeys([*first, *(m for m in run.models if m in models), *sorted(models)]))
 
 
-def models_kept(run: RunFolder, signal: str, repeat: int) -> list[str]:
+def models_not_pruned(run: RunFolder, signal: str, repeat: int) -> list[str]:
     """Return the models that were not pruned, in the order of `models_by_rank`."""
     ranked = ranking(run, signal, repeat)
     rows = ranked.rows if ranked else []

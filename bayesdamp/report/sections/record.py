@@ -21,7 +21,7 @@ from bayesdamp.report.results.run import (
     coefficients,
     mode_of,
     models_by_rank,
-    models_kept,
+    models_not_pruned,
     rows_of,
 )
 from bayesdamp.report.sections import SignalSection, is_drawn
@@ -51,7 +51,7 @@ class RecordSection(SignalSection):
         """Return the record as it was read, as it is used, and with the most probable fits."""
         repeats = run.repeats(signal)
         cell, about, own = run.cell("signal", signal, repeats[0]), run.about(signal), run.provenance(signal)
-        notes = list(own.said)
+        notes = list(own.sentences)
         if about.get("epsilon_note") and not only_answered(run):  # the answer compares several widths
             notes.append(str(about["epsilon_note"]))
         if about.get("noise"):
@@ -94,7 +94,7 @@ def _fits(
 ) -> tuple[list[ModelFit], list[str]]:
     """Return the fits to draw, and why others are missing."""
     fits, missing = [], []
-    for place, model in enumerate(models_kept(run, signal, repeat)):
+    for place, model in enumerate(models_not_pruned(run, signal, repeat)):
         cell = run.cell("mode", signal, repeat, model)
         if not is_drawn(run, place) or (cell is None and only_answered(run)):
             continue
