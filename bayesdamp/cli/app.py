@@ -6,7 +6,7 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from importlib import import_module
 from typing import Annotated, Any
@@ -107,6 +107,10 @@ app = typer.Typer(
 )
 
 
+parsed = lru_cache(maxsize=1)(typer.main.get_command)
+"""Returns the commands as a function; cached, because a test runs hundreds."""
+
+
 def _show_version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"bayesdamp {__version__}")
@@ -138,7 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 "a word of the command contains a zero byte, which no path or name has; remove it"
             )
         with kill_as_interrupt():
-            status = _commands()(args=given, standalone_mode=False)
+            status = parsed(app)(args=given, standalone_mode=False)
         sys.stdout.flush()
     except BayesdampError as error:
         _trace()
@@ -184,12 +188,6 @@ def _usage_error(error: Any, given: Sequence[str]) -> str:
     known = given[:1] and given[0] in COMMANDS
     help_on = f"bayesdamp {given[0]} --help" if known else "bayesdamp --help"
     return f"{line}{'' if line.endswith('?') else ';'} see {help_on}"
-
-
-@lru_cache(maxsize=1)
-def _commands() -> Callable[..., int | None]:
-    """Return the parsed commands, built once in a process: a test runs hundreds."""
-    return typer.main.get_command(app)
 
 
 def _trace() -> None:

@@ -91,7 +91,7 @@ def answer_envelope(
     InputError
         Where the sums cannot be weighed on this record.
     """
-    from bayesdamp.report.figures.envelope import picture  # imports slowly
+    from bayesdamp.report.figures.answer import picture  # imports slowly
     from bayesdamp.report.figures.record import thinned
 
     chosen, left_out = weighable(sums)

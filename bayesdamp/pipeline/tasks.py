@@ -31,7 +31,7 @@ CODE: dict[str, tuple[str, ...]] = {
         "bayesdamp.pipeline.envelopes", "bayesdamp.interface.envelopes",
         "bayesdamp.inference.envelope.decay", "bayesdamp.inference.envelope.sums",
         "bayesdamp.inference.envelope.posterior", "bayesdamp.records.envelope.record",
-        "bayesdamp.report.figures.envelope", "bayesdamp.verdict.envelope",
+        "bayesdamp.report.figures.answer", "bayesdamp.verdict.envelope",
     ),
     "sampled": ("bayesdamp.pipeline.answering", "bayesdamp.physics.kernel.march"),
     "estimate": ("bayesdamp.pipeline.candidates.cells", "bayesdamp.pipeline.records", "bayesdamp.estimators"),
