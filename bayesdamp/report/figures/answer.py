@@ -145,7 +145,7 @@ def draw_envelope(
         Three; those that stay empty are switched off.
     arrays
         `t` (s) and `level` (dB) of the record; `curve/...` of the decay, the fields of
-        `envelope.answer.answer.Curve`.
+        `inference.envelope.decay.Curve`.
     verdict
         On the record.
     unit
