@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from bayesdamp.cli.commands.look import RecordView, columns_table
+from bayesdamp.cli.looking import RecordView, columns_table
 from bayesdamp.cli.single_file import GENERATOR
 from bayesdamp.records.files.contents import Contents
 from bayesdamp.report.drawing import Drawings

@@ -55,7 +55,7 @@ def test_the_record_itself_says_where_to_start(record) -> None:
 def test_no_damping_misses_its_mode_on_a_noisy_acceleration(record) -> None:
     damping = ("coulomb",)
     problem = Problem(damping, record.system("linear"))
-    target = build_target(record.signal, damping, problem.system, record.features, record.reference)
+    target = build_target(record.signal, damping, problem.system, record.features, record.content.scales)
     seeds = observed(record.signal, record.features, problem) | regression(record.signal, problem)[0]
     found = find_mode(target, seeds, noise_level=record.features.roughness, thrifty=True)
     assert [c.seed for c in found.searches] == [OBSERVED]  # it keeps step: the other need not be climbed from

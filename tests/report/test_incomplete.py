@@ -103,5 +103,5 @@ def test_a_folder_that_is_no_run(tmp_path):
 def test_a_table_of_another_program(maker):
     folder = maker.make()
     (folder / "fits.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(InputError, match=r"fits\.csv: column model, predictive_p"):
+    with pytest.raises(InputError, match=r"fits\.csv: column deviation, .* predictive_p"):
         render(folder)

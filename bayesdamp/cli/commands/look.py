@@ -2,183 +2,21 @@
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
-from rich.text import Text
 
+from bayesdamp.cli import looking
 from bayesdamp.cli import options as o
-from bayesdamp.cli.records import MAYBE_ENVELOPE, FileRecord, ReadingOptions, doubts, one_command, records_in
+from bayesdamp.cli.records import ReadingOptions, doubts, one_command, records_in
 from bayesdamp.cli.single_file import LOOK_PAGE, SingleFile
 from bayesdamp.plugins import read_modules, use
-from bayesdamp.records.envelope.record import are_envelopes, read_envelope
-from bayesdamp.records.envelope.window import bounded
-from bayesdamp.records.files.contents import Contents
-from bayesdamp.records.files.names import seconds_of_unit, unit_said
+from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import contents
-from bayesdamp.records.oscillation.features import holes
-from bayesdamp.records.oscillation.spectrum import coarse_period
-from bayesdamp.table import Table
-from bayesdamp.types import InputError, Refusal
-from bayesdamp.units import UNITS
-
-MANY = 4
-"""Largest number of holes that are listed one by one."""
-_DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
-"""Bits of the Unicode braille patterns, by row and column of the dot."""
-
-
-@dataclass(frozen=True)
-class RecordView:
-    """What is shown of a record.
-
-    name, reading: its name and what it is read as; lines, doubts: what was done to it, and what looks wrong; t, y:
-    times in s and values in the file's unit, (n,); window: start and stop of the free decay, None where there is none.
-    """
-
-    name: str
-    reading: str
-    lines: Sequence[str]
-    doubts: Sequence[str]
-    t: np.ndarray
-    y: np.ndarray
-    window: tuple[float, float] | None
-
-
-def columns_table(contents: Contents) -> Table:
-    """Return a row for each column: number, name, unit, samples, smallest and largest value."""
-    rows = []
-    for i, column in enumerate(contents.columns, start=1):
-        unit, quantity = unit_said(column)
-        shown = UNITS[unit].of(quantity or "angle") if unit in UNITS else unit
-        shown = "s" if not shown and seconds_of_unit(column) else shown
-        y = column.values[np.isfinite(column.values)]
-        ends = (f"{y.min():.6g}", f"{y.max():.6g}") if y.size else ("", "")
-        rows.append((str(i), column.name or "-", shown or "-", str(y.size), *ends))
-    return Table(["", "column", "unit", "samples", "from", "to"], rows, (1, 2))
-
-
-def view_motion(record: FileRecord, several: bool) -> RecordView:
-    """Return what is shown of an oscillation; several: whether its file has others, so that its label is needed."""
-    raw, signal = record.raw, record.signal
-    t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
-    name = (several and record.label) or raw.channel or "the record"
-    unit, what = record.unit, record.quantity
-    if record.unit in UNITS:
-        unit, what = UNITS[record.unit].of(record.quantity), UNITS[record.unit].called(record.quantity)
-    time, value = raw.columns
-    clock = f"times from column {time!r}" if time is not None else f"{raw.rate or 0:.6g} Hz"
-    reading = f"column {value!r} as {what} in {unit}, {clock}, {raw.y.size} samples"
-    about = raw.provenance if signal is None else signal.provenance
-    # `reading` contains the columns of times and values, but not why these were chosen.
-    notes = (*filter(None, [raw.choice]), *(text for text in about.notes if text not in raw.why))
-    lines = list(replace(about, notes=notes).sentences)
-    window = None
-    if signal is None:
-        lines.append(f"No free decay: {record.refusal}")
-        lines += [MAYBE_ENVELOPE] if raw.y.min() >= 0 else []
-    else:
-        if about.stop is not None:
-            window = about.start, about.stop
-        gaps = holes(signal.t, coarse_period(signal.t, signal.y)[0])  # the record's rate does not show these
-        listed = ", ".join(f"{b - a:.3g} s from {about.start + a:.4g} s on" for a, b in gaps[:MANY])
-        more = f" and {len(gaps) - MANY} more" if len(gaps) > MANY else ""
-        lines += [f"No samples for {listed}{more}; the fit bridges the gap."] if listed else []
-    return RecordView(name, reading, lines, list(map(str, record.findings)), t, raw.y, window)
-
-
-def view_envelope(
-    path: Path,
-    columns: tuple[str | None, str | None, float | None, str | None],
-    ends: tuple[float | str, float | str],
-) -> RecordView:
-    """Return what is shown of an envelope.
-
-    Parameters
-    ----------
-    path
-        Its file.
-    columns
-        Columns of times and readings, the rate in Hz, and the unit, where they are given.
-    ends
-        Ends of the decay in s, or "auto".
-
-    Raises
-    ------
-    InputError
-        Where it cannot be read.
-    """
-    time, value, rate, unit = columns
-    record = read_envelope(path, time=time, value=value, rate=rate, unit=unit)
-    t, level = record.t, record.level
-    inside = None
-    try:
-        window = bounded(t, level, *(end if isinstance(end, float) else None for end in ends))
-    except Refusal as refusal:
-        lines = [f"No free decay: {refusal}."]
-    else:
-        inside = float(t[window.start]), float(t[window.stop - 1])
-        lines = [
-            f"The decay {' and '.join(why for why in window.why if why)}.",
-            f"It falls by {level[window.start] - level[window.stop - 1]:.3g} dB.",
-            f"The oscillation's frequency is {record.frequency:.9g} Hz."
-            if record.frequency is not None
-            else f"For Q: bayesdamp compare {shlex.quote(str(path))} --frequency HZ",
-        ]
-    y = level if record.logarithmic else np.array([record.amplitude(float(x))[0] for x in level])
-    what = f"{t.size} readings from {t[0]:.4g} to {t[-1]:.4g} s"
-    return RecordView(f"an envelope in {record.unit}", what, [*record.notes, *lines], (), t, y, inside)
-
-
-def dots(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[str]:
-    """Draw the curve y (n,) over t (n,) as rows of braille characters, which have two columns and four rows of dots.
-
-    Each column of dots shows all values in it, and joins the column before it.
-    """
-    wide, high = 2 * columns, 4 * rows
-    span, low, size = float(t[-1] - t[0]), float(y.min()), float(np.ptp(y))
-    at = np.minimum(((t - t[0]) / span * wide).astype(int), wide - 1) if span > 0 else np.zeros(t.size, int)
-    level = np.minimum(((y - low) / size * high).astype(int), high - 1) if size > 0 else np.zeros(t.size, int)
-    canvas = np.zeros((high, wide), bool)
-    last: int | None = None
-    for x in range(wide):
-        values = level[at == x]
-        if values.size == 0:
-            continue
-        bottom, top = int(values.min()), int(values.max())
-        if last is not None:  # join it to the column before it
-            bottom, top = min(bottom, max(last, bottom)), max(top, min(last, top))
-            bottom = min(bottom, last + 1) if last < bottom else bottom
-            top = max(top, last - 1) if last > top else top
-        canvas[high - 1 - top : high - bottom, x] = True
-        last = int(values[-1])
-    bits = (canvas.reshape(rows, 4, columns, 2) * _DOTS[None, :, None, :]).sum(axis=(1, 3))
-    return ["".join(chr(0x2800 + int(b)) for b in row) for row in bits]
-
-
-def plot(
-    t: np.ndarray, y: np.ndarray, window: tuple[float, float] | None, columns: int = 72, rows: int = 10
-) -> Text:
-    """Draw the record with its free decay, window[0] to window[1] in s, bright, and a line with the scales."""
-    span = float(t[-1] - t[0]) or 1.0
-    edges = [int((end - t[0]) / span * columns) for end in window] if window else [0, -1]
-    text = Text()
-    for line in dots(t, y, columns, rows):
-        for i, character in enumerate(line):
-            text.append(character, "cyan" if edges[0] <= i <= edges[1] else "bright_black")
-        text.append("\n")
-    if window:
-        ruler = "".join("─" if edges[0] <= i <= edges[1] else " " for i in range(columns))
-        text.append(f"{ruler}\n", "cyan")
-    text.append(f"{t[0]:.4g} s to {t[-1]:.4g} s, {y.min():.4g} to {y.max():.4g}")
-    return text
-
+from bayesdamp.types import InputError
 
 COLUMNS, PLOTS, FACTS = 24, 4, 12
 """Largest numbers of these that are shown."""
@@ -211,7 +49,7 @@ def look(
     console, content = Console(), contents(file)
 
     def show_file() -> None:
-        table = columns_table(content)
+        table = looking.columns_table(content)
         first = replace(table, lines=table.lines[:COLUMNS])
         console.print(first.rich(title=f"{file.name}: {content.format}", title_justify="left"))
         if len(content.columns) > COLUMNS:
@@ -221,7 +59,7 @@ def look(
 
     if are_envelopes([file], angle, unit, quantity):
         ends = o.bound(start, "--start"), o.bound(stop, "--stop")
-        views = [view_envelope(file, (time, angle, rate, unit), ends)]
+        views = [looking.view_envelope(file, (time, angle, rate, unit), ends)]
         show_file()
     else:
         options = ReadingOptions(
@@ -234,7 +72,7 @@ def look(
             raise
         for line in [*doubts(file, every), *one_command(every, options)]:
             console.print(f"! {line}", style="yellow", markup=False, highlight=False)
-        views = [view_motion(record, len(every) > 1) for record in every]
+        views = [looking.view_motion(record, len(every) > 1) for record in every]
         show_file()
     for i, view in enumerate(views):
         console.print(f"\n{view.name}: {view.reading}", style="bold", markup=False, highlight=False)
@@ -242,7 +80,7 @@ def look(
             console.print(f"  {line}", markup=False, highlight=False)
         if i < PLOTS:
             width = max(NARROWEST, min(console.width, 100) - 2)  # a terminal may have no width
-            console.print(plot(view.t, view.y, view.window, width))
+            console.print(looking.plot(view.t, view.y, view.window, width))
     if page is not None:
         from bayesdamp.cli.look_page import page_of  # imports Matplotlib
 
