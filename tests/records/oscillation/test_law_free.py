@@ -96,8 +96,14 @@ def test_intervals_hold_beside_a_second_mode() -> None:
     assert np.count_nonzero(5 * np.abs(scores) < 1.96) < 77
 
 
-def test_frequency_and_damping_are_known_no_better_than_the_noise_allows() -> None:
-    """Mean squares of 20 records' scores below the 99.95 % point of a chi-square over its freedom."""
+def test_frequency_and_damping_are_known_no_better_than_the_noise_allows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Mean squares of 20 records' scores below the 99.95 % point of a chi-square over its freedom.
+
+    The damping is viscous, so that the phase is that of the damped frequency without any allowance.
+    """
+    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.SLOWER", 0.0)
     t, zeta = np.linspace(0.0, 20.0, 4000), 0.05
     omega = np.sqrt(K - zeta**2)
     motion = 0.3 * np.exp(-zeta * t) * (np.cos(omega * t) + zeta / omega * np.sin(omega * t))
@@ -169,3 +175,25 @@ def test_intervals_at_the_ends_hold_where_the_damping_is_a_sum(monkeypatch: pyte
     assert np.all(squares() < largest)
     monkeypatch.setattr("bayesdamp.records.oscillation.law_free.STEADY", 0.999)
     assert np.all(squares() > largest)
+
+
+def test_the_frequency_under_strong_friction_is_no_surer_than_its_phase_allows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The control: without the allowance for the damping, intervals at the end are sure of a lower frequency."""
+    omega, offset = 4.5, 0.0008
+    t = np.linspace(0.0, 24 * np.pi / omega, 2000)
+    turn = np.floor(
+        t * omega / np.pi
+    )  # half cycles about the friction's offset, each lower by twice the offset
+    y = (-1) ** turn * ((0.05 - offset * (2 * turn + 1)) * np.cos(omega * t - np.pi * turn) + offset)
+    signal = Signal(t, y + 5e-5 * np.random.default_rng(3).standard_normal(t.size))
+
+    def score() -> float:
+        fit = law_free(signal, features(signal))
+        curve = fit.at(np.array(fit.span))
+        return float(np.max(np.abs(curve.frequency - omega) / curve.frequency_sd))
+
+    assert score() < 1.96
+    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.SLOWER", 0.0)
+    assert score() > 3
