@@ -7,7 +7,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from bayesdamp.formatting import by_ten, digits, probability, with_interval
-from bayesdamp.physics.damping import PAPER_TERMS, TERMS, words_of
+from bayesdamp.physics.damping import TERMS, words_of
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import (
     FrequencyAt,
@@ -283,8 +283,8 @@ def _law_quality(v: Verdict) -> str:
 def loses_like(e: Interval, damping: str = "") -> str:
     """Return `grows as v^(1.02 ± 0.03), which is viscous`; an uneven interval follows in brackets.
 
-    damping: the sum that is named. Where it has a term other than the three laws, an exponent near one of these laws
-    does not mean that the record follows it.
+    damping: the sum that is named. Where it is not one of the three laws, an exponent near one of these does not mean
+    that the record follows it: friction and drag together may grow as viscous damping does.
     """
     shown = plus_minus(e)
     grows = f"grows as v^({shown})" if "±" in shown else f"grows as v^{shown}"
@@ -298,7 +298,7 @@ def loses_like(e: Interval, damping: str = "") -> str:
     if len(laws) != 1:
         return grows
     power, name = laws[0]
-    if all(term in PAPER_TERMS for term in damping.split("+") if term):
+    if damping in ("", name.lower()):
         return f"{grows}, which is {name}"
     return f"{grows}, near the v^{power} of {name} damping"
 

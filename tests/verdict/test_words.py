@@ -60,11 +60,11 @@ def test_the_exponent_in_words():
 
 
 def test_an_exponent_near_coulombs_does_not_call_another_law_coulomb() -> None:
-    """Control: it does where the sum named is of the three laws."""
-    for damping in ["eddy", "eddy+viscous", "structural"]:
+    """Control: it does where the damping named is Coulomb friction."""
+    for damping in ["eddy", "eddy+viscous", "structural", "viscous+coulomb"]:
         e = Interval(0.07, 0.0, 0.38)
         assert loses_like(e, damping) == "grows as v^0.07 (0 to 0.38), near the v^0 of Coulomb damping"
-        assert loses_like(e, "viscous+coulomb").endswith(", which is Coulomb")
+        assert loses_like(e, "coulomb").endswith(", which is Coulomb")
         assert loses_like(Interval(1.5, 1.3, 1.7), damping) == "grows as v^(1.50 ± 0.20)"
 
 
