@@ -108,7 +108,7 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"; \
 	$(BIN)/python -m compileall -q bayesdamp; \
 	echo "compiling the equations of motion, once, about 15 s"; \
-	$(BIN)/python -c "from bayesdamp.physics.kernel.warm import warm; warm()"; \
+	$(BIN)/python -c "from bayesdamp.physics.kernel.solve import warm; warm()"; \
 	touch $@
 
 clean:

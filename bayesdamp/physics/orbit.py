@@ -11,27 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bayesdamp.physics.arrays import slope_of
+from bayesdamp.physics.forces import newton_many, slope_of
 from bayesdamp.physics.oscillator import Oscillator, Parameters
-from bayesdamp.physics.rest import newton_many
 
-NODES = 32
-NEWTON = 30
-CENTRING = 8
-
-
-def _rule() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return nodes φ and weights between ±π/2, and the matrix that integrates from each node to π/2."""
-    t, w = np.polynomial.legendre.leggauss(NODES)
-    # ∫ P_k from a to 1 is (P_k−1(a) − P_k+1(a)) / (2k + 1), with 1 for P_−1.
-    p = np.polynomial.legendre.legvander(t, NODES)
-    above = 0.5 * (np.column_stack([np.ones(NODES), p[:, : NODES - 1]]) - p[:, 1:])
-    part = above @ (p[:, :NODES].T * w)
-    return 0.5 * np.pi * t, 0.5 * np.pi * w, 0.5 * np.pi * part
-
-
-PHI, WEIGHT, BEYOND = _rule()
+NODES, NEWTON, CENTRING = 32, 30, 8
+"""Nodes of the quadrature; steps to the equilibrium and to the middle of the turning points."""
+_T, _W = np.polynomial.legendre.leggauss(NODES)
+PHI, WEIGHT = 0.5 * np.pi * _T, 0.5 * np.pi * _W
+"""Nodes between ±π/2 and their weights."""
 SINE, COSINE = np.sin(PHI), np.cos(PHI)
+_P = np.polynomial.legendre.legvander(_T, NODES)
+# ∫ P_k from a to 1 is (P_k−1(a) − P_k+1(a)) / (2k + 1), with 1 for P_−1.
+_ABOVE = 0.5 * (np.column_stack([np.ones(NODES), _P[:, : NODES - 1]]) - _P[:, 1:])
+BEYOND = 0.5 * np.pi * (_ABOVE @ (_P[:, :NODES].T * _W))
+"""The matrix that integrates from each node to π/2."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +80,7 @@ def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, near: ArrayLike)
         velocity = np.sqrt(square)
         upper, lower = force(c + a), force(c - a)
         half = 0.5 * (c + a - rest)
-        t, w = np.polynomial.legendre.leggauss(NODES)
-        energy = half * np.sum(w * force(rest + half * (t + 1.0)), axis=-1, keepdims=True)
+        energy = half * np.sum(_W * force(rest + half * (_T + 1.0)), axis=-1, keepdims=True)
         x = c + a * SINE
         drag = osc.damping_force(x, velocity, column) - osc.damping_force(x, -velocity, column)
         motion = np.all(square > 0, axis=-1, keepdims=True) & (slope_of(force, rest) > 0)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
-from bayesdamp.physics.rest import bracket, by_kernel, frequency_over, newton_many, rest_near
+from bayesdamp.physics.forces import bracket, by_kernel, frequency_over, newton_many, rest_near
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 
 Parameters = Mapping[str, float | np.ndarray]

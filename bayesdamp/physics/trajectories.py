@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from bayesdamp.physics.forces import by_kernel, newton, rest_near
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, QUANTITIES, Motion, Solver
 from bayesdamp.physics.oscillator import POINTS, REACH, Oscillator
-from bayesdamp.physics.rest import by_kernel, newton, rest_near
 from bayesdamp.types import Refusal
 
 STEPS_PER_CYCLE = 25.0
@@ -103,9 +103,13 @@ class Trajectories:
         slopes = np.zeros((len(names), self._count))
         of_rest = self._slopes_of_rest(p) if self._rests else {}
         for row, name in zip(slopes, names, strict=True):
-            if name == "epsilon":
-                row += self._by_epsilon(p)
-                continue
+            epsilon = _epsilon(p)
+            if (
+                name == "epsilon" and epsilon > 0.0
+            ):  # at 0 the energy that friction takes depends on its square
+                ends = [self._solved(p, epsilon * (1.0 + sign * OF_A_RECORD), NONE) for sign in (1.0, -1.0)]
+                up, down = (np.full(self._count, np.nan) if m is None else m.y[: self._count] for m in ends)
+                row += (up - down) / (2.0 * OF_A_RECORD * epsilon)
             for place, own in enumerate(self._solver.names):
                 if own == name or (own == "rest" and name in of_rest):
                     share = 1.0 if own == name else of_rest[name]
@@ -151,15 +155,6 @@ class Trajectories:
             solver = _with_epsilon(solver, epsilon)
         vector = np.array([float(values[name]) for name in solver.names])
         return solver.solve(vector, self._active, tangents=tangents, tolerance=self._tolerance)
-
-    def _by_epsilon(self, p: Mapping[str, float]) -> np.ndarray:
-        """Return the derivative of the samples by the width of friction's switch, (n,)."""
-        epsilon = _epsilon(p)
-        if epsilon == 0.0:  # the energy that friction takes depends on its square
-            return np.zeros(self._count)
-        ends = [self._solved(p, epsilon * (1.0 + sign * OF_A_RECORD), NONE) for sign in (1.0, -1.0)]
-        up, down = (np.full(self._count, np.nan) if m is None else m.y[: self._count] for m in ends)
-        return (up - down) / (2.0 * OF_A_RECORD * epsilon)
 
     def _rest(self, p: Mapping[str, float]) -> float | None:
         """Return the equilibrium of the restoring law at p; None where there is none nearby."""

@@ -109,15 +109,6 @@ def measure_swing(y: np.ndarray) -> Swing:
     )
 
 
-def _proportional(a: np.ndarray, b: np.ndarray) -> bool:
-    """Return whether b (n,) is a (n,) in another unit or with another zero."""
-    if a.size != b.size:
-        return False
-    both = np.isfinite(a) & np.isfinite(b)
-    with np.errstate(all="ignore"):  # of a constant column, and of one that overflows
-        return int(both.sum()) >= 10 and bool(abs(np.corrcoef(a[both], b[both])[0, 1]) > ALIKE)
-
-
 @dataclass(frozen=True, eq=False)
 class RecordColumns:
     """The columns of one record.
@@ -204,11 +195,10 @@ def choose_columns(
     places = list(dict.fromkeys((split_run(c)[1], c.group) for c in columns))
     # Where names mark runs, a column without a mark, such as the only one of times, belongs to all of them.
     places = [p for p in places if p[0] or not any(q[0] and q[1] == p[1] for q in places)]
-    blocks = [_block(content, run, group, timed, rate) for run, group in places]
     if runs is not None:
-        labels = list(dict.fromkeys(block.run for block in blocks if block.run))
-        blocks = [block for run in select_runs(runs, labels) for block in blocks if block.run == run]
-    blocks = [_with_named_time(block) for block in blocks]
+        labels = list(dict.fromkeys(run for run, _ in places if run))
+        places = [place for run in select_runs(runs, labels) for place in places if place[0] == run]
+    blocks = [_block(content, run, group, timed, rate) for run, group in places]
     if wanted:
         chosen = [record for column in wanted if (record := _wanted_record(content, column, blocks))]
         if not chosen:
@@ -239,18 +229,30 @@ def choose_columns(
 
 
 def _block(content: Contents, run: str, group: str, timed: list[Column], rate: float | None) -> _Block:
-    """Return the columns of a run and group, with their times or their rate where the file has them."""
+    """Return the columns of a run and group, with their times or their rate where the file has them.
+
+    Raises InputError where a column that is named like times has another length than the values.
+    """
     columns = tuple(c for c in content.columns if c.group == group and split_run(c)[1] in (run, ""))
     own = tuple(c for c in columns if split_run(c)[1] == run) if run else columns
     if rate is not None:
-        return _Block(run, own, None, rate, _other_rate(_time_column(own) or _time_column(columns), rate))
+        time, why = _time_column(own) or _time_column(columns), ()
+        if time is not None:
+            step = float(np.median(np.diff(time.values[np.isfinite(time.values)])))
+            seconds = seconds_of_unit(time)
+            counts_samples = seconds is None and step == 1.0
+            stated = 1 / (step * (seconds or 1.0)) if step > 0 and not counts_samples else rate
+            if not abs(rate / stated - 1) < DIFFER:
+                read_at = f"the record is read at {rate:.6g} Hz, as asked"
+                why = (f"Times in column {time.name!r} are at {stated:.6g} Hz; {read_at}.",)
+        return _Block(run, own, None, rate, why)
     if timed:
         mine = [c for c in timed if split_run(c)[1] == run] or timed
         return _Block(run, own, mine[0])
     size = max((c.values.size for c in own), default=0)
-    outside = tuple(
+    outside = [
         c for c in content.columns if c.group == "" and group and names_time(c) and c.values.size == size
-    )
+    ]
     time = _time_column(own) or _time_column(columns) or _time_column(outside)
     facts = {  # of the group that the columns belong to
         name: value
@@ -265,22 +267,18 @@ def _block(content: Contents, run: str, group: str, timed: list[Column], rate: f
         return _Block(run, own, time, None, (f"Times are those of column {time.name!r}.",) if named else ())
     if stated is not None:
         return _Block(run, own, None, stated[0], (f"The file says {stated[1]!r}: {stated[0]:g} Hz.",))
-    return _Block(run, own)
-
-
-def _other_rate(time: Column | None, rate: float) -> tuple[str, ...]:
-    """Return a sentence where the file's own times have another rate than the given one, in Hz."""
-    if time is None:
-        return ()
-    step = float(np.median(np.diff(time.values[np.isfinite(time.values)])))
-    seconds = seconds_of_unit(time)
-    if step <= 0 or (seconds is None and step == 1.0):  # which counts samples
-        return ()
-    own = 1 / (step * (seconds or 1.0))
-    sentence = (
-        f"Times in column {time.name!r} are at {own:.6g} Hz; the record is read at {rate:.6g} Hz, as asked."
-    )
-    return () if abs(rate / own - 1) < DIFFER else (sentence,)
+    if any(c.rate is not None for c in own):
+        return _Block(run, own)
+    # Without any clock: the column that is named like times, even if it does not increase, which cleaning reports.
+    time = next((c for c in own if names_time(c) and not names_index(c)), None)
+    if time is not None and len(own) == 2 and own[0].values.size != own[1].values.size:
+        other = own[1] if time is own[0] else own[0]
+        raise InputError(
+            f"has {time.values.size} times in {time.name!r} and {other.values.size} values in "
+            f"{other.name!r}; a record has as many of both: export it again, or give the rate in Hz",
+            arguments=["rate"],
+        )
+    return _Block(run, own, time)
 
 
 def separate_clocks(content: Contents) -> Contents:
@@ -375,25 +373,6 @@ def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
     raise InputError(f"{what}; columns are {list_names(content.columns)}", arguments=["time", "rate"])
 
 
-def _with_named_time(block: _Block) -> _Block:
-    """Give a block without any clock the column that is named like times, even if its times do not increase.
-
-    Cleaning reports what is wrong with them. Raises InputError where that column has another length.
-    """
-    time = next((c for c in block.columns if names_time(c) and not names_index(c)), None)
-    clocked = block.time is not None or block.rate is not None
-    if time is None or clocked or any(c.rate is not None for c in block.columns):
-        return block
-    for other in block.columns:
-        if len(block.columns) == 2 and other.values.size != time.values.size:
-            raise InputError(
-                f"has {time.values.size} times in {time.name!r} and {other.values.size} values in "
-                f"{other.name!r}; a record has as many of both: export it again, or give the rate in Hz",
-                arguments=["rate"],
-            )
-    return replace(block, time=time)
-
-
 def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumns]:
     """Return the choice in each block; of several runs, the column that most of them would choose."""
     picks = [_choose_in_block(content, block) for block in blocks]
@@ -434,32 +413,91 @@ def _refuse_unclear(content: Contents, records: list[RecordColumns]) -> None:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A column that may be a record: how it swings, and the unit and quantity that the file states."""
+
+    column: Column
+    swing: Swing
+    unit: str
+    quantity: str
+
+    @property
+    def base(self) -> str:
+        """The base unit; the unit itself where it is not known."""
+        return UNITS[self.unit].base if self.unit in UNITS else self.unit
+
+
 def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], str]:
     """Return the columns of one run that are a record each, and why."""
     values = block.candidates or block.values
     if len(values) == 1:
         return values, ""
-    swings = {id(c): measure_swing(c.values) for c in values}
-    moving = [c for c in values if swings[id(c)].swings] or values
-    moving = [c for c in moving if swings[id(c)].lasts] or moving
-    if not content.channels or all(unit_said(c)[0] for c in moving):
-        moving = _lowest_derivative(_across_gravity(moving, swings))
-        if len(moving) <= _PAIRS:
-            moving = _independent(moving, swings)
-        moving = [c for c in moving if not _DERIVED.search(split_run(c)[0])] or moving
-        moving = [c for c in moving if swings[id(c)].dies] or moving
+    every = [_Candidate(c, measure_swing(c.values), *unit_said(c)) for c in values]
+    left = [c for c in every if c.swing.swings] or every
+    left = [c for c in left if c.swing.lasts] or left
+    if not content.channels or all(c.unit for c in left):
+        # The pull of a pendulum's string is largest twice in a cycle: leave out an axis with gravity that swings at
+        # twice the frequency of another.
+        level = [c for c in left if not _contains_gravity(c.column)]
+        left = [
+            c
+            for c in left
+            if c in level
+            or not any(
+                (other.unit, other.quantity) == (c.unit, c.quantity)
+                and abs(other.swing.period / c.swing.period / 2 - 1) < _ABOUT_TWICE
+                for other in level
+            )
+        ]
+        # Leave out derivatives of other columns: a velocity where there is a displacement of the same kind.
+        lowest = {
+            base: min(_ORDER[c.quantity] for c in left if c.base == base) for base in {c.base for c in left}
+        }
+        left = [c for c in left if _ORDER[c.quantity] == lowest[c.base]]
+        if len(left) <= _PAIRS:
+            left = _independent(left)
+        left = [c for c in left if not _DERIVED.search(split_run(c.column)[0])] or left
+        left = [c for c in left if c.swing.dies] or left
     if not content.channels:
-        moving = _largest(moving, swings)
-        if not any(unit_said(c)[0] for c in moving):
-            moving = [c for c in moving if not swings[id(c)].grows_again] or moving
-    if len(moving) > 1:
-        out = ", ".join([quote_name(content.columns, c) for c in values if c not in moving][:LEFT_OUT])
-        return moving, f"Columns that do not oscillate and decay are left out: {out}." if out else ""
-    used = f"Using column {quote_name(content.columns, moving[0])}"
+        sizes = [c.swing.size for c in left]
+        if not any(c.unit for c in left):
+            far = [c for c in left if c.swing.size >= _FAR * sorted(sizes)[-2:][0]]
+            left = far if len(far) == 1 else left
+            left = [c for c in left if not c.swing.grows_again] or left
+        elif len({(c.unit, c.quantity) for c in left}) == 1:  # sensors of one unit
+            left = [c for c in left if c.swing.size >= _MINOR * max(sizes)]
+    chosen = [c.column for c in left]
+    if len(chosen) > 1:
+        out = ", ".join([quote_name(content.columns, c) for c in values if c not in chosen][:LEFT_OUT])
+        return chosen, f"Columns that do not oscillate and decay are left out: {out}." if out else ""
+    used = f"Using column {quote_name(content.columns, chosen[0])}"
     return (
-        moving,
+        chosen,
         f"{used}: of the {len(values)} columns that change, it is the one that oscillates and decays.",
     )
+
+
+def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
+    """Leave out what is another column in another unit or with another zero."""
+    independent: list[_Candidate] = []
+    for candidate in candidates:
+        b = candidate.column.values
+        twin = None
+        for other in independent:
+            a = other.column.values
+            if a.size == b.size and np.sum(both := np.isfinite(a) & np.isfinite(b)) >= LEAST:
+                with np.errstate(all="ignore"):  # of a constant column, and of one that overflows
+                    if abs(np.corrcoef(a[both], b[both])[0, 1]) > ALIKE:
+                        twin = other
+                        break
+        if twin is None:
+            independent.append(candidate)
+        elif (twin.unit, twin.quantity) == (candidate.unit, candidate.quantity):
+            # Of one unit, as the axes of a sensor are: the one that shows more.
+            larger = candidate if candidate.swing.size > twin.swing.size else twin
+            independent[independent.index(twin)] = larger
+    return independent
 
 
 def _contains_gravity(column: Column) -> bool:
@@ -471,55 +509,3 @@ def _contains_gravity(column: Column) -> bool:
     factor = 1.0 if not unit else UNITS[unit].factor if unit in UNITS and UNITS[unit].base == "m" else 0.0
     may_be = quantity == "acceleration" or not (unit or quantity)
     return may_be and abs(abs(float(y.mean())) * factor / gravity - 1) < _ABOUT_G
-
-
-def _across_gravity(columns: list[Column], swings: dict[int, Swing]) -> list[Column]:
-    """Leave out accelerations that contain gravity where another axis swings at half their frequency.
-
-    The pull of a pendulum's string is largest twice in a cycle.
-    """
-    across: list[Column] = []
-    for column in columns:
-        if _contains_gravity(column):
-            others = [c for c in columns if unit_said(c) == unit_said(column) and not _contains_gravity(c)]
-            ratios = [swings[id(c)].period / swings[id(column)].period / 2 for c in others]
-            if any(abs(ratio - 1) < _ABOUT_TWICE for ratio in ratios):
-                continue
-        across.append(column)
-    return across
-
-
-def _independent(columns: list[Column], swings: dict[int, Swing]) -> list[Column]:
-    """Leave out what is another column in another unit."""
-    independent: list[Column] = []
-    for column in columns:
-        twin = next((c for c in independent if _proportional(c.values, column.values)), None)
-        if twin is None:
-            independent.append(column)
-        elif unit_said(twin) == unit_said(column) and swings[id(column)].size > swings[id(twin)].size:
-            # Of one unit, as the axes of a sensor are: the one that shows more.
-            independent[independent.index(twin)] = column
-    return independent
-
-
-def _lowest_derivative(columns: list[Column]) -> list[Column]:
-    """Leave out derivatives of other columns: a velocity where there is a displacement of the same kind."""
-    kinds = [unit_said(c) for c in columns]
-    ranks = [(UNITS[unit].base if unit in UNITS else unit, _ORDER[quantity]) for unit, quantity in kinds]
-    lowest = {base: min(order for other, order in ranks if other == base) for base, _ in ranks}
-    return [c for c, (base, order) in zip(columns, ranks, strict=True) if order == lowest[base]]
-
-
-def _largest(columns: list[Column], swings: dict[int, Swing]) -> list[Column]:
-    """Return, of sensors of one unit, those that swing nearly as much as the largest.
-
-    Where no unit is stated, that is the one that swings far more than all others.
-    """
-    sizes = [swings[id(c)].size for c in columns]
-    kinds = {unit_said(c) for c in columns}
-    if not any(unit for unit, _ in kinds):
-        far = [c for c, size in zip(columns, sizes, strict=True) if size >= _FAR * sorted(sizes)[-2:][0]]
-        return far if len(far) == 1 else columns
-    if len(kinds) > 1:
-        return columns
-    return [c for c, size in zip(columns, sizes, strict=True) if size >= _MINOR * max(sizes)]

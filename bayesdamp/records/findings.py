@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -87,7 +86,50 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     given
         Whether the user states the unit.
     """
-    return tuple(_doubts(raw, unit, quantity, given))
+    doubts: list[Finding] = []
+    size = half_swing(raw)
+    if quantity == "angle" and not given and raw.unit == "" and size > HALF_TURN and unit in _ASSUMED:
+        turns = size / (2 * math.pi)
+        why = f"no unit given, and its values reach {size:.3g}: {turns:.2g} turns to either side if radians"
+        what, option = _ASSUMED[unit]
+        doubts.append(Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit", unit)))
+    if not given and unit == "rad" and raw.unit and raw.unit not in UNITS:
+        sentence = f"its unit, {raw.unit!r}, is not one of a displacement"
+        option = "--unit counts for a sensor of unknown scale; mm, deg ... if that is its unit"
+        doubts.append(Finding(Kind.UNIT, sentence, option, ("unit", "counts"), arguments=("unit",)))
+    swing = measure_swing(raw.y)
+    # Times that go back are reported when they are used.
+    if raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0)):
+        stated = (given or raw.unit in UNITS) and quantity == "angle"
+        doubt = _doubt_times(raw, raw.t, swing)
+        if doubt is None and stated and swing.swings and raw.provenance.time_unit == "file":
+            doubt = _doubt_speed(raw, raw.t, unit, swing)
+        doubts += [doubt] if doubt is not None else []
+    if raw.rate is not None and swing.swings:
+        period = swing.period / raw.rate
+        if raw.rate < 1:
+            sentence = (
+                f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
+            )
+            rate = f"{1 / raw.rate:.6g}"
+            doubts.append(Finding(Kind.PERIOD, sentence, f"--rate {rate}", ("rate", rate)))
+        elif not SHORT < period < LONG:
+            sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is the rate in Hz?"
+            doubts.append(Finding(Kind.PERIOD, sentence, "--rate HZ", ("rate", "HZ")))
+    by_file = sampling_rate(raw.provenance.facts)
+    used = raw.rate
+    if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:
+        used = (raw.t.size - 1) / float(raw.t[-1] - raw.t[0])
+    if used is not None and by_file is not None and abs(used / by_file[0] - 1) > DIFFER:
+        sentence = f"its file states {by_file[0]:.6g} Hz, and it is read at {used:.6g} Hz"
+        doubts.append(Finding(Kind.RATE, sentence, f"--rate {by_file[0]:.6g} takes the file's"))
+    still = raw.provenance.constant_columns
+    if still:
+        names = ", ".join(repr(str(name)[:40]) for name in still[:4])
+        more = f" and {len(still) - 4} more" if len(still) > 4 else ""
+        sentence = f"left out because {'they do' if len(still) > 1 else 'it does'} not change: {names}{more}"
+        doubts.append(Finding(Kind.CONSTANT, sentence, "--angle NAME takes another column"))
+    return tuple(doubts)
 
 
 def question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
@@ -97,35 +139,6 @@ def question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding |
     """
     doubts = findings(raw, unit, quantity, given) if unit in UNITS else ()
     return next((doubt for doubt in doubts if doubt.kind in QUESTIONS), None)
-
-
-def _doubts(raw: RawRecord, unit: str, quantity: str, given: bool) -> Iterator[Finding]:
-    size = half_swing(raw)
-    if quantity == "angle" and not given and raw.unit == "" and size > HALF_TURN and unit in _ASSUMED:
-        turns = size / (2 * math.pi)
-        why = f"no unit given, and its values reach {size:.3g}: {turns:.2g} turns to either side if radians"
-        what, option = _ASSUMED[unit]
-        yield Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit", unit))
-    if not given and unit == "rad" and raw.unit and raw.unit not in UNITS:
-        sentence = f"its unit, {raw.unit!r}, is not one of a displacement"
-        option = "--unit counts for a sensor of unknown scale; mm, deg ... if that is its unit"
-        yield Finding(Kind.UNIT, sentence, option, ("unit", "counts"), arguments=("unit",))
-    swing = measure_swing(raw.y)
-    # Times that go back are reported when they are used.
-    if raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0)):
-        stated = (given or raw.unit in UNITS) and quantity == "angle"
-        doubt = _doubt_times(raw, raw.t, swing)
-        if doubt is None and stated and swing.swings and raw.provenance.time_unit == "file":
-            doubt = _doubt_speed(raw, raw.t, unit, swing)
-        if doubt is not None:
-            yield doubt
-    yield from _doubt_rates(raw, swing)
-    still = raw.provenance.constant_columns
-    if still:
-        names = ", ".join(repr(str(name)[:40]) for name in still[:4])
-        more = f" and {len(still) - 4} more" if len(still) > 4 else ""
-        sentence = f"left out because {'they do' if len(still) > 1 else 'it does'} not change: {names}{more}"
-        yield Finding(Kind.CONSTANT, sentence, "--angle NAME takes another column")
 
 
 def _doubt_times(raw: RawRecord, t: np.ndarray, swing: Swing) -> Finding | None:
@@ -173,25 +186,3 @@ def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str, swing: Swing) -> Find
     known = next((u for u in ("s", "ms", "us", "ns", "ps") if SECONDS[u] == own), "as the header says")
     option = f"--time-unit {better}, or {known} if they are"
     return Finding(Kind.TIME_UNIT, sentence, option, ("time-unit", better))
-
-
-def _doubt_rates(raw: RawRecord, swing: Swing) -> Iterator[Finding]:
-    """Doubt a rate that makes the period absurd, or that differs from what the file states."""
-    if raw.rate is not None and swing.swings:
-        period = swing.period / raw.rate
-        if raw.rate < 1:
-            sentence = (
-                f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
-            )
-            rate = f"{1 / raw.rate:.6g}"
-            yield Finding(Kind.PERIOD, sentence, f"--rate {rate}", ("rate", rate))
-        elif not SHORT < period < LONG:
-            sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is the rate in Hz?"
-            yield Finding(Kind.PERIOD, sentence, "--rate HZ", ("rate", "HZ"))
-    stated = sampling_rate(raw.provenance.facts)
-    used = raw.rate
-    if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:
-        used = (raw.t.size - 1) / float(raw.t[-1] - raw.t[0])
-    if used is not None and stated is not None and abs(used / stated[0] - 1) > DIFFER:
-        sentence = f"its file states {stated[0]:.6g} Hz, and it is read at {used:.6g} Hz"
-        yield Finding(Kind.RATE, sentence, f"--rate {stated[0]:.6g} takes the file's")

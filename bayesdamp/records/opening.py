@@ -224,7 +224,16 @@ def _read_head(path: Path) -> bytes:
         right = f"did you mean {close[0]!r}?" if close else "give the path of a record"
         raise InputError(f"no such file; {right}") from None
     if stat.S_ISDIR(mode):
-        raise InputError(f"is a folder, not a file; give {_files_in(path)}")
+        try:
+            kinds = Counter(p.suffix for p in islice(path.iterdir(), LISTED) if p.suffix and p.is_file())
+        except OSError:
+            kinds = Counter[str]()
+        readable = {extension for name in READERS.names() for extension in READERS.get(name).extensions}
+        right = "one of the files in it"
+        readable_kinds = ((kind, count) for kind, count in kinds.most_common() if kind.lower() in readable)
+        for kind, count in islice(readable_kinds, 1):
+            right = f"the files in it: {str(path)[:80]}/*{kind} ({count} file{'s' if count > 1 else ''})"
+        raise InputError(f"is a folder, not a file; give {right}")
     if not stat.S_ISREG(mode):
         raise InputError("is a device or a pipe, not a file; write its data to a file first")
     size = path.stat().st_size
@@ -241,16 +250,3 @@ def _read_head(path: Path) -> bytes:
     if not head.strip(b" \t\r\n\0\xef\xbb\xbf"):
         raise InputError("contains nothing but blanks; export the record again")
     return head
-
-
-def _files_in(folder: Path) -> str:
-    """Return what to give in place of a folder: its files of the most frequent kind that a reader reads."""
-    try:
-        kinds = Counter(p.suffix for p in islice(folder.iterdir(), LISTED) if p.suffix and p.is_file())
-    except OSError:
-        kinds = Counter[str]()
-    readable = {extension for name in READERS.names() for extension in READERS.get(name).extensions}
-    for kind, count in kinds.most_common():
-        if kind.lower() in readable:
-            return f"the files in it: {str(folder)[:80]}/*{kind} ({count} file{'s' if count > 1 else ''})"
-    return "one of the files in it"

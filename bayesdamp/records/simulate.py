@@ -87,7 +87,13 @@ def simulate_signal(
     clean = np.asarray(simulate(osc, dict(p), t, quantity=quantity), float)
     if not np.all(np.isfinite(clean)):
         raise InputError("the simulated oscillator does not stay finite; change its parameters", name)
-    y = clean + noise_sd * _noise(noise, t, noise_time, noise_dof, rng)
+    heavy = noise == "student_t"
+    scatter = rng.standard_t(noise_dof or 1.0, samples) if heavy else rng.standard_normal(samples)
+    if noise == "correlated" and noise_time is not None:
+        rho = np.exp(-np.diff(t) / noise_time)
+        for i in range(1, samples):
+            scatter[i] = rho[i - 1] * scatter[i - 1] + np.sqrt(1 - rho[i - 1] ** 2) * scatter[i]
+    y = clean + noise_sd * scatter
     notes = [f"Simulated: {samples} samples in {duration:g} s."]
     spikes = round(outliers * samples) if outliers < 1 else int(outliers)
     if spikes:
@@ -109,19 +115,3 @@ def simulate_signal(
         more={"simulated": True, "sampling_rate": (samples - 1) / duration, "samples": int(keep.sum())},
     )
     return Signal(t[keep], y[keep], quantity, unit, name, float(quantum), provenance)
-
-
-def _noise(
-    kind: str, t: np.ndarray, time: float | None, dof: float | None, rng: np.random.Generator
-) -> np.ndarray:
-    """Draw noise of unit scale at times t (n,)."""
-    if kind == "student_t":
-        return rng.standard_t(dof or 1.0, t.size)
-    white = rng.standard_normal(t.size)
-    if kind == "gaussian" or time is None:
-        return white
-    rho = np.exp(-np.diff(t) / time)
-    out = white.copy()
-    for i in range(1, t.size):
-        out[i] = rho[i - 1] * out[i - 1] + np.sqrt(1 - rho[i - 1] ** 2) * white[i]
-    return out

@@ -67,7 +67,7 @@ def cache() -> CheckResult:
 
 def kernels() -> CheckResult:
     """Load the compiled kernels, and compile them where that is needed."""
-    from bayesdamp.physics.kernel.warm import warm
+    from bayesdamp.physics.kernel.solve import warm
 
     began = time.perf_counter()
     warm()

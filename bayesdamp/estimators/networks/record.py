@@ -15,7 +15,7 @@ from bayesdamp.estimators.shared import (
     ratios_per_unit,
     start_parameters,
 )
-from bayesdamp.physics.arrays import slope_of
+from bayesdamp.physics.forces import slope_of
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Problem, Signal
 

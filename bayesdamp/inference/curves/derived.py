@@ -28,7 +28,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.physics.arrays import slope_of
+from bayesdamp.physics.forces import slope_of
 from bayesdamp.physics.orbit import Cycle, cycle, rest_position
 from bayesdamp.physics.oscillator import Oscillator
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from bayesdamp.inference.deviation.averaged import Averaged, average_of
 from bayesdamp.inference.noise._residuals import CORRELATED, GAUSSIAN, SampleNoise
+from bayesdamp.physics.forces import by_kernel, rest_near
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.averaged import NUMBERS, AveragedSolver
-from bayesdamp.physics.kernel.windows import Windows
-from bayesdamp.physics.rest import by_kernel, rest_near
+from bayesdamp.physics.kernel.solve import Windows
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import Reference, Signal

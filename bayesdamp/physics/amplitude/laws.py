@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
@@ -19,15 +20,7 @@ from bayesdamp.physics.kernel.solve import ALL, PARAMETERS, Motion
 
 POWERS: Mapping[str, float] = {"viscous": 1.0, "coulomb": 0.0, "quadratic": 2.0}
 """Power of the amplitude with which a term's loss grows, in the order in which sums name them."""
-SUMS: tuple[tuple[str, ...], ...] = (
-    ("viscous",),
-    ("coulomb",),
-    ("quadratic",),
-    ("viscous", "coulomb"),
-    ("viscous", "quadratic"),
-    ("coulomb", "quadratic"),
-    ("viscous", "coulomb", "quadratic"),
-)
+SUMS = tuple(terms for count in (1, 2, 3) for terms in combinations(POWERS, count))
 RESTED = -60.0
 """ln(A/A_ref) of an oscillation that has come to rest."""
 EXPONENTS = -1.0, 3.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from bayesdamp.physics.damping._term import DampingTerm
+from bayesdamp.physics.damping import DampingTerm
 from bayesdamp.types import Symbol
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bayesdamp.physics.damping._term import DampingTerm
+from bayesdamp.physics.damping import DampingTerm
 from bayesdamp.types import Symbol
 
 

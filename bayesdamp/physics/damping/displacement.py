@@ -3,7 +3,7 @@
 It is that of van der Pol with the opposite sign (B. van der Pol, Phil. Mag. 2, 978 (1926)).
 """
 
-from bayesdamp.physics.damping._term import DampingTerm
+from bayesdamp.physics.damping import DampingTerm
 from bayesdamp.types import Symbol
 
 

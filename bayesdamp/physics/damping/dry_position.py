@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesdamp.physics.damping._term import DampingTerm, FreeParameter
+from bayesdamp.physics.damping import DampingTerm, FreeParameter
 from bayesdamp.priors import Normal
 from bayesdamp.types import Symbol
 

@@ -7,7 +7,7 @@ J. Sound Vib. 268, 839 (2003)).
 import math
 from collections.abc import Mapping
 
-from bayesdamp.physics.damping._term import DampingTerm, FreeParameter
+from bayesdamp.physics.damping import DampingTerm, FreeParameter
 from bayesdamp.priors import Uniform
 from bayesdamp.types import Symbol
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from scipy.special import dawsn
 
-from bayesdamp.physics.damping._term import DampingTerm, FreeParameter
+from bayesdamp.physics.damping import DampingTerm, FreeParameter
 from bayesdamp.priors import HalfNormal, LogUniform
 from bayesdamp.types import Symbol
 

@@ -5,7 +5,7 @@ The loss in a cycle does not depend on its frequency (T. J. Reid, J. R. Aeronaut
 
 import math
 
-from bayesdamp.physics.damping._term import DampingTerm
+from bayesdamp.physics.damping import DampingTerm
 from bayesdamp.types import Symbol
 
 

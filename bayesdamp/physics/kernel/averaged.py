@@ -104,12 +104,13 @@ class AveragedSolver(Solver):
     ) -> Motion | None:
         """As `Solver.solve`; stop counts a block's numbers."""
         blocks = len(self.track.sizes) if stop is None else -(-stop // NUMBERS)
-        inner, order = self._read(blocks)
+        if blocks not in self._readers:
+            t, order = _sorted(self.track.times[:blocks])
+            self._readers[blocks] = self._plain(t, self.knots), order
+        inner, order = self._readers[blocks]
         p = np.array(p, float)
         p[: len(self.terms)] *= self.slowness
-        if (
-            tangents == ALL
-        ):  # the blocks are read up to a little before the last knot, and all knots have tangents
+        if tangents == ALL:  # the blocks end a little before the last knot, and all knots have tangents
             none = np.zeros(self.knots.size)
             g, h = none if g is None else g, none if h is None else h
         motion = inner.solve(p, active, g, h, tangents, tolerance=tolerance)
@@ -123,7 +124,13 @@ class AveragedSolver(Solver):
             y = y + self.defect[:stop]
         slopes = motion.tangents
         if tangents:
-            slopes = self._turned(z, *_projected(slopes, order, self.track.phases))[:stop]
+            turned, middle = _projected(slopes, order, self.track.phases)
+            relative = turned / z[:, None]
+            slopes = np.empty((NUMBERS * z.size, relative.shape[1]))
+            slopes[::NUMBERS] = np.abs(z)[:, None] * relative.real
+            slopes[1::NUMBERS] = self.track.sizes[: z.size, None] * self._stretched(relative.imag)
+            slopes[2::NUMBERS] = np.sqrt(2) * middle
+            slopes = slopes[:stop]
             slopes[:, : len(self.terms)] *= self.slowness
         return Motion(y, slopes, motion.times, motion.states)
 
@@ -131,18 +138,20 @@ class AveragedSolver(Solver):
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> AveragedSolver | None:
         """Set right at p, (k,), and deviations g and h; None where a motion escapes there."""
-        plain = replace(self, defect=None)
-        own, true = plain.solve(p, active, g, h, tangents=NONE), self.by_ode(p, active, g, h)
-        if own is None or true is None:
-            return None
-        return replace(self, defect=self._lacking(own.y, *true))
+        defect = replace(self, defect=None).error(p, active, g, h)
+        return None if defect is None else replace(self, defect=defect)
 
     def error(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> np.ndarray | None:
         """By how much the ODE's numbers are off those that `solve` gives, (3b,); None where a motion escapes."""
         own, true = self.solve(p, active, g, h, tangents=NONE), self.by_ode(p, active, g, h)
-        return None if own is None or true is None else self._lacking(own.y, *true)
+        if own is None or true is None:
+            return None
+        z, middle = true
+        size, phase, own_middle = own.y.reshape(-1, NUMBERS).T
+        more = np.unwrap(np.angle(z * np.exp(-1j * phase / self.track.sizes)))
+        return self._threes(np.abs(z) - size, more, middle - own_middle / np.sqrt(2))
 
     def by_ode(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
@@ -178,12 +187,6 @@ class AveragedSolver(Solver):
             p[-2:] = motion.states[-1, :2]
         return _projected(np.concatenate(read), order, self.track.real_phases)
 
-    def _lacking(self, own: np.ndarray, true: np.ndarray, middle: np.ndarray) -> np.ndarray:
-        """Return the difference of complex amplitudes and midlines, (b,), from the blocks' numbers, (3b,)."""
-        size, phase, own_middle = own.reshape(-1, NUMBERS).T
-        more = np.unwrap(np.angle(true * np.exp(-1j * phase / self.track.sizes)))
-        return self._threes(np.abs(true) - size, more, middle - own_middle / np.sqrt(2))
-
     def _stretched(self, phase: np.ndarray) -> np.ndarray:
         """Return the record's phases from the solved ones, (b, ...).
 
@@ -196,24 +199,9 @@ class AveragedSolver(Solver):
     def _threes(self, size: np.ndarray, phase: np.ndarray, middle: np.ndarray) -> np.ndarray:
         return np.column_stack([size, self.track.sizes[: size.size] * phase, np.sqrt(2) * middle]).ravel()
 
-    def _turned(self, z: np.ndarray, slopes: np.ndarray, middle: np.ndarray) -> np.ndarray:
-        """Slopes of the blocks' numbers, (3b, k), from those of complex amplitudes and midlines, (b, k) each."""
-        relative = slopes / z[:, None]
-        numbers = np.empty((NUMBERS * z.size, slopes.shape[1]))
-        numbers[::NUMBERS] = np.abs(z)[:, None] * relative.real
-        numbers[1::NUMBERS] = self.track.sizes[: z.size, None] * self._stretched(relative.imag)
-        numbers[2::NUMBERS] = np.sqrt(2) * middle
-        return numbers
-
-    def _read(self, blocks: int) -> tuple[Solver, np.ndarray]:
-        """Return a solver of the oscillation at the points of the first blocks, and their order in time."""
-        if blocks not in self._readers:
-            t, order = _sorted(self.track.times[:blocks])
-            self._readers[blocks] = self._plain(t, self.knots), order
-        return self._readers[blocks]
-
     @cached_property
     def _readers(self) -> dict[int, tuple[Solver, np.ndarray]]:
+        """Solvers of the oscillation at the points of the first so many blocks, and their order in time."""
         return {}
 
     def _plain(self, t: np.ndarray, knots: np.ndarray) -> Solver:

@@ -270,11 +270,17 @@ def _module(text: str) -> ModuleType:
 
 
 def _kept(name: str, text: str) -> Path:
-    """Return the module's file in a folder of its own: in the user's cache, or else in a temporary one."""
+    """Return the module's file in a folder of its own: in the user's cache, or else in a temporary one.
+
+    From the cache, the kernels that were not used for longest are removed, but never those in use.
+    """
     home = cache_folder() / "kernels"
     try:
         path = _written(home / name, text)
-        _evict(home)
+        folders = sorted(home.glob("bayesdamp_kernel_*"), key=lambda folder: folder.stat().st_mtime)
+        for folder in folders[: max(len(folders) - MOST_KEPT, 0)]:
+            if time.time() - folder.stat().st_mtime > IN_USE:
+                shutil.rmtree(folder, ignore_errors=True)
     except OSError:
         path = _written(_temporary() / name, text)
     return path
@@ -293,14 +299,6 @@ def _written(folder: Path, text: str) -> Path:
     if not os.access(folder, os.W_OK):
         raise PermissionError(f"{folder} is not writable")
     return path
-
-
-def _evict(home: Path) -> None:
-    """Remove the kernels that were not used for longest, those in use never."""
-    folders = sorted(home.glob("bayesdamp_kernel_*"), key=lambda folder: folder.stat().st_mtime)
-    for folder in folders[: max(len(folders) - MOST_KEPT, 0)]:
-        if time.time() - folder.stat().st_mtime > IN_USE:
-            shutil.rmtree(folder, ignore_errors=True)
 
 
 @cache

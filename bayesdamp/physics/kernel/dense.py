@@ -132,33 +132,3 @@ def slopes_at_times(times, slopes, columns, t, order):
                 )  # fmt: skip
         first = end
     return values
-
-
-@compiled
-def pulled(times, slopes, columns, t, order, weights):
-    """Sum weights, (n,), times the values of `slopes_at_times` at t, (n,), of slopes (s, k, 4): (columns.size,).
-
-    The weights' moments in each step are all that the polynomials of its tangents need.
-    """
-    values, first = np.zeros(columns.size), 0
-    for node in range(times.size - 1):
-        end = last_within(times, node, t, first)
-        if end == first:
-            continue
-        begun, step = times[node], times[node + 1] - times[node]
-        m0, m1, m2, m3, m4, m5, m6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for i in range(first, end):
-            u, w = (t[i] - begun) / step, weights[i]
-            u2 = u * u
-            u3, w3 = u * u2, w * u2 * u
-            m0, m1, m2, m3 = m0 + w, m1 + w * u, m2 + w * u2, m3 + w3
-            m4, m5, m6 = m4 + w3 * u, m5 + w3 * u2, m6 + w3 * u3
-        w0, w1, w2, w3, w4, w5, w6 = parts(m0, m1, m2, m3, m4, m5, m6, step, order)
-        for p in range(columns.size):
-            q = columns[p]
-            values[p] += (
-                w0 * slopes[node, q, 0] + w1 * slopes[node, q, 1] + w2 * slopes[node, q, 2] + w3 * slopes[node, q, 3]
-                + w4 * slopes[node + 1, q, 0] + w5 * slopes[node + 1, q, 1] + w6 * slopes[node + 1, q, 2]
-            )  # fmt: skip
-        first = end
-    return values

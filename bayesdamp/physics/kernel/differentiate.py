@@ -25,6 +25,9 @@ SLOPES = {
 }
 """Of functions of a number a of the value f."""
 
+_Value = tuple[str, dict[str, str]]
+"""The name of a value, and the names of its slopes by the seeds on which it depends."""
+
 
 class NoSlopeError(Exception):
     """The source has something of which no slope is known here."""
@@ -57,17 +60,14 @@ def differentiated(source: str, name: str, seeds: list[str]) -> str:
 
 
 class _Lines:
-    """Lines of a function, each of one operation on names and numbers.
-
-    A value is its name and the names of its slopes, by the seeds on which it depends.
-    """
+    """Lines of a function, each of one operation on names and numbers."""
 
     def __init__(self, seeds: list[str], arguments: list[str]) -> None:
         self.text: list[str] = []
         self.seeds = seeds
         self.known = {a: (a, {a: "1.0"} if a in seeds else {}) for a in arguments}
 
-    def of(self, node: ast.expr) -> tuple[str, dict[str, str]]:
+    def of(self, node: ast.expr) -> _Value:
         """Add the lines of an expression and return its value. Raises NoSlopeError."""
         match node:
             case ast.Constant(value=int() | float() as number):
@@ -88,9 +88,7 @@ class _Lines:
             case _:
                 raise NoSlopeError
 
-    def _of_two(
-        self, op: ast.operator, left: tuple[str, dict[str, str]], right: tuple[str, dict[str, str]]
-    ) -> tuple[str, dict[str, str]]:
+    def _of_two(self, op: ast.operator, left: _Value, right: _Value) -> _Value:
         (a, by_a), (b, by_b) = left, right
         match op:
             case ast.Add():
@@ -103,24 +101,17 @@ class _Lines:
                 f = self._new(f"{a} / {b}")
                 over = self._new(f"1.0 / {b}")
                 return f, self._chain([(over, by_a), (f"-{f} * {over}", by_b)])
+            case ast.Pow() if b == "2.0":
+                return self._new(f"{a} * {a}"), self._chain([(f"2.0 * {a}", by_a)])
             case ast.Pow():
-                return self._of_power(a, b, by_a, by_b)
+                f = self._new(f"{a} ** {b}")
+                fixed = b.replace(".", "").isdigit()
+                slope = f"{b} * {a} ** ({b} - 1.0)" if fixed else f"{b} * {f} / {a} if {a} != 0.0 else 0.0"
+                return f, self._chain([(slope, by_a), (f"{f} * math.log({a}) if {a} > 0.0 else 0.0", by_b)])
             case _:
                 raise NoSlopeError
 
-    def _of_power(
-        self, a: str, b: str, by_a: dict[str, str], by_b: dict[str, str]
-    ) -> tuple[str, dict[str, str]]:
-        if b == "2.0":
-            return self._new(f"{a} * {a}"), self._chain([(f"2.0 * {a}", by_a)])
-        f = self._new(f"{a} ** {b}")
-        fixed = b.replace(".", "").isdigit()
-        slope = f"{b} * {a} ** ({b} - 1.0)" if fixed else f"{b} * {f} / {a} if {a} != 0.0 else 0.0"
-        return f, self._chain([(slope, by_a), (f"{f} * math.log({a}) if {a} > 0.0 else 0.0", by_b)])
-
-    def _of_call(
-        self, called: ast.expr, given: list[tuple[str, dict[str, str]]]
-    ) -> tuple[str, dict[str, str]]:
+    def _of_call(self, called: ast.expr, given: list[_Value]) -> _Value:
         text, name = ast.unparse(called), ast.unparse(called).split(".")[-1].lstrip("_")
         values = [value for value, _ in given]
         f = self._new(f"{text}({', '.join(values)})")

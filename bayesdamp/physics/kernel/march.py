@@ -23,26 +23,24 @@ import math
 import numpy as np
 from numba import njit
 
-from bayesdamp.physics.kernel.forces import (
+from bayesdamp.physics.kernel.tangents import (
     JUMPS,
     LAW_SIZES,
     OWNERS,
-    SWITCHES,
-    damping,
-    gathered,
-    restoring,
-    shapes,
-)
-from bayesdamp.physics.kernel.tangents import (
     POINTS,
+    SWITCHES,
     add,
     along,
     carry,
     close,
     curvatures,
+    damping,
+    gathered,
     linearise,
     middle,
     over_a_step,
+    restoring,
+    shapes,
     turned,
 )
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel.build import Kernel, kernel_of, most_parameters
-from bayesdamp.physics.kernel.windows import Points, Windows
 from bayesdamp.physics.restoring import LAWS
 
 TOLERANCE = 3e-8
@@ -26,6 +26,84 @@ SHIPPED = (*PAPER_TERMS, "displacement", "stribeck", "power", "cubic", "structur
 """The damping terms that share one kernel, which is compiled once."""
 SHIPPED_LAWS = ("horizontal_pendulum", "linear", "pendulum", "duffing")
 """The restoring laws that share it."""
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Two points and weights in each window of samples.
+
+    The weighted sum of a motion's values at the two points is its mean over the samples: exactly for a cubic
+    polynomial (the Gauss rule of two points for the samples' own times), and within 1e-8 of the amplitude for an
+    oscillation with windows of an eightieth of a cycle.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n, 2)
+        The points, rising, in s.
+    weights : ndarray, shape (n, 2)
+        Their weights, of sum 1 in each window.
+
+    References
+    ----------
+    G. H. Golub and J. H. Welsch, Calculation of Gauss quadrature rules, Math. Comp. 23, 221 (1969).
+    """
+
+    times: np.ndarray
+    weights: np.ndarray
+
+    @classmethod
+    def of(cls, t: np.ndarray) -> Self:
+        """Return the points and weights of windows from the times of their samples.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n, m)
+            The times of the m samples in each of n windows, in s.
+        """
+        middle = t.mean(axis=1)
+        off = t - middle[:, None]
+        sd = np.sqrt(np.mean(off**2, axis=1))
+        scale = np.where(sd > 0, sd, 1.0)
+        skewness = np.mean((off / scale[:, None]) ** 3, axis=1)
+        root = np.sqrt(skewness**2 + 4)
+        low, high = 0.5 * (skewness - root), 0.5 * (skewness + root)
+        times = middle[:, None] + sd[:, None] * np.column_stack([low, high])
+        return cls(times, np.column_stack([high, -low]) / root[:, None])
+
+    def first(self, count: int | None) -> Windows:
+        """Return the first windows, all of them for None."""
+        return self if count is None else Windows(self.times[:count], self.weights[:count])
+
+
+@dataclass(frozen=True)
+class Points:
+    """Times at which a motion is read, and how its values there become those that are wanted.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,) or, with weights, (2n,)
+        Rising, in s.
+    weights : ndarray, shape (n, 2), or None
+        The weights of neighbouring points; None where the values at the points are wanted themselves.
+    """
+
+    t: np.ndarray
+    weights: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, t: np.ndarray, windows: Windows | None) -> Self:
+        """Return the points for values at times t, shape (n,), or for the means over windows."""
+        # Writable copies: Numba would compile again for an array that is read-only.
+        if windows is None:
+            return cls(np.array(t, float))
+        return cls(windows.times.flatten(), windows.weights)
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Return the wanted values, shape (n, ...), from those at the points."""
+        if self.weights is None:
+            return values
+        first, second = self.weights.T.reshape(2, -1, *(1,) * (values.ndim - 1))
+        return first * values[::2] + second * values[1::2]
 
 
 @dataclass(frozen=True)
@@ -47,13 +125,6 @@ class Slopes:
 
         values = slopes_at_times(self.times, self.slopes, self.columns, self.points.t, self.order)
         return self.points.mean(values)
-
-    def pulled(self, weights: np.ndarray) -> np.ndarray:
-        """Sum the tangents over the samples by weights, (n,), without those at each sample: (p,)."""
-        from bayesdamp.physics.kernel.dense import pulled
-
-        spread = self.points.spread(weights)
-        return pulled(self.times, self.slopes, self.columns, self.points.t, self.order, spread)
 
 
 @dataclass(frozen=True)
@@ -82,10 +153,6 @@ class Motion:
         """Of the values at the samples, (n, k)."""
         return self.slopes.at_samples() if isinstance(self.slopes, Slopes) else self.slopes
 
-    def pulled(self, weights: np.ndarray) -> np.ndarray:
-        """Sum the tangents over the samples by weights, (n,): the slope of a function of the values, (k,)."""
-        return self.slopes.pulled(weights) if isinstance(self.slopes, Slopes) else weights @ self.slopes
-
     @cached_property
     def refined(self) -> tuple[np.ndarray, np.ndarray]:
         """Times, (r,), so close that curves between them are short, with θ, θ̇, θ̈ there, (r, 3): steps in `PARTS`.
@@ -106,20 +173,15 @@ class Motion:
 class _Layout:
     """Places of a solver's parameters among its kernel's.
 
-    own, terms: damping terms of the solver and of its kernel. further: of its kernel's shapes, beside the motion.
-    places, (own,), and given: of the solver's terms and their further parameters among them. law: of the law's
-    parameters among the solver's. most: parameters that the kernel has room for in a law. number: the law's among the
-    kernel's.
+    terms: of the solver's damping terms, (m,). given: of their further parameters, (e,), among `further` of them. law:
+    number of the restoring law. most: parameters that the kernel has room for in a law.
     """
 
-    own: int
-    terms: int
-    further: int
-    places: np.ndarray
+    terms: np.ndarray
     given: np.ndarray
-    law: slice
+    further: int
+    law: int
     most: int
-    number: int
 
 
 @dataclass(frozen=True)
@@ -154,23 +216,9 @@ class Solver:
 
     @cached_property
     def kernel(self) -> Kernel:
-        """Compiled when it is first called."""
-        return kernel_of(self._compiled, self._laws)
-
-    @cached_property
-    def _compiled(self) -> tuple[str, ...]:
-        """The kernel's terms: all that ship share one kernel, as it is compiled once."""
-        return SHIPPED if set(self.terms) <= set(SHIPPED) else self.terms
-
-    @cached_property
-    def _laws(self) -> tuple[str, ...]:
-        """The kernel's restoring laws, likewise."""
-        return SHIPPED_LAWS if self.restoring in SHIPPED_LAWS else (self.restoring,)
-
-    @cached_property
-    def _places(self) -> np.ndarray:
-        """Places of the terms among the kernel's, (m,)."""
-        return np.array([self._compiled.index(name) for name in self.terms], int)
+        """Compiled when it is first called; all terms and laws that ship share one kernel, which is compiled once."""
+        terms = SHIPPED if set(self.terms) <= set(SHIPPED) else self.terms
+        return kernel_of(terms, SHIPPED_LAWS if self.restoring in SHIPPED_LAWS else (self.restoring,))
 
     @cached_property
     def further(self) -> tuple[str, ...]:
@@ -194,30 +242,18 @@ class Solver:
         """Names of the terms' parameters beside their coefficients."""
         return tuple(p.name for name in self.terms for p in TERMS.get(name).inferred)
 
-    def _points(self, stop: int | None) -> Points:
-        """Where motions are read for the first `stop` values, all by default."""
-        if stop not in self._read_at:
-            self._read_at[stop] = Points.of(self.t[:stop], self.windows and self.windows.first(stop))
-        return self._read_at[stop]
-
     @cached_property
     def _read_at(self) -> dict[int | None, Points]:
         return {}
 
     @cached_property
     def _layout(self) -> _Layout:
-        every = [(name, n) for name in self._compiled for n in TERMS.get(name).further]
+        terms, laws = self.kernel.terms, self.kernel.laws
+        every = [(name, n) for name in terms for n in TERMS.get(name).further]
         given = [every.index((name, n)) for name in self.terms for n in TERMS.get(name).further]
-        return _Layout(
-            len(self.terms),
-            len(self._compiled),
-            len(every),
-            self._places,
-            np.array(given, int),
-            self.law_places,
-            most_parameters(self._laws),
-            self._laws.index(self.restoring),
-        )
+        places = np.array([terms.index(name) for name in self.terms], int)
+        most = most_parameters(laws)
+        return _Layout(places, np.array(given, int), len(every), laws.index(self.restoring), most)
 
     @cached_property
     def _sizes(self) -> np.ndarray:
@@ -242,20 +278,24 @@ class Solver:
         """
         from bayesdamp.physics.kernel.dense import at_times
 
-        layout = self._layout
-        points = self._points(stop)
-        t = points.t
-        knots, g, h = self._deviations(float(t[-1]), g, h)
+        layout, m, law_places = self._layout, len(self.kernel.terms), self.law_places
+        if stop not in self._read_at:
+            self._read_at[stop] = Points.of(self.t[:stop], self.windows and self.windows.first(stop))
+        points = self._read_at[stop]
+        t, knots = points.t, self.knots
+        if g is None and h is None and t[-1] < knots[-1]:
+            knots = np.array([0.0, float(t[-1])])
+        g, h = (np.zeros(knots.size) if d is None else np.asarray(d, float) for d in (g, h))
         most = int(MOST_A_CYCLE * max(1.0, t[-1] * self.frequency / (2 * np.pi)))
         p = np.asarray(p, float)
-        coefficients, switched = np.zeros(layout.terms), np.zeros(layout.terms, bool)
-        coefficients[layout.places], switched[layout.places] = p[: layout.own], active
+        coefficients, switched = np.zeros(m), np.zeros(m, bool)
+        coefficients[layout.terms], switched[layout.terms] = p[: len(self.terms)], active
         q = np.zeros(layout.further)
-        q[layout.given] = p[layout.own : layout.law.start]
-        law, parameters = np.zeros(layout.most + 1), p[layout.law]
-        law[: parameters.size], law[-1] = parameters, layout.number
+        q[layout.given] = p[len(self.terms) : law_places.start]
+        law, parameters = np.zeros(layout.most + 1), p[law_places]
+        law[: parameters.size], law[-1] = parameters, layout.law
         times, states, slopes = self.kernel.march(
-            coefficients, q, switched, law, *self._widths(self.epsilon), p[layout.law.stop :].copy(),
+            coefficients, q, switched, law, *self._widths(self.epsilon), p[law_places.stop :].copy(),
             knots, g, h, tolerance or TOLERANCE, self._sizes, tangents, most,
         )  # fmt: skip
         if times.size == 0:
@@ -264,11 +304,9 @@ class Solver:
         y = points.mean(at_times(times, states, t, order))
         if not tangents:
             return Motion(y, np.zeros((y.size, 0)), times, states)
-        first = layout.terms + layout.further
-        behind = np.arange(first + layout.most, slopes.shape[1])
-        columns = np.concatenate(
-            [layout.places, layout.terms + layout.given, first + np.arange(parameters.size), behind]
-        )
+        first = m + layout.further
+        columns = [layout.terms, m + layout.given, first + np.arange(parameters.size)]
+        columns = np.concatenate([*columns, np.arange(first + layout.most, slopes.shape[1])])
         return Motion(y, Slopes(times, slopes, columns, points, order), times, states)
 
     def works(
@@ -285,24 +323,33 @@ class Solver:
         further: rows of the terms' further parameters, (d, e); active: which terms act, (m,); epsilon: in place of the
         solver's own.
         """
-        layout = self._layout
-        switched, q = np.zeros(layout.terms, bool), np.zeros((len(further), layout.further))
-        switched[layout.places], q[:, layout.given] = active, further
-        out = np.zeros((len(further), layout.terms))
+        layout, m = self._layout, len(self.kernel.terms)
+        switched, q = np.zeros(m, bool), np.zeros((len(further), layout.further))
+        switched[layout.terms], q[:, layout.given] = active, further
+        out = np.zeros((len(further), m))
         points = (np.array(array, float) for array in (x, v, weight))
         widths = self._widths(self.epsilon if epsilon is None else epsilon)
         self.kernel.sums(*points, *widths, q, switched, out)
-        return out[:, self._places]
+        return out[:, layout.terms]
 
     def _widths(self, epsilon: float) -> tuple[float, float]:
         """ε of terms that jump where it is 0, and of those that are rounded off."""
         return float(epsilon), float(epsilon) or ROUNDED * self.amplitude * self.frequency
 
-    def _deviations(
-        self, stop: float, g: np.ndarray | None, h: np.ndarray | None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        knots = self.knots
-        if g is None and h is None and stop < knots[-1]:
-            knots = np.array([0.0, stop])
-        none = np.zeros(knots.size)
-        return knots, none if g is None else np.asarray(g, float), none if h is None else np.asarray(h, float)
+
+def warm() -> None:
+    """Compile the kernel of all that ships, so that the first record need not wait for it."""
+    t, law = np.linspace(0.0, 1.0, 5), "linear"
+    solver = Solver(SHIPPED, law, t, "angle", 0.1, 4.0, 0.01, np.linspace(0.0, 1.0, 4))
+    values = {
+        **LAWS.get(law).start(4.0, 0.0, {}),
+        "theta0": 0.1,
+        "exponent": 1.0,
+        "reference_velocity": 0.4,
+        "reference_amplitude": 0.1,
+        "stribeck_velocity": 0.1,
+    }
+    p = np.array([values.get(name, 0.0) for name in solver.names])
+    active = np.ones(len(SHIPPED), bool)
+    solver.solve(p, active, tangents=ALL)
+    solver.works(t, t, t, np.ones((1, len(solver.further))), active)

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from bayesdamp.physics.rest import newton
-from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
+from bayesdamp.physics.forces import newton
+from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
 
 class HorizontalPendulum(RestoringLaw):

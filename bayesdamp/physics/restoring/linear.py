@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
+from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
 
 class LinearSpring(RestoringLaw):

@@ -36,7 +36,17 @@ def decimated(raw: RawRecord) -> RawRecord:
     if clock is None:
         return raw
     start, rate = clock
-    factor = _thinning_factor(raw.y, rate)
+    level = raw.y - np.mean(raw.y)
+    length = min(level.size, 2 ** int(np.log2(level.size / 4)))
+    frequency, power = scipy.signal.welch(level, rate, nperseg=length, detrend="linear")
+    power[:2] = 0.0  # drift
+    if not power.max() > 0:
+        return raw
+    peak = float(frequency[int(np.argmax(power))])
+    highest = float(frequency[np.flatnonzero(power > HEARD * power.max())[-1]])
+    cycles = peak * raw.y.size / rate
+    per_cycle = float(np.clip(MOST / cycles, LEAST_PER_CYCLE, PER_CYCLE))
+    factor = int(rate / max(per_cycle * peak, 2 * highest / PASS))
     if factor < 2:
         return raw
     y, first = thinned(raw.y, factor)
@@ -87,19 +97,3 @@ def _even_clock(raw: RawRecord) -> tuple[float, float] | None:
     if not step > 0 or off > UNEVEN * max(step, float(np.median(gaps[gaps > 0]))):
         return None
     return float(np.mean(raw.t) - step * np.mean(rows)), 1 / step
-
-
-def _thinning_factor(y: np.ndarray, rate: float) -> int:
-    """Return the factor by which a record y (n,) at a rate in Hz may be thinned, 1 for not at all."""
-    y = y - np.mean(y)
-    frequency, power = scipy.signal.welch(
-        y, rate, nperseg=min(y.size, 2 ** int(np.log2(y.size / 4))), detrend="linear"
-    )
-    power[:2] = 0.0  # drift
-    if not power.max() > 0:
-        return 1
-    peak = float(frequency[int(np.argmax(power))])
-    highest = float(frequency[np.flatnonzero(power > HEARD * power.max())[-1]])
-    cycles = peak * y.size / rate
-    per_cycle = float(np.clip(MOST / cycles, LEAST_PER_CYCLE, PER_CYCLE))
-    return max(int(rate / max(per_cycle * peak, 2 * highest / PASS)), 1)

@@ -81,34 +81,28 @@ def trim_facts(facts: Mapping[str, object]) -> dict[str, Fact]:
 
 
 def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
-    """Return the rate in Hz and the name of the fact that states it; None where none does, or several differ."""
+    """Return the rate in Hz and the name of the fact that states it.
+
+    None where no fact states one, where several differ, or where a number's comma is ambiguous.
+    """
     rates: dict[float, str] = {}
     for name, value in facts.items():
-        if rate := _stated_rate(name, value):
+        bare, unit = _split_unit(name)
+        is_rate = bool(_RATES.fullmatch(bare))
+        if not (is_rate or _STEPS.fullmatch(bare) or re.split(r"[./]", name)[-1] == _MATLAB_STEP):
+            continue
+        number = value
+        if isinstance(value, str):
+            thousands = _THOUSANDS.match(value)
+            start = thousands or (None if _EITHER.match(value) else _NUMBER.match(value))
+            if start is None:
+                continue
+            number = float(start[0].replace(",", "" if thousands else "."))
+            unit = re.split("[,;]", value[start.end() :])[0].strip(" ()[]").lower() or unit
+        number = float(number) * (_HERTZ.get(unit, 0.0) if is_rate else SECONDS.get(unit or "s", 0.0))
+        if number > 1e-300 and math.isfinite(rate := number if is_rate else 1 / number):
             rates.setdefault(float(f"{rate:.9g}"), name)
     return next(iter(rates.items())) if len(rates) == 1 else None
-
-
-def _stated_rate(name: str, value: Fact) -> float | None:
-    """Return the rate in Hz that a fact states; None where it states another, or its number is ambiguous."""
-    bare, unit = _split_unit(name)
-    is_rate = bool(_RATES.fullmatch(bare))
-    if not (is_rate or _STEPS.fullmatch(bare) or re.split(r"[./]", name)[-1] == _MATLAB_STEP):
-        return None
-    if isinstance(value, str):
-        thousands = _THOUSANDS.match(value)
-        start = thousands or (None if _EITHER.match(value) else _NUMBER.match(value))
-        if start is None:
-            return None
-        number = float(start[0].replace(",", "" if thousands else "."))
-        unit = re.split("[,;]", value[start.end() :])[0].strip(" ()[]").lower() or unit
-    else:
-        number = float(value)
-    number *= _HERTZ.get(unit, 0.0) if is_rate else SECONDS.get(unit or "s", 0.0)
-    if not number > 1e-300:
-        return None
-    rate = number if is_rate else 1 / number
-    return rate if math.isfinite(rate) else None
 
 
 def _split_unit(name: str) -> tuple[str, str]:

@@ -253,7 +253,12 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
         if len(name) < 9 and 1 <= int(name) <= len(columns):
             return [columns[int(name) - 1]]
         raise InputError(f"there is no column {name[:20]}, the file has {len(columns)}")
-    forms = [(column, _forms(column)) for column in columns if column.name]
+    forms = []  # of a name: as it is, with its unit, without its run, and without run and unit
+    for column in columns:
+        bare = split_run(column)[0]
+        without_unit = re.sub(r"\s*[(\[{][^()\[\]{}]*[)\]}]\s*$", "", bare).strip() or bare
+        if column.name:
+            forms.append((column, (column.name, column.label, bare, without_unit)))
     for i in range(4):
         same = [column for column, names in forms if names[i].casefold() == name.casefold()]
         if same and len({split_run(column)[1] for column in same}) == len(same):
@@ -265,13 +270,6 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
         raise InputError(f"unknown column {name[:60]!r}; did you mean {close[0]!r}?")
     what = f"valid are {', '.join(valid)}" if 0 < len(valid) <= MOST else f"columns are {list_names(columns)}"
     raise InputError(f"unknown column {name[:60]!r}; {what}")
-
-
-def _forms(column: Column) -> tuple[str, str, str, str]:
-    """Return the ways of typing a column: its name, with its unit, without its run, and without run and unit."""
-    bare = split_run(column)[0]
-    without_unit = re.sub(r"\s*[(\[{][^()\[\]{}]*[)\]}]\s*$", "", bare).strip() or bare
-    return column.name, column.label, bare, without_unit
 
 
 def select_runs(text: str, labels: Sequence[str]) -> list[str]:

@@ -43,8 +43,31 @@ class Walk:
             self.facts[path] = item.item() if isinstance(item, np.number) else item
         elif isinstance(item, list | tuple):
             self._add_list(path, item, run, depth)
-        elif isinstance(item, np.ndarray):
-            self._add_array(path, item, run, depth)
+        elif isinstance(item, np.ndarray) and item.dtype.names:
+            for key in item.dtype.names:
+                self.add(join_path(path, key), item[key], run, depth + 1)
+        elif isinstance(item, np.ndarray) and item.dtype.kind == "O":
+            items = [
+                x.ravel()[0] if isinstance(x, np.ndarray) and x.dtype == object and x.size == 1 else x
+                for x in item.ravel().tolist()
+            ]
+            self._add_list(path, items, run, depth)
+        elif isinstance(item, np.ndarray) and item.size == 1:
+            only = item.ravel()[0]
+            if item.dtype.kind in "US":
+                self.facts[path] = only.decode("latin-1") if isinstance(only, bytes) else str(only)
+            elif item.dtype.kind in _NUMBERS:
+                self.facts[path] = float(only)
+        elif isinstance(item, np.ndarray) and item.dtype.kind in "mM" and item.ndim == 1 and item.size:
+            self._add_vector(path, to_seconds(item), run, "s")
+        elif isinstance(item, np.ndarray) and item.dtype.kind in _NUMBERS and item.size:
+            table = np.squeeze(item)
+            if table.ndim == 1:
+                self._add_vector(path, table.astype(float), run)
+            elif table.ndim == 2 and min(table.shape) <= WIDEST:
+                table = table if table.shape[0] >= table.shape[1] else table.T
+                for i in range(table.shape[1]):
+                    self._add_vector(join_path(path, i + 1), table[:, i].astype(float), run)
 
     def _add_list(self, path: str, items: Any, run: str, depth: int) -> None:
         if len(items) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in items):
@@ -54,33 +77,6 @@ class Walk:
         filled = sum((x.size if isinstance(x, np.ndarray) else len(x)) > 0 for x in nested)
         for i, below in enumerate(items, start=1):
             self.add(join_path(path, i), below, run or (str(i) if filled > 1 else ""), depth + 1)
-
-    def _add_array(self, path: str, array: np.ndarray, run: str, depth: int) -> None:
-        kind = array.dtype.kind
-        if array.dtype.names:
-            for key in array.dtype.names:
-                self.add(join_path(path, key), array[key], run, depth + 1)
-        elif kind == "O":
-            items = [
-                x.ravel()[0] if isinstance(x, np.ndarray) and x.dtype == object and x.size == 1 else x
-                for x in array.ravel().tolist()
-            ]
-            self._add_list(path, items, run, depth)
-        elif kind in "mM" and array.ndim == 1 and array.size > 1:
-            self._add_vector(path, to_seconds(array), run, "s")
-        elif kind in "US" and array.size == 1:
-            text = array.ravel()[0]
-            self.facts[path] = text.decode("latin-1") if isinstance(text, bytes) else str(text)
-        elif kind in _NUMBERS and array.size == 1:
-            self.facts[path] = float(array.ravel()[0])
-        elif kind in _NUMBERS and array.size > 1:
-            array = np.squeeze(array)
-            if array.ndim == 1:
-                self._add_vector(path, array.astype(float), run)
-            elif array.ndim == 2 and min(array.shape) <= WIDEST:
-                table = array if array.shape[0] >= array.shape[1] else array.T
-                for i in range(table.shape[1]):
-                    self._add_vector(join_path(path, i + 1), table[:, i].astype(float), run)
 
     def _add_vector(self, path: str, values: np.ndarray, run: str, unit: str = "") -> None:
         group = path.partition(".")[0] if "." in path else ""  # a variable with all that is below it

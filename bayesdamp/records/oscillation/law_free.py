@@ -306,9 +306,14 @@ def law_free(signal: Signal, features: Features) -> LawFree:
         line = _fit_line(windows, sizes)
         phases = windows.phases - order * np.arctan2(rate, pace)
         backbone = _fit_backbone(replace(windows, phases=phases), np.exp(line(x)))
-    averages = sizes
+    averages, width = sizes, 2 * windows.widths / (windows.times[-1] - windows.times[0])
+    share = np.linspace(-0.5, 0.5, 41)
+    weight = np.cos(np.pi * share) ** 2
     for _ in range(ROUNDS):
-        sizes = averages - _window_excess(windows, _smooth(windows, sizes, x)[0])
+        # A window's average amplitude is larger than the one in its middle where the curve is hollow.
+        curve = scipy.interpolate.CubicSpline(x, _smooth(windows, sizes, x)[0])
+        inside = np.exp(curve(x[:, None] + share * width[:, None]) - curve(x)[:, None])
+        sizes = averages - np.log(inside @ (weight / weight.sum()))
     return LawFree(replace(windows, phases=phases), sizes, backbone, _fit_line(windows, sizes))
 
 
@@ -353,19 +358,6 @@ def _weights(fits: Sequence[_Smoothed]) -> np.ndarray:
     logs = np.array([f.log for f in fits])
     weights = np.exp(logs - logs.max())
     return weights / weights.sum()
-
-
-def _window_excess(windows: Sinusoids, sizes: np.ndarray) -> np.ndarray:
-    """Return the log of a window's average amplitude over the one in its middle, (k,).
-
-    The log amplitudes `sizes` (k,) are on a smooth curve.
-    """
-    line = scipy.interpolate.CubicSpline(windows.places, sizes)
-    u = np.linspace(-0.5, 0.5, 41)
-    weight = np.cos(np.pi * u) ** 2
-    x = windows.places
-    width = 2 * windows.widths / (windows.times[-1] - windows.times[0])
-    return np.log(np.exp(line(x[:, None] + u * width[:, None]) - line(x)[:, None]) @ (weight / weight.sum()))
 
 
 @dataclass(frozen=True)

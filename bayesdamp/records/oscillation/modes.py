@@ -229,13 +229,14 @@ def other_than_one(t: np.ndarray, y: np.ndarray, period: float, harmonics: bool 
     t, y = few_samples(np.asarray(t, float), np.asarray(y, float), period)
     if t.size < 20:
         return None
-    single = damped_modes(t, y, 1)
-    motion = None if single is None or single.left >= 1 else _other_by_modes(t, y, single, harmonics)
-    return motion or excited(t, y, period)
+    return _other_by_modes(t, y, harmonics) or excited(t, y, period)
 
 
-def _other_by_modes(t: np.ndarray, y: np.ndarray, single: Modes, harmonics: bool) -> NotOne | None:
+def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> NotOne | None:
     """Return the motion of which one damped sinusoid that does not decay is the fit, or two are."""
+    single = damped_modes(t, y, 1)
+    if single is None or single.left >= 1:
+        return None
     duration = float(t[-1] - t[0])
     rate, error = float(single.rates[0]), float(single.errors[0])
     if single.left < 1 - EXPLAINED:

@@ -51,6 +51,7 @@ class _GroupTree:
         self.total = 0
 
     def visit(self, path: str, item: Any, run: str, depth: int) -> None:
+        """Collect the columns and facts of a group or dataset. Raises InputError for data that is not read."""
         if depth > DEEPEST:
             return
         if isinstance(item, self.h5py.Group):
@@ -59,8 +60,27 @@ class _GroupTree:
                 # Only what is in this file: a link may point anywhere on the machine.
                 if not key.startswith("#") and isinstance(item.get(key, getlink=True), self.h5py.HardLink):
                     self.visit(join_path(path, key), item[key], run, depth + 1)
-        elif isinstance(item, self.h5py.Dataset):
-            self._add_dataset(path, item, run, depth)
+            return
+        if not isinstance(item, self.h5py.Dataset):
+            return
+        if item.is_virtual or item.external:
+            raise InputError(f"{path[:60]!r} lies in another file; copy the data into one file")
+        if item.shape is None:
+            return
+        self.total += item.dtype.itemsize * int(np.prod(item.shape, dtype=object))
+        refuse_large(self.total)
+        data = item[()]
+        if item.dtype == self.h5py.ref_dtype:
+            refs = [ref for ref in np.asarray(data).ravel() if ref]
+            for i, ref in enumerate(refs, start=1):
+                self.visit(f"{path}.{i}", item.file[ref], run or (str(i) if len(refs) > 1 else ""), depth + 1)
+        elif self.h5py.check_string_dtype(item.dtype) is not None:
+            if np.size(data) == 1:
+                self.walk.facts[path] = str(to_plain(np.ravel(data)[0]))
+        elif to_plain(item.attrs.get("MATLAB_class", "")) == "char":
+            self.walk.facts[path] = "".join(chr(c) for c in np.ravel(data)[:200])
+        elif "MATLAB_empty" not in item.attrs:
+            self._add_numbers(path, item, np.asarray(data), run, depth)
 
     def _add_facts(self, path: str, item: Any) -> dict[str, Any]:
         facts = {
@@ -69,36 +89,12 @@ class _GroupTree:
         self.walk.facts |= {join_path(path, name): value for name, value in facts.items()}
         return facts
 
-    def _add_dataset(self, path: str, item: Any, run: str, depth: int) -> None:
-        if item.is_virtual or item.external:
-            raise InputError(f"{path[:60]!r} lies in another file; copy the data into one file")
-        if item.shape is None:
-            return
-        self.total += item.dtype.itemsize * int(np.prod(item.shape, dtype=object))
-        refuse_large(self.total)
-        if item.dtype == self.h5py.ref_dtype:
-            refs = [ref for ref in np.asarray(item[()]).ravel() if ref]
-            for i, ref in enumerate(refs, start=1):
-                self.visit(f"{path}.{i}", item.file[ref], run or (str(i) if len(refs) > 1 else ""), depth + 1)
-            return
-        data = item[()]
-        if self.h5py.check_string_dtype(item.dtype) is not None:
-            if np.size(data) == 1:
-                self.walk.facts[path] = str(to_plain(np.ravel(data)[0]))
-            return
-        if to_plain(item.attrs.get("MATLAB_class", "")) == "char":
-            self.walk.facts[path] = "".join(chr(c) for c in np.ravel(data)[:200])
-            return
-        if "MATLAB_empty" in item.attrs:
-            return
+    def _add_numbers(self, path: str, item: Any, array: np.ndarray, run: str, depth: int) -> None:
         stated = unit_and_rate(trim_facts(self._add_facts(path, item)))
         before = len(self.walk.columns)
-        array = np.asarray(data)
         if any(name in item.attrs for name in _PACKED) and array.size > 1:
-            what = (
-                f"the numbers of {path[:60]!r} are packed ({', '.join(_PACKED)}); unpack them (xarray does)"
-            )
-            raise InputError(what)
+            packed = f"the numbers of {path[:60]!r} are packed ({', '.join(_PACKED)})"
+            raise InputError(f"{packed}; unpack them (xarray does)")
         for name in _MISSING:
             if name in item.attrs and array.dtype.kind in "fiu":
                 array = np.where(array == item.attrs[name], np.nan, array)

@@ -44,6 +44,7 @@ class JsonReader(Reader):
 
 
 def _add(walk: Walk, path: str, item: Any, depth: int = 0) -> None:
+    """Collect what an item of JSON contains: a list of samples gives a column for each of their names."""
     if isinstance(item, dict) and depth < DEEPEST:
         for key, below in item.items():
             _add(walk, join_path(path, key), below, depth + 1)

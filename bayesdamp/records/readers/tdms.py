@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.facts import sampling_rate, trim_facts
+from bayesdamp.records.files.facts import trim_facts
 from bayesdamp.records.files.limits import refuse_large
-from bayesdamp.records.files.tree import to_plain, to_seconds
+from bayesdamp.records.files.tree import to_plain, to_seconds, unit_and_rate
 
 
 class TdmsReader(Reader):
@@ -26,58 +26,56 @@ class TdmsReader(Reader):
 
     def read(self, path: Path) -> Contents:
         """Return the channels of all groups, with the sampling rate of those that are waveforms."""
+        from nptdms import TdmsFile
+
         before = logging.root.manager.disable
         logging.disable()  # the library's own lines on stderr about damaged segments
         try:
-            return _read(path)
+            # Opened here, since the library leaves a damaged file open.
+            with path.open("rb") as stream, TdmsFile.open(stream) as file:
+                facts: dict[str, Any] = {str(k): to_plain(v) for k, v in file.properties.items()}
+                groups = [group for group in file.groups() if any(len(c) for c in group.channels())]
+                refuse_large(sum(8 * len(channel) for group in groups for channel in group.channels()))
+                columns: list[Column] = []
+                for group in groups:
+                    facts |= {f"{group.name}.{k}": to_plain(v) for k, v in group.properties.items()}
+                    columns += _columns(group, f"{group.name}." if len(groups) > 1 else "")
+                status = getattr(file, "file_status", None)
         finally:
             logging.disable(before)
+        warnings = ()
+        if status is not None and status.incomplete_final_segment:
+            lost = [c.expected_length - c.read_length for c in (status.channel_statuses or {}).values()]
+            many = f", {max(lost)} samples of a channel are missing" if lost and max(lost) > 0 else ""
+            what = (
+                f"the file is cut off within its last segment{many}: it was not closed, or not copied whole."
+            )
+            warnings = (what,)
+        return Contents("TDMS", tuple(columns), trim_facts(facts), warnings=warnings, channels=True)
 
 
-def _read(path: Path) -> Contents:
-    from nptdms import TdmsFile
-
+def _columns(group: Any, prefix: str) -> list[Column]:
+    """Return the columns of a group's channels that hold numbers; prefix: of their names."""
     columns: list[Column] = []
-    # Opened here, since the library leaves a damaged file open.
-    with path.open("rb") as stream, TdmsFile.open(stream) as file:
-        facts: dict[str, Any] = {str(k): to_plain(v) for k, v in file.properties.items()}
-        groups = [group for group in file.groups() if any(len(c) for c in group.channels())]
-        refuse_large(sum(8 * len(channel) for group in groups for channel in group.channels()))
-        for group in groups:
-            facts |= {f"{group.name}.{k}": to_plain(v) for k, v in group.properties.items()}
-            for channel in group.channels():
-                name = f"{group.name}.{channel.name}" if len(groups) > 1 else channel.name
-                column = _column(channel, name, group.name)
-                columns += [column] if column is not None else []
-        status = getattr(file, "file_status", None)
-    warnings = ()
-    if status is not None and status.incomplete_final_segment:
-        lost = [c.expected_length - c.read_length for c in (status.channel_statuses or {}).values()]
-        many = f", {max(lost)} samples of a channel are missing" if lost and max(lost) > 0 else ""
-        what = f"the file is cut off within its last segment{many}: it was not closed, or not copied whole."
-        warnings = (what,)
-    return Contents("TDMS", tuple(columns), trim_facts(facts), warnings=warnings, channels=True)
-
-
-def _column(channel: Any, name: str, group: str) -> Column | None:
-    """Return a channel's column; None where it does not hold numbers."""
-    data = np.asarray(channel[:])
-    if data.dtype.kind == "M":
-        return Column(name, to_seconds(data), group, unit="s")
-    if data.dtype.kind not in "fiub" or data.size == 0:
-        return None
-    properties = channel.properties
-    step = float(properties.get("wf_increment", 0.0) or 0.0)
-    stated = sampling_rate(trim_facts({str(k): to_plain(v) for k, v in properties.items()}))
-    units = (properties.get(key) for key in ("unit_string", "NI_UnitDescription", "unit"))
-    return Column(
-        name,
-        data.astype(float),
-        group,
-        unit=str(next(filter(None, units), "")).strip(),
-        rate=1 / step if step > 0 else stated[0] if stated else None,
-        start=float(properties.get("wf_start_offset", 0.0) or 0.0),
-    )
+    for channel in group.channels():
+        name, data, properties = f"{prefix}{channel.name}", np.asarray(channel[:]), channel.properties
+        if data.dtype.kind == "M":
+            columns.append(Column(name, to_seconds(data), group.name, unit="s"))
+        elif data.dtype.kind in "fiub" and data.size:
+            step = float(properties.get("wf_increment", 0.0) or 0.0)
+            stated = unit_and_rate(trim_facts({str(k): to_plain(v) for k, v in properties.items()}))
+            units = (properties.get(key) for key in ("unit_string", "NI_UnitDescription", "unit"))
+            columns.append(
+                Column(
+                    name,
+                    data.astype(float),
+                    group.name,
+                    unit=str(next(filter(None, units), "")).strip(),
+                    rate=1 / step if step > 0 else stated["rate"],
+                    start=float(properties.get("wf_start_offset", 0.0) or 0.0),
+                )
+            )
+    return columns
 
 
 PLUGIN = TdmsReader()

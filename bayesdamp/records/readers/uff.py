@@ -64,10 +64,18 @@ class UffReader(Reader):
                 raise InputError(
                     f"is cut off: a data set claims {claimed} samples and has {samples}; export it again"
                 )
-        names = _names(timed)
         columns: list[Column] = []
         facts: dict[str, Fact] = {}
-        for i, (data, name) in enumerate(zip(timed, names, strict=True), start=1):
+        names: list[str] = []
+        for i, data in enumerate(timed, start=1):
+            # The response's node and direction, else its own words, else its number.
+            named = _text(data, "rsp_ent_name")
+            node = f"{int(data.get('rsp_node', 0))}{_DIRECTIONS.get(int(data.get('rsp_dir', 0)), '')}"
+            named = f"{named} {node}".strip() if node != "0" else named or _text(data, "id1")
+            name, number = named or f"set {i}", 2
+            while name in names:
+                name, number = f"{named} [{number}]", number + 1
+            names.append(name)
             columns += _columns(data, name, str(i) if len(timed) > 1 else "")
             texts = {f"{name}: {key}": _text(data, key) for key in ("id1", "id2", "id3", "id4")}
             facts |= {key: text for key, text in texts.items() if text}
@@ -80,21 +88,6 @@ def _text(data: Any, key: str) -> str:
     """Return a data set's text, empty where it is written as NONE."""
     text = str(data.get(key, "")).strip()
     return "" if text.upper() == "NONE" else text
-
-
-def _names(sets: list[Any]) -> list[str]:
-    """Return a name for each data set: its response's node and direction, else its own words, else its number."""
-    names: list[str] = []
-    for data in sets:
-        named = _text(data, "rsp_ent_name")
-        node = f"{int(data.get('rsp_node', 0))}{_DIRECTIONS.get(int(data.get('rsp_dir', 0)), '')}"
-        named = f"{named} {node}".strip() if node != "0" else named or _text(data, "id1")
-        name = named or f"set {len(names) + 1}"
-        number = 2
-        while name in names:
-            name, number = f"{named} [{number}]", number + 1
-        names.append(name)
-    return names
 
 
 def _columns(data: Any, name: str, group: str) -> list[Column]:

@@ -18,8 +18,7 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import knots_of
 from bayesdamp.inference.deviation.weighing import weigh_all
 from bayesdamp.interface.answer import WEIGHED, answer
 from bayesdamp.physics.damping import PAPER_TERMS
-from bayesdamp.physics.kernel.solve import NONE
-from bayesdamp.physics.kernel.windows import Windows
+from bayesdamp.physics.kernel.solve import NONE, Windows
 from bayesdamp.types import Signal
 from bayesdamp.verdict.types import Verdict
 

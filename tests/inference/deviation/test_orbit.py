@@ -17,8 +17,8 @@ from bayesdamp.inference.deviation.numbers.curves import (
     works_on,
 )
 from bayesdamp.physics.damping import PAPER_TERMS
+from bayesdamp.physics.forces import by_kernel, rest_near
 from bayesdamp.physics.kernel import Solver
-from bayesdamp.physics.rest import by_kernel, rest_near
 from bayesdamp.physics.restoring import LAWS
 
 W, A = 4.5, 0.3

@@ -14,8 +14,7 @@ import pytest
 
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Solver, build
-from bayesdamp.physics.kernel.solve import SHIPPED, SHIPPED_LAWS
-from bayesdamp.physics.kernel.warm import warm
+from bayesdamp.physics.kernel.solve import SHIPPED, SHIPPED_LAWS, warm
 from bayesdamp.physics.restoring import LAWS
 
 SOLVE = """
@@ -138,7 +137,7 @@ def test_a_law_is_the_same_alone_and_among_others() -> None:
     for law in SHIPPED_LAWS:
         among = Solver(("viscous", "coulomb"), law, t, "angle", 0.3, 4.5, 0.05, knots)
         alone = Solver(("viscous", "coulomb"), law, t, "angle", 0.3, 4.5, 0.05, knots)
-        alone.__dict__.update(_compiled=alone.terms, _laws=(law,))
+        alone.__dict__["kernel"] = build.kernel_of(alone.terms, (law,))
         values = {"stiffness": 20.0, "gravity": 1.0, "cubic": -3.0, "theta0": 0.3}
         p = np.array([values.get(name, 0.03) for name in among.names])
         both = [s.solve(p, np.ones(2, bool)) for s in (among, alone)]

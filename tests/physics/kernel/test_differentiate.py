@@ -111,8 +111,6 @@ def test_a_kernel_by_differences_has_the_same_tangents(monkeypatch: pytest.Monke
     monkeypatch.setattr(build, "differentiated", unknown)
     other = build.kernel_of(made.terms, (made.restoring,))
     monkeypatch.setattr(Solver, "kernel", other)
-    monkeypatch.setattr(Solver, "_compiled", made.terms)
-    monkeypatch.setattr(Solver, "_laws", (made.restoring,))
     again = Solver(made.terms, "duffing", TIMES, "angle", 0.3, math.sqrt(20.0), epsilon, knots)
     wanted = again.solve(p, np.ones(2, bool), tangents=ALL)
     assert found is not None

@@ -10,8 +10,7 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.deviation.numbers.curves import turning_amplitudes
 from bayesdamp.physics.kernel import Motion, Solver
-from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, QUANTITIES
-from bayesdamp.physics.kernel.windows import Windows
+from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, QUANTITIES, Windows
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from tests.physics.independent import LAWS, trajectory, with_coulomb

@@ -12,8 +12,8 @@ import scipy  # loads its modules when they are used
 from bayesdamp.inference.deviation.numbers.draws import CandidateDraws, quantity
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.forces import by_kernel, frequency_over
 from bayesdamp.physics.kernel import Motion, Solver
-from bayesdamp.physics.rest import by_kernel, frequency_over
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import Ratio
 

@@ -1,4 +1,8 @@
-"""Evaluate forces, plain Python functions of numbers, on NumPy arrays: a force is written once."""
+"""Evaluate forces, plain Python functions of numbers, on arrays; find the stable equilibria of a restoring force.
+
+`rest_near` uses the force's values (a bracket, then Brent's method); `newton`, and `newton_many` for arrays, start from
+a place nearby.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +14,18 @@ from typing import Any
 
 import numpy as np
 import scipy  # loads its modules when they are used
+from numpy.typing import ArrayLike
 
 _NAMES = {
     "acos": "arccos", "acosh": "arccosh", "asin": "arcsin", "asinh": "arcsinh", "atan": "arctan", "atan2": "arctan2",
     "atanh": "arctanh", "fabs": "abs", "pow": "power",
 }  # fmt: skip
 """Functions of `math` with another name in NumPy."""
+Force = Callable[[np.ndarray], np.ndarray]
+"""The restoring force, (n,), in rad/s² or m/s², at positions (n,)."""
+STEPS, CLOSE = 60, 1e-13
+"""Largest number of steps of Newton's method, and length of a step, rad or m (relative beyond 1), at which it has
+converged."""
 CHANGE = 1e-4
 """Step of differences of fourth order, relative to the place: their error is about 1e-12."""
 
@@ -83,3 +93,59 @@ def slope_of(
     near = function(x + h) - function(x - h)
     far = function(x + 2 * h) - function(x - 2 * h)
     return (8.0 * near - far) / (12.0 * h)
+
+
+def by_kernel(kernel: Callable[[float, np.ndarray], float], law: np.ndarray) -> Force:
+    """Return the force of a law's kernel at values of its parameters, (r,)."""
+    return lambda x: np.array([kernel(at, law) for at in x.tolist()])
+
+
+def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float, float] | None:
+    """Return two neighbours of a grid with the nearest stable equilibrium between them; None where there is none.
+
+    near, reach, points: centre, half width and number of points of the grid.
+    """
+    grid = near + np.linspace(-reach, reach, points)
+    values = force(grid)
+    rising = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
+    if rising.size == 0:
+        return None
+    i = rising[np.argmin(np.abs(grid[rising] - near))]
+    return float(grid[i]), float(grid[i + 1])
+
+
+def rest_near(force: Force, near: float, reach: float, points: int = 401) -> float | None:
+    """Return the stable equilibrium nearest to `near` within `reach`, rad or m; None where there is none."""
+    ends = bracket(force, near, reach, points)
+    if ends is None:
+        return None
+    return float(scipy.optimize.brentq(lambda x: float(force(np.array([x]))[0]), *ends, xtol=1e-14))  # type: ignore[arg-type]
+
+
+def frequency_over(force: Force, low: float, high: float) -> float:
+    """Return √F′ between two places about an equilibrium, rad/s; 0 where the force pushes away."""
+    below, above = force(np.array([low, high]))
+    return float(np.sqrt(max((above - below) / (high - low), 0.0)))
+
+
+def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float) -> float | None:
+    """Return the stable equilibrium that Newton's method finds from `near`; None where the force pushes away."""
+    x = near
+    for _ in range(STEPS):
+        force, slope = force_and_slope(x)
+        if slope <= 0:
+            return None
+        step = force / slope
+        x -= step
+        if abs(step) < CLOSE * max(1.0, abs(x)):
+            return x
+    return None
+
+
+def newton_many(force: Force, near: ArrayLike, steps: int) -> np.ndarray:
+    """Return the equilibria after some steps of Newton's method from `near`; force and positions have one shape."""
+    x = np.asarray(near, float)
+    with np.errstate(all="ignore"):
+        for _ in range(steps):
+            x = x - force(x) / slope_of(force, x)
+    return x
