@@ -200,7 +200,19 @@ def choose_columns(
         places = [place for run in select_runs(runs, labels) for place in places if place[0] == run]
     blocks = [_block(content, run, group, timed, rate) for run, group in places]
     if wanted:
-        chosen = [record for column in wanted if (record := _wanted_record(content, column, blocks))]
+        chosen = []
+        for column in wanted:
+            run, group = split_run(column)[1], column.group
+            home = [b for b in blocks if any(c is column for c in b.columns)]
+            home = home or [b for b in blocks if not run and any(c.group == group for c in b.columns)]
+            if not home:
+                continue
+            record = replace(home[0].record(column), run=run)
+            if record.time is None and record.rate is None and column.rate is None and len(columns) == 2:
+                other = next(c for c in columns if c is not column)
+                if other.values.size == column.values.size:
+                    record = replace(record, time=other)
+            chosen.append(_with_clock(record, content))
         if not chosen:
             raise InputError(
                 "the column asked for belongs to none of the runs asked for; leave out one of the two"
@@ -342,21 +354,6 @@ def _changes(column: Column) -> bool:
 def _counts(y: np.ndarray) -> bool:
     y = y[np.isfinite(y)]
     return bool(y.size > 1 and np.all(np.diff(y) == 1))
-
-
-def _wanted_record(content: Contents, column: Column, blocks: list[_Block]) -> RecordColumns | None:
-    """Return the record of a column that was asked for; None where it is in none of the blocks."""
-    run, group = split_run(column)[1], column.group
-    home = [b for b in blocks if any(c is column for c in b.columns)]
-    home = home or [b for b in blocks if not run and any(c.group == group for c in b.columns)]
-    if not home:
-        return None
-    record = replace(home[0].record(column), run=run)
-    if record.time is None and record.rate is None and column.rate is None and len(content.columns) == 2:
-        other = next(c for c in content.columns if c is not column)
-        if other.values.size == column.values.size:
-            record = replace(record, time=other)
-    return _with_clock(record, content)
 
 
 def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.provenance import Fact, Provenance
+from bayesdamp.provenance import Provenance
 from bayesdamp.records.columns import LARGEST, LEAST, RecordColumns, choose_columns, separate_clocks
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import stated_unit
@@ -142,8 +142,19 @@ def _record(
         t = t - began
         notes.append(f"{FROM_FIRST} ({began:.15g} s).")
     unit, quantity = unit_said(value)
-    if not unit and (written := stated_unit(_facts_of(value, time, content))):
-        unit, quantity = unit_written(written) or (written[:20], quantity)
+    if not unit:
+        # By the facts but those about the times, where there is no other column; else by those of the structure or
+        # group that contains the column, where it contains no other column of values.
+        facts, inside = dict(content.facts), f"{value.name.rpartition('.')[0]}."
+        if len(content.columns) <= 2:
+            of_times = f"{time.name}." if time is not None and time.name else "\0"
+            facts = {name: fact for name, fact in facts.items() if not name.startswith(of_times)}
+        elif inside == "." or sum(c.name.startswith(inside) for c in content.columns) > 2:
+            facts = {}
+        else:
+            facts = {name: fact for name, fact in facts.items() if name.startswith(inside)}
+        if written := stated_unit(facts):
+            unit, quantity = unit_written(written) or (written[:20], quantity)
     unit_from = ""  # who states the unit of the times
     if time is not None and time_unit is not None:
         unit_from = "given"
@@ -190,21 +201,6 @@ def _selector(column: Column, content: Contents) -> str | int:
     if column.name and sum(c.name == column.name for c in content.columns) == 1:
         return column.name
     return next(i for i, c in enumerate(content.columns, start=1) if c is column)
-
-
-def _facts_of(value: Column, time: Column | None, content: Contents) -> dict[str, Fact]:
-    """Return the facts that a file states about a column of values.
-
-    These are all but those about the times where the file has no other columns, else those of the structure or group
-    that contains the column where it contains no other columns of values.
-    """
-    if len(content.columns) <= 2:
-        of_times = f"{time.name}." if time is not None and time.name else "\0"
-        return {name: fact for name, fact in content.facts.items() if not name.startswith(of_times)}
-    inside = f"{value.name.rpartition('.')[0]}."
-    if inside == "." or sum(c.name.startswith(inside) for c in content.columns) > 2:
-        return {}
-    return {name: fact for name, fact in content.facts.items() if name.startswith(inside)}
 
 
 def _complete_rows(value: Column, time: Column | None, content: Contents) -> tuple[np.ndarray, list[str]]:

@@ -25,9 +25,6 @@ SLOPES = {
 }
 """Of functions of a number a of the value f."""
 
-_Value = tuple[str, dict[str, str]]
-"""The name of a value, and the names of its slopes by the seeds on which it depends."""
-
 
 class NoSlopeError(Exception):
     """The source has something of which no slope is known here."""
@@ -60,14 +57,17 @@ def differentiated(source: str, name: str, seeds: list[str]) -> str:
 
 
 class _Lines:
-    """Lines of a function, each of one operation on names and numbers."""
+    """Lines of a function, each of one operation on names and numbers.
+
+    A value is its name and the names of its slopes, by the seeds on which it depends.
+    """
 
     def __init__(self, seeds: list[str], arguments: list[str]) -> None:
         self.text: list[str] = []
         self.seeds = seeds
         self.known = {a: (a, {a: "1.0"} if a in seeds else {}) for a in arguments}
 
-    def of(self, node: ast.expr) -> _Value:
+    def of(self, node: ast.expr) -> tuple[str, dict[str, str]]:
         """Add the lines of an expression and return its value. Raises NoSlopeError."""
         match node:
             case ast.Constant(value=int() | float() as number):
@@ -82,44 +82,35 @@ class _Lines:
                 value, slopes = self.of(inner)
                 return self._new(f"-{value}"), self._chain([("-1.0", slopes)])
             case ast.BinOp(left=left, op=op, right=right):
-                return self._of_two(op, self.of(left), self.of(right))
-            case ast.Call(func=called, args=given, keywords=[]):
-                return self._of_call(called, [self.of(argument) for argument in given])
-            case _:
-                raise NoSlopeError
-
-    def _of_two(self, op: ast.operator, left: _Value, right: _Value) -> _Value:
-        (a, by_a), (b, by_b) = left, right
-        match op:
-            case ast.Add():
-                return self._new(f"{a} + {b}"), self._chain([("1.0", by_a), ("1.0", by_b)])
-            case ast.Sub():
-                return self._new(f"{a} - {b}"), self._chain([("1.0", by_a), ("-1.0", by_b)])
-            case ast.Mult():
-                return self._new(f"{a} * {b}"), self._chain([(b, by_a), (a, by_b)])
-            case ast.Div():
-                f = self._new(f"{a} / {b}")
-                over = self._new(f"1.0 / {b}")
-                return f, self._chain([(over, by_a), (f"-{f} * {over}", by_b)])
-            case ast.Pow() if b == "2.0":
-                return self._new(f"{a} * {a}"), self._chain([(f"2.0 * {a}", by_a)])
-            case ast.Pow():
-                f = self._new(f"{a} ** {b}")
-                fixed = b.replace(".", "").isdigit()
-                slope = f"{b} * {a} ** ({b} - 1.0)" if fixed else f"{b} * {f} / {a} if {a} != 0.0 else 0.0"
-                return f, self._chain([(slope, by_a), (f"{f} * math.log({a}) if {a} > 0.0 else 0.0", by_b)])
-            case _:
-                raise NoSlopeError
-
-    def _of_call(self, called: ast.expr, given: list[_Value]) -> _Value:
-        text, name = ast.unparse(called), ast.unparse(called).split(".")[-1].lstrip("_")
-        values = [value for value, _ in given]
-        f = self._new(f"{text}({', '.join(values)})")
-        if name in SLOPES and len(given) == 1:
-            return f, self._chain([(SLOPES[name].format(a=values[0], f=f), given[0][1])])
-        if text in ("max", "min") and len(given) == 2:
-            first = self._new(f"1.0 if {f} == {values[0]} else 0.0")
-            return f, self._chain([(first, given[0][1]), (f"1.0 - {first}", given[1][1])])
+                (a, by_a), (b, by_b) = self.of(left), self.of(right)
+                match op:
+                    case ast.Add():
+                        return self._new(f"{a} + {b}"), self._chain([("1.0", by_a), ("1.0", by_b)])
+                    case ast.Sub():
+                        return self._new(f"{a} - {b}"), self._chain([("1.0", by_a), ("-1.0", by_b)])
+                    case ast.Mult():
+                        return self._new(f"{a} * {b}"), self._chain([(b, by_a), (a, by_b)])
+                    case ast.Div():
+                        f, over = self._new(f"{a} / {b}"), self._new(f"1.0 / {b}")
+                        return f, self._chain([(over, by_a), (f"-{f} * {over}", by_b)])
+                    case ast.Pow() if b == "2.0":
+                        return self._new(f"{a} * {a}"), self._chain([(f"2.0 * {a}", by_a)])
+                    case ast.Pow():
+                        f = self._new(f"{a} ** {b}")
+                        slope = f"{b} * {f} / {a} if {a} != 0.0 else 0.0"
+                        if b.replace(".", "").isdigit():
+                            slope = f"{b} * {a} ** ({b} - 1.0)"
+                        by_power = f"{f} * math.log({a}) if {a} > 0.0 else 0.0"
+                        return f, self._chain([(slope, by_a), (by_power, by_b)])
+            case ast.Call(func=called, args=[_, *_] as given, keywords=[]):
+                text, arguments = ast.unparse(called), [self.of(argument) for argument in given]
+                name, (a, by_a) = text.split(".")[-1].lstrip("_"), arguments[0]
+                f = self._new(f"{text}({', '.join(value for value, _ in arguments)})")
+                if name in SLOPES and len(given) == 1:
+                    return f, self._chain([(SLOPES[name].format(a=a, f=f), by_a)])
+                if text in ("max", "min") and len(given) == 2:
+                    first = self._new(f"1.0 if {f} == {a} else 0.0")
+                    return f, self._chain([(first, by_a), (f"1.0 - {first}", arguments[1][1])])
         raise NoSlopeError
 
     def _new(self, text: str) -> str:

@@ -32,10 +32,21 @@ def decimated(raw: RawRecord) -> RawRecord:
     last samples, for which the filter lacks neighbours, are left out. A record that is not evenly sampled stays as it
     is. The remaining noise and rounding error are those within the band that passes.
     """
-    clock = _even_clock(raw) if raw.y.size > MOST else None
-    if clock is None:
+    rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
+    if raw.y.size <= MOST or rows[-1] != raw.y.size - 1:  # rows are missing in between
         return raw
-    start, rate = clock
+    if raw.t is not None:
+        gaps = np.diff(raw.t)
+        if np.any(gaps < 0) or raw.t[-1] == raw.t[0]:
+            return raw
+        step, off = robust_step(rows, raw.t)
+        if not step > 0 or off > UNEVEN * max(step, float(np.median(gaps[gaps > 0]))):
+            return raw
+        start, rate = float(np.mean(raw.t) - step * np.mean(rows)), 1 / step
+    elif raw.rate is not None:
+        start, rate = 0.0, raw.rate
+    else:
+        return raw
     level = raw.y - np.mean(raw.y)
     length = min(level.size, 2 ** int(np.log2(level.size / 4)))
     frequency, power = scipy.signal.welch(level, rate, nperseg=length, detrend="linear")
@@ -81,19 +92,3 @@ def thinned(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
     # Sample k of this is centred on sample k - half of y.
     whole = scipy.signal.upfirdn(taps, y - middle, 1, 1)
     return whole[2 * half : y.size : factor] + middle, half
-
-
-def _even_clock(raw: RawRecord) -> tuple[float, float] | None:
-    """Return the first time in s and the sampling rate in Hz of an evenly sampled record, else None."""
-    rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
-    if rows[-1] != raw.y.size - 1:
-        return None  # rows are missing in between
-    if raw.t is None:
-        return (0.0, raw.rate) if raw.rate is not None else None
-    gaps = np.diff(raw.t)
-    if np.any(gaps < 0) or raw.t[-1] == raw.t[0]:
-        return None
-    step, off = robust_step(rows, raw.t)
-    if not step > 0 or off > UNEVEN * max(step, float(np.median(gaps[gaps > 0]))):
-        return None
-    return float(np.mean(raw.t) - step * np.mean(rows)), 1 / step

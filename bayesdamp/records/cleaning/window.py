@@ -166,11 +166,25 @@ def free_decay(
     Raises
     ------
     InputError
-        Where nothing oscillates.
+        Where nothing oscillates, or where what decays has a small share of the power of all swings outside other
+        decays.
     """
     decays = _find_decays(t, y, step, name)
     if seek_start and seek_stop:
-        _check_share(decays, name)
+        times, (a, b) = decays.turns.times, decays.best
+        power = median_filter(np.abs(np.diff(decays.turns.values)), 3, mode="nearest") ** 2
+        own, loudest = float(power[a : b - 1].sum()), int(np.argmax(power))
+        for first, last in decays.stretches:
+            if (first, last) != decays.best and decays.are_worth((first, last)):
+                power[first : last - 1] = 0.0
+        share = own / max(float(power.sum()), 1e-300)
+        if share < TAIL:
+            raise InputError(
+                f"its largest swings, near {times[loudest]:.4g} s, are not the decay of one oscillator; what decays, "
+                f"from {times[a]:.4g} to {times[b - 1]:.4g} s, has {100 * share:.1g} % of their power; if it has "
+                "several modes, band-pass it around one first, else give start and stop",
+                name,
+            )
     if not seek_start and seek_stop:
         end = _next_release(t, decays, name)
         if end < t.size - 1:
@@ -275,24 +289,6 @@ def _largest_rise(decays: _Decays) -> float:
     falling = smooth[int(np.argmax(smooth)) :]
     rise = float((falling - np.minimum.accumulate(falling)).max())
     return rise if rise < SMALL * float(smooth.max()) else 0.0
-
-
-def _check_share(decays: _Decays, name: str) -> None:
-    """Raise InputError where the best stretch has a small share of the power of all swings outside other decays."""
-    times, (a, b) = decays.turns.times, decays.best
-    power = median_filter(np.abs(np.diff(decays.turns.values)), 3, mode="nearest") ** 2
-    own, loudest = float(power[a : b - 1].sum()), int(np.argmax(power))
-    for first, last in decays.stretches:
-        if (first, last) != decays.best and decays.are_worth((first, last)):
-            power[first : last - 1] = 0.0
-    share = own / max(float(power.sum()), 1e-300)
-    if share < TAIL:
-        raise InputError(
-            f"its largest swings, near {times[loudest]:.4g} s, are not the decay of one oscillation; what decays, from "
-            f"{times[a]:.4g} to {times[b - 1]:.4g} s, has {100 * share:.1g} % of their power; if it has several modes, "
-            "band-pass it around one first, else give start and stop",
-            name,
-        )
 
 
 def _next_release(t: np.ndarray, decays: _Decays, name: str) -> int:

@@ -263,27 +263,21 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> NotOne | N
         return None  # a base line that wanders
     if g / f - 1 < CLOSE:
         ranges, noise = _ranges(t, y, 1 / f), float(np.std(y)) * two.left**0.5
-        if lifted(ranges, noise) < LIFTED and not (steady and _levels(two, ranges, noise, duration)):
+        levels = False
+        last = ranges[-(ranges.size // 3) :]
+        if steady and last.size >= 3 * TOGETHER:
+            # The amplitude has fallen and stays, clear of the noise, for the last third; so does the slower mode.
+            falls = (abs(slowest) + 2 * float(two.errors[np.argmin(two.rates)])) * duration / 3
+            early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
+            levels = ranges[0] > HALVED * np.median(last) > HALVED * ABOVE * noise
+            levels = levels and falls < SUSTAINED and abs(early / late - 1) < SUSTAINED
+        if lifted(ranges, noise) < LIFTED and not levels:
             return None
         return NotOne("driven" if steady else "beats", two, size)
     multiple = two.frequencies[1] / two.frequencies[0]
     if not harmonics and multiple > 1 and abs(multiple - round(multiple)) < HARMONIC * multiple:
         return None
     return NotOne("driven" if steady else "two modes", two, size)
-
-
-def _levels(two: Modes, ranges: np.ndarray, noise: float, duration: float) -> bool:
-    """Return whether the amplitude has fallen and then stays, clear of the noise, for the last third of the periods.
-
-    The more slowly decaying mode must significantly do so too.
-    """
-    last = ranges[-(ranges.size // 3) :]
-    if last.size < 3 * TOGETHER or not ranges[0] > HALVED * np.median(last) > HALVED * ABOVE * noise:
-        return False
-    slow = int(np.argmin(two.rates))
-    falls = (abs(float(two.rates[slow])) + 2 * float(two.errors[slow])) * duration / 3
-    early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
-    return falls < SUSTAINED and abs(early / late - 1) < SUSTAINED
 
 
 def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +77,16 @@ class UffReader(Reader):
             while name in names:
                 name, number = f"{named} [{number}]", number + 1
             names.append(name)
-            columns += _columns(data, name, str(i) if len(timed) > 1 else "")
+            unit, quantity = _ORDINATES.get(int(data.get("ordinate_spec_data_type", 0)), ("", ""))
+            unit = _text(data, "ordinate_axis_units_lab") or unit
+            step, group = float(data.get("abscissa_inc", 0.0)), str(i) if len(timed) > 1 else ""
+            column = Column(name, np.asarray(data["data"], float), group, unit=unit, quantity=quantity)
+            if int(data["abscissa_spacing"]) != 1:
+                columns += [Column(f"{name} time", np.asarray(data["x"], float), group, unit="s"), column]
+            elif step > 0:
+                columns.append(replace(column, rate=1 / step, start=float(data["abscissa_min"])))
+            else:
+                raise InputError(f"{name}: its samples are {step:g} s apart; export it again")
             texts = {f"{name}: {key}": _text(data, key) for key in ("id1", "id2", "id3", "id4")}
             facts |= {key: text for key, text in texts.items() if text}
         left = len(sets) - len(timed)
@@ -88,20 +98,6 @@ def _text(data: Any, key: str) -> str:
     """Return a data set's text, empty where it is written as NONE."""
     text = str(data.get(key, "")).strip()
     return "" if text.upper() == "NONE" else text
-
-
-def _columns(data: Any, name: str, group: str) -> list[Column]:
-    unit, quantity = _ORDINATES.get(int(data.get("ordinate_spec_data_type", 0)), ("", ""))
-    unit = _text(data, "ordinate_axis_units_lab") or unit
-    values, x = np.asarray(data["data"], float), np.asarray(data["x"], float)
-    if int(data["abscissa_spacing"]) != 1:
-        time = Column(f"{name} time", x, group, unit="s")
-        return [time, Column(name, values, group, unit=unit, quantity=quantity)]
-    step = float(data["abscissa_inc"])
-    if not step > 0:
-        raise InputError(f"{name}: its samples are {step:g} s apart; export it again")
-    start = float(data["abscissa_min"])
-    return [Column(name, values, group, unit=unit, quantity=quantity, rate=1 / step, start=start)]
 
 
 PLUGIN = UffReader()
