@@ -12,8 +12,7 @@ from bayesdamp.provenance import Provenance
 from bayesdamp.records.columns import LARGEST, LEAST, RecordColumns, choose_columns, separate_clocks
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import stated_unit
-from bayesdamp.records.files.names import SECONDS, seconds_of_unit, split_run, unit_said, unit_written
-from bayesdamp.records.files.table import DAY
+from bayesdamp.records.files.names import DAY, SECONDS, seconds_of_unit, split_run, unit_said, unit_written
 from bayesdamp.records.opening import contents, file_error
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError

@@ -13,6 +13,8 @@ from bayesdamp.records.files.contents import Column
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
+DAY = 86400.0
+"""Seconds."""
 SECONDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden"), 1.0),
     **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"), 1e-3),
@@ -21,7 +23,7 @@ SECONDS = {
     **dict.fromkeys(("ps", "psec", "picosecond", "picoseconds"), 1e-12),
     **dict.fromkeys(("min", "mins", "minute", "minutes", "minuten"), 60.0),
     **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "std", "stunde", "stunden"), 3600.0),
-    **dict.fromkeys(("d", "day", "days", "tag", "tage"), 86400.0),
+    **dict.fromkeys(("d", "day", "days", "tag", "tage"), DAY),
 }
 """Seconds in a unit of time, by the ways of writing it."""
 _JOINED = re.compile(

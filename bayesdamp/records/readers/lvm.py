@@ -10,8 +10,7 @@ import numpy as np
 
 from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.facts import trim_facts
-from bayesdamp.records.files.table import parse_number
-from bayesdamp.records.readers.text import make_column, read_text
+from bayesdamp.records.readers.text import make_column, parse_number, read_text
 from bayesdamp.types import InputError
 
 _MARK = "LabVIEW Measurement"

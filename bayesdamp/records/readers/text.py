@@ -1,25 +1,25 @@
-"""Text tables: CSV and its relatives, of loggers, phones and oscilloscopes."""
+"""Text tables: CSV and its relatives, of loggers, phones and oscilloscopes.
+
+Found out are the encoding, the separator, the decimal mark, the header, times of day, and two oscilloscopes' layouts.
+"""
 
 from __future__ import annotations
 
 import codecs
+import csv
+import datetime
+import re
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.facts import header_facts
-from bayesdamp.records.files.table import (
-    BLANKS,
-    Layout,
-    find_layout,
-    join_stamps,
-    parse_number,
-    parse_stamp,
-    plain_oscilloscope,
-    separate_monitor_times,
-)
+from bayesdamp.records.files.facts import header_facts, trim_facts
+from bayesdamp.records.files.names import DAY, may_be_unit, unit_and_quantity
 from bayesdamp.types import InputError
 
 LARGEST = 2**29
@@ -31,6 +31,34 @@ MOST_NOTES = 3
 _CONTROLS = bytes(set(range(32)) - {9, 10, 12, 13, 26, 27})
 _WORD = 40
 """Characters that are kept of a cell without a number."""
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_GROUPED = {  # thousands, as spreadsheets write them: 1.234,5 and 1,234.5
+    ",": re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+,\d+"),
+    ".": re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+\.\d+"),
+}
+_FACT = re.compile(r"[^:=]+[:=]\s*\S.*")
+_MONITOR = re.compile(r"\s*(\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\s*->\s*")
+"""The time of day that a serial monitor writes before each line."""
+BLANKS = " "
+_GAPS = (r"\t|\s{2,}", r"\s+(?![(\[{])")
+"""What separates names that contain blanks: wide gaps, or any but those before a unit in brackets."""
+SEEN = 100
+"""Lines in the middle of a text that show what a row of its table is like (conventional)."""
+_MISSING = re.compile(r"n/?a|null|none|missing|invalid", re.IGNORECASE)
+"""What loggers write where a number is missing."""
+LONGEST = 400
+"""Characters of a cell that is parsed closely; longer numbers must consist of digits alone (conventional)."""
+_DATES = (
+    re.compile(r"(?P<y>\d{4})[-/](?P<m>\d{1,2})[-/](?P<d>\d{1,2})"),
+    re.compile(r"(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<y>\d{4})"),
+)
+_SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(?:\d{4}|\d\d)[ ,]\s*")
+"""A date whose order of day and month is not known: midnights are counted instead."""
+_TIME = re.compile(
+    r"(\d{1,2}):(\d\d)(?::(\d\d(?:[.,]\d+)?))?\s*(AM|PM|Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE
+)
+DEEP = 64
+"""Lines that an oscilloscope's settings take at most."""
 
 
 class TextReader(Reader):
@@ -49,6 +77,304 @@ class TextReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return the table's columns. Raises InputError for a text that is too large."""
         return parse_table(read_text(path).splitlines())
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text file writes its table.
+
+    separator: one character, BLANKS for any run of blanks; decimal: "." or ","; columns: cells in a row;
+    first: index of the first line of numbers; names: the header's names, stripped, or empty strings;
+    units: those of a line below the names, as written; groups: the table of each column where several are side by side.
+    """
+
+    separator: str
+    decimal: str
+    columns: int
+    first: int
+    names: tuple[str, ...]
+    units: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
+
+    def cells(self, line: str) -> list[str]:
+        """Return the cells of a line, stripped."""
+        return split_cells(line, self.separator)
+
+
+def split_cells(line: str, separator: str) -> list[str]:
+    """Return the cells of a line, stripped of blanks and quotes."""
+    if separator == BLANKS:
+        return [cell.strip("\"'") for cell in re.findall(r'"[^"]*"|\S+', line)]
+    if '"' in line:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+    return [cell.strip() for cell in line.split(separator)]
+
+
+def parse_number(cell: str, decimal: str) -> float | None:
+    """Return the number in a cell, of a time of day the seconds of its day (see `parse_stamp`); None for others."""
+    if ":" in cell:
+        stamp = parse_stamp(cell)
+        return None if stamp is None else stamp[1]
+    if len(cell) > LONGEST:
+        return float(cell) if cell.lstrip("+-").isdecimal() and cell[1:].isdecimal() else None
+    other = "." if decimal == "," else ","
+    if other in cell:
+        if not _GROUPED[decimal].fullmatch(cell):
+            return None
+        cell = cell.replace(other, "")
+    cell = cell.replace(",", ".")
+    return float(cell.lower().replace("d", "e")) if _NUMBER.fullmatch(cell) else None
+
+
+def parse_stamp(cell: str) -> tuple[int | None, float] | None:
+    """Return the day and the seconds of that day in a cell that holds a time of day, with a date or without.
+
+    Such a cell is `2024-05-03T10:00:00.25Z`, `03.05.2024 10:00:00`, `5/3/2024 1:00:00 PM` or `10:00:00.25`.
+
+    Returns
+    -------
+    tuple[int | None, float] | None
+        The day counted from the year 1, None without a date or where the order of day and month is not known; with a
+        zone, day and seconds are those of UTC. None where the cell is not a time that exists (`99:99`), or has neither
+        a date nor seconds.
+    """
+    date, rest = 0, cell  # 0: without a date
+    if slashed := _SLASHED.match(cell):
+        low, high = sorted((int(slashed[1]), int(slashed[2])))
+        if not (1 <= low <= 12 and high <= 31):
+            return None
+        rest = cell[slashed.end() :]
+    elif dated := next(filter(None, (pattern.match(cell) for pattern in _DATES)), None):
+        try:
+            date = datetime.date(int(dated["y"]), int(dated["m"]), int(dated["d"])).toordinal()
+        except ValueError:
+            return None
+        if cell[dated.end() : dated.end() + 1] not in ("T", "t", " "):
+            return None
+        rest = cell[dated.end() + 1 :].strip()
+    parts = _TIME.fullmatch(rest)
+    if parts is None:
+        return None
+    hours, minutes, seconds = int(parts[1]), int(parts[2]), float((parts[3] or "0").replace(",", "."))
+    zone = (parts[4] or "").upper()
+    if zone in ("AM", "PM"):
+        if not 1 <= hours <= 12:
+            return None
+        hours = hours % 12 + 12 * (zone == "PM")
+    if minutes > 59 or seconds >= 61 or (hours > 24 if date else parts[3] is None):
+        return None
+    total = 3600.0 * hours + 60.0 * minutes + seconds
+    if not date:
+        return None, total
+    if zone[:1] in ("+", "-"):
+        digits = zone[1:].replace(":", "").ljust(4, "0")
+        if int(digits[:2]) > 14 or int(digits[2:]) > 59:
+            return None
+        offset = 3600 * int(digits[:2]) + 60 * int(digits[2:])
+        total += offset if zone[0] == "-" else -offset
+    days, total = divmod(total, DAY)
+    return date + int(days), total
+
+
+def join_stamps(days: list[int | None], of_day: np.ndarray) -> np.ndarray:
+    """Return times (n,) in s from days and seconds of the day.
+
+    Stamps with a date are counted from the first one's midnight on; for stamps without one, midnights are counted.
+    """
+    if None not in days:
+        return of_day + DAY * (np.array(days, float) - float(days[0] or 0))
+    t = of_day.copy()
+    known = np.flatnonzero(np.isfinite(t))
+    falls = np.diff(t[known]) < -80000.0
+    t[known] += DAY * np.concatenate([np.zeros(min(known.size, 1)), np.cumsum(falls)])
+    return t
+
+
+def separate_monitor_times(lines: list[str]) -> list[str]:
+    """Return lines in which the time that a serial monitor wrote (`10:00:00.125 -> 3.5,7.1`) is a cell of its own."""
+    marks = [_MONITOR.match(line) for line in lines]
+    if 2 * sum(mark is not None for mark in marks) <= sum(bool(line.strip()) for line in lines):
+        return lines
+    rest = [line[mark.end() :] if mark else line for mark, line in zip(marks, lines, strict=True)]
+    layout = find_layout(rest)
+    if layout is None:
+        return lines
+    return [
+        f"{mark[1]}{layout.separator}{line}" if mark else line for mark, line in zip(marks, rest, strict=True)
+    ]
+
+
+def _choose_separator(lines: list[str]) -> tuple[str, str, int] | None:
+    """Return the separator, decimal mark and number of columns by which most cells of lines hold a number.
+
+    None where no cell holds one.
+    """
+    filled = [line for line in lines if line.strip()]
+    if not filled:
+        return None
+    sample = filled[len(filled) // 2 :][:: max(1, len(filled) // 120)]
+    best: tuple[tuple[float, int], tuple[str, str, int]] | None = None
+    for separator, decimal in (";,", ";.", "\t,", "\t.", ",.", " ,", " ."):
+        rows = [split_cells(line, separator) for line in sample]
+        columns = Counter(map(len, rows)).most_common(1)[0][0]
+        rows = [row for row in rows if len(row) == columns]
+        cells = [cell for row in rows for cell in row if cell]
+        numbers = sum(parse_number(cell, decimal) is not None for cell in cells)
+        if numbers > 0:
+            score = (round(numbers / len(cells) * len(rows) / len(sample), 2), columns)
+            if best is None or score > best[0]:
+                best = (score, (separator, decimal, columns))
+    return None if best is None else best[1]
+
+
+def find_layout(lines: list[str]) -> Layout | None:
+    """Return the layout of lines, or None where they do not hold numbers."""
+    best = _choose_separator(lines)
+    if best is None:
+        return None
+    separator, decimal, columns = best
+    first = _first_row(lines, separator, decimal, columns)
+    if first is None:
+        return None
+    blanks = " \r\n" if separator == "\t" else None  # a tab is an empty cell there
+    top = [line.strip(blanks).lstrip("#% ") for line in lines[:first] if line.strip()]
+    heads = [split_cells(line, separator) for line in top]
+    if separator != BLANKS and columns > 3:  # without the empty cells at its end
+        heads[-2:] = [
+            h + [""] * (columns - len(h)) if columns // 2 < len(h) < columns else h for h in heads[-2:]
+        ]
+    worded = any(_has_letters(cell) for h in heads for cell in h)
+    if separator == "," and columns == 2 and worded and all(len(h) == 1 for h in heads):
+        separator, decimal, columns = BLANKS, ",", 1  # one column with decimal commas
+        first = _first_row(lines, separator, decimal, columns) or first
+    full = [h for h in heads if len(h) == columns]
+    names, units = _choose_names(full, columns)
+    if names is None and separator != BLANKS and columns > 1:  # a head may have more cells than the rows
+        full = [h[:columns] for h in heads if len(h) >= columns]
+        names, units = _choose_names(full, columns)
+    at = full.index(names) if names in full else 0
+    groups = _side_by_side(names or [], full[at - 1] if at > 0 else ())
+    if columns == 1:
+        single = [line.strip('"') for line in top if not _FACT.fullmatch(line)]
+        single = [line for line in single if _has_letters(line) and not re.search("[,;\\t]", line)]
+        with_unit = [line for line in single if unit_and_quantity(line) is not None]
+        names = (with_unit or single)[-1:] or None
+    elif names is None and separator == BLANKS:
+        wide = [[c.strip() for c in re.split(gap, line)] for line in top for gap in _GAPS]
+        names = next((h for h in wide if len(h) == columns and all(map(_has_letters, h))), None)
+    return Layout(separator, decimal, columns, first, tuple(names or [""] * columns), tuple(units), groups)
+
+
+def _side_by_side(names: Sequence[str], above: Sequence[str]) -> tuple[str, ...]:
+    """Return the table that each column belongs to; empty where all of them are one table.
+
+    names: those of the columns, of which the first of a table is that of its times; tables have the same names, and
+    blank columns may separate them. above: the cells of the line above the names, of which the first in a table is
+    its label; where there is none, labels are `part 1` and so on.
+    """
+    first = next((name for name in names if name), "")
+    starts = [i for i, name in enumerate(names) if name == first]
+    if len(starts) < 2:
+        return ()
+    spans = list(zip(starts, [*starts[1:], len(names)], strict=True))
+    block, *others = [[name for name in names[a:b] if name] for a, b in spans]
+    if len(block) < 2 or any(other != block for other in others) or len(set(block)) < len(block):
+        return ()
+    labels = [next((cell for cell in above[a:b] if cell), "") for a, b in spans]
+    if len({label for label in labels if label}) < len(labels):
+        labels = [f"part {i}" for i in range(1, len(labels) + 1)]
+    groups = [""] * starts[0]
+    for label, (a, b) in zip(labels, spans, strict=True):
+        groups += [label] * (b - a)
+    return tuple(groups)
+
+
+def _choose_names(heads: list[list[str]], columns: int) -> tuple[list[str] | None, list[str]]:
+    """Return the header among the lines above the numbers that have their columns, and the units in a line below it.
+
+    The header is the last of those with most names, None where there is none: what an instrument states about itself
+    ("Model,DSO") is above it and may have as many cells.
+    """
+    units = heads[-1] if len(heads) > 1 and all(map(may_be_unit, heads[-1], heads[-2])) else []
+    if units:
+        heads = heads[:-1]
+    # `delta t,1E-5` is a fact.
+    heads = [h for h in heads if all(c.isdigit() or parse_number(c, ".") is None for c in h)]
+    named = [sum(map(_has_letters, h)) for h in heads]
+    most = max(named, default=0)
+    if most < max(1, columns // 2):
+        return None, []
+    return [h for h, many in zip(heads, named, strict=True) if many == most][-1], units
+
+
+def _has_letters(cell: str) -> bool:
+    return bool(re.search(r"[^\W\d_]", cell)) and parse_number(cell, ".") is None
+
+
+def _first_row(lines: list[str], separator: str, decimal: str, columns: int) -> int | None:
+    """Return the first of two lines in a row (or the last line) that hold numbers in the table's columns.
+
+    A line such as `delta t,1E-5` belongs to the head where numbers begin the other lines. Rows right above the first
+    one belong to the table where only cells beyond its columns make them longer.
+    """
+    middle = [split_cells(line, separator) for line in lines[len(lines) // 2 :][:SEEN]]
+    begins = sum(parse_number(cells[0], decimal) is not None for cells in middle if cells)
+    headed = 2 * begins > len(middle)
+    good: list[bool] = []
+    for line in lines:
+        cells = split_cells(line, separator)
+        filled = [c for c in cells if c]
+        numbers = sum(parse_number(c, decimal) is not None for c in filled)
+        worded = headed and columns > 1 and _has_letters(cells[0]) and not _MISSING.fullmatch(cells[0])
+        good.append(len(cells) == columns and numbers > 0 and 2 * numbers >= len(filled) and not worded)
+        if len(good) > 1 and good[-1] and good[-2]:
+            break
+    else:
+        return good.index(True) if True in good else None
+    first = len(good) - 2
+    while first > 0 and columns > 1:
+        cells = split_cells(lines[first - 1], separator)
+        if len(cells) <= columns or any(parse_number(c, decimal) is None for c in cells[:columns]):
+            break
+        first -= 1
+    return first
+
+
+def plain_oscilloscope(lines: list[str]) -> tuple[list[str], dict[str, Fact]] | None:
+    """Return an oscilloscope's table as a plain table with one line of names, and its settings.
+
+    Tektronix TDS writes its settings beside the first samples; Rigol numbers the samples and writes start and increment
+    in the head. The lines are those that were given one by one, after a line of names where there was none.
+    Returns None where neither of them wrote the lines.
+    """
+    head = [split_cells(line, ",") for line in lines[:DEEP]]
+    if len(head) < 3:
+        return None
+    if head[0][0] == "X" and head[1][0] == "Sequence" and "Start" in head[0]:
+        start = head[0].index("Start")
+        settings = [parse_number(cell, ".") for cell in head[1][start : start + 2]]
+        if len(settings) < 2 or None in settings:
+            return None
+        first, step = float(head[1][start]), float(head[1][start + 1])
+        names = [_with_unit(*pair) for pair in zip(head[0][1:start], head[1][1:start], strict=True)]
+        rows = []
+        for line in lines[2:]:
+            cells = split_cells(line, ",")
+            at = parse_number(cells[0], ".")
+            rows.append("" if at is None else ",".join([repr(first + step * at), *cells[1:start]]))
+        return ["", ",".join(["Time (s)", *names]), *rows], trim_facts({"Start": first, "Increment": step})
+    names = [row[0] for row in head]
+    beside = [parse_number(cell, ".") for cell in head[0][3:5]]
+    if "Record Length" in names and "Sample Interval" in names and None not in beside and head[0][4:]:
+        facts = {row[0]: " ".join(filter(None, row[1:3])) for row in head if row[0]}
+        across, along = facts.get("Vertical Units", ""), facts.get("Horizontal Units", "s")
+        title = f"{_with_unit('Time', along)},{_with_unit(facts.get('Source', 'CH1'), across)}"
+        return [title, *(",".join(split_cells(line, ",")[3:5]) for line in lines)], trim_facts(facts)
+    return None
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name} ({unit})" if unit else name
 
 
 def read_text(path: Path, largest: int = LARGEST) -> str:
