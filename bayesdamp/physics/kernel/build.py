@@ -78,12 +78,11 @@ def most_parameters(laws: tuple[str, ...]) -> int:
 
 def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
     """Return the source of a kernel's module."""
-    parts, calls, sums, slopes, at = [_HEAD], [], list[str](), list[str](), 0
+    parts, calls, sums, slopes, at = [_HEAD], list[str](), list[str](), list[str](), 0
     owners, switches, jumps = list[int](), list[bool](), list[bool]()
     for number, name in enumerate(terms):
         term = TERMS.get(name)
-        _own(term, DampingTerm, f"damping term {name!r}")
-        parts.append(_function(term.kernel, f"_shape_{number}", f"damping term {name!r}"))
+        parts.append(_function(term, DampingTerm, f"_shape_{number}", f"damping term {name!r}"))
         further = [f"q[{at + i}]" for i in range(len(term.further))]
         inside = ", ".join(["x", "v", "rounding" if term.rounded else "epsilon", *further])
         slope, changes = _slopes_of_term(parts[-1], number, len(further))
@@ -92,50 +91,52 @@ def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
         switches.append(bool(term.switches))
         jumps.append(bool(term.switches and not term.rounded))
         if number == USUAL:
-            sums.append(f"    if c[{len(terms)}] != 0.0:")
+            sums.append(f"if c[{len(terms)}] != 0.0:")
             slopes.append(sums[-1])
-        margin = "    " if number < USUAL else "        "
-        sums += [
-            f"{margin}if c[{number}] != 0.0:",
-            f"{margin}    total += c[{number}] * _shape_{number}({inside})",
-        ]
-        calls.append(f"    out[{number}] = _shape_{number}({inside}) if active[{number}] else 0.0")
-        returned = ", ".join(["f", "by_x", "by_v", *(f"by_{i}" for i in range(len(further)))])
+        margin, c = "" if number < USUAL else "    ", f"c[{number}]"
+        sums += [f"{margin}if {c} != 0.0:", f"{margin}    total += {c} * _shape_{number}({inside})"]
+        calls.append(f"out[{number}] = _shape_{number}({inside}) if active[{number}] else 0.0")
+        by_further = [f"by_{i}" for i in range(len(further))]
         slopes += [
             f"{margin}if active[{number}]:",
-            f"{margin}    {returned} = _slopes_{number}({inside}{changes})",
+            f"{margin}    {', '.join(['f', 'by_x', 'by_v', *by_further])} = _slopes_{number}({inside}{changes})",
             f"{margin}    out[{2 + number}] = share * f",
-            f"{margin}    total, x_slope, v_slope = (total + c[{number}] * f, x_slope + c[{number}] * by_x, "
-            f"v_slope + c[{number}] * by_v)",
+            f"{margin}    total, x_slope, v_slope = (total + {c} * f, x_slope + {c} * by_x, v_slope + {c} * by_v)",
             *(
-                f"{margin}    out[{2 + len(terms) + at + i}] = share * c[{number}] * by_{i}"
-                for i in range(len(further))
+                f"{margin}    out[{2 + len(terms) + at + i}] = share * {c} * {slope}"
+                for i, slope in enumerate(by_further)
             ),
         ]
         at += len(further)
-    parts.append(f"OWNERS = np.array({owners}, np.int64)\nSWITCHES = np.array({switches}, np.bool_)\n")
-    parts.append(f"JUMPS = np.array({jumps}, np.bool_)\n")
-    parts.append("@njit\ndef shapes(x, v, epsilon, rounding, q, active, out):\n" + "\n".join(calls) + "\n")
-    parts.append(
-        "@njit\ndef damping(x, v, epsilon, rounding, q, c):\n    total = 0.0\n"
-        + "\n".join(sums)
-        + "\n    return total\n"
-    )
-    parts.append(
-        "@njit\ndef damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, share, out):\n"
-        "    total, x_slope, v_slope = 0.0, 0.0, 0.0\n"
-        + "\n".join(slopes)
-        + "\n    return total, x_slope, v_slope\n"
-    )
-    parts += _sources_of_laws(laws)
     others = " or ".join(f"active[{i}]" for i in range(USUAL, len(terms))) or "False"
     acting = [f"coefficients[{i}] if active[{i}] else 0.0" for i in range(len(terms))]
     further, rests = [f"q[{i}]" for i in range(at)], [f"law[{i}]" for i in range(most_parameters(laws) + 1)]
     tuples = ", ".join(
         f"({', '.join(each)})" for each in ([*acting, f"1.0 if {others} else 0.0"], [*further, "0.0"], rests)
     )
-    parts.append(f"@njit\ndef gathered(coefficients, q, active, law):\n    return {tuples}\n")
-    return "\n\n".join([*parts, *map(_template, TEMPLATES)])
+    parts += [
+        f"OWNERS = np.array({owners}, np.int64)\nSWITCHES = np.array({switches}, np.bool_)\n",
+        f"JUMPS = np.array({jumps}, np.bool_)\n",
+        _njit("shapes(x, v, epsilon, rounding, q, active, out)", *calls),
+        _njit("damping(x, v, epsilon, rounding, q, c)", "total = 0.0", *sums, "return total"),
+        _njit(
+            "damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, share, out)",
+            "total, x_slope, v_slope = 0.0, 0.0, 0.0",
+            *slopes,
+            "return total, x_slope, v_slope",
+        ),
+        *_sources_of_laws(laws),
+        _njit("gathered(coefficients, q, active, law)", f"return {tuples}"),
+    ]
+    for name in TEMPLATES:
+        template = Path(__file__).with_name(f"{name}.py").read_text(encoding="utf-8")
+        parts.append(template[template.index(f"# --- {name} ---") : template.index(END)])
+    return "\n\n".join(parts)
+
+
+def _njit(signature: str, *lines: str) -> str:
+    """Return the source of a compiled function."""
+    return "".join([f"@njit\ndef {signature}:\n", *(f"    {line}\n" for line in lines)])
 
 
 def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
@@ -158,20 +159,16 @@ def _sources_of_laws(laws: tuple[str, ...]) -> list[str]:
     """
     sizes = [len(LAWS.get(name).parameters) for name in laws]
     parts = [f"LAW_SIZES = np.array({sizes}, np.int64)\n"]
-    choices = {"restoring(x, p)": "_law_{}(x, p)"}
-    choices["restoring_slopes(x, p, sizes, share, out, first)"] = (
-        "_slopes_of_law_{}(x, p, sizes, share, out, first)"
-    )
     for number, name in enumerate(laws):
         law = LAWS.get(name)
-        _own(law, RestoringLaw, f"restoring law {name!r}")
-        parts.append(_function(law.kernel, f"_law_{number}", f"restoring law {name!r}"))
+        parts.append(_function(law, RestoringLaw, f"_law_{number}", f"restoring law {name!r}"))
         parts += _slopes_of_law(parts[-1], number, len(law.parameters))
-    for signature, call in choices.items():
-        lines = [f"@njit\ndef {signature}:"]
+    for name, arguments in (("restoring", "x, p"), ("restoring_slopes", "x, p, sizes, share, out, first")):
+        each = "_law" if name == "restoring" else "_slopes_of_law"
+        lines: list[str] = []
         for number in range(len(laws) - 1):
-            lines += [f"    if p[{max(sizes)}] == {number}.0:", f"        return {call.format(number)}"]
-        parts.append("\n".join([*lines, f"    return {call.format(len(laws) - 1)}"]) + "\n")
+            lines += [f"if p[{max(sizes)}] == {number}.0:", f"    return {each}_{number}({arguments})"]
+        parts.append(_njit(f"{name}({arguments})", *lines, f"return {each}_{len(laws) - 1}({arguments})"))
     return parts
 
 
@@ -183,19 +180,22 @@ def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
         own, changes = differentiated(source, name, [x, *(f"{p}[{i}]" for i in range(count))]), ""
     except NoSlopeError:
         numbers = [f"p{i}" for i in range(count)]
-        call = f"_law_{number}({{x}}, ({', '.join(f'{{{seed}}}' for seed in [*numbers])}, 0.0))"
+        call = f"_law_{number}({{x}}, ({', '.join(f'{{{seed}}}' for seed in numbers)}, 0.0))"
         moved = {"x": "1e-6 * sizes[0]"}
         moved |= {seed: f"1e-6 * (abs({seed}) + sizes[{2 + i}])" for i, seed in enumerate(numbers)}
         inner = differenced(call, ["x", *numbers, "sizes"], moved, f"{name}_moved")
         given = ", ".join(["x", *(f"p[{i}]" for i in range(count)), "sizes"])
-        own = f"{inner}\n\n@njit\ndef {name}(x, p, sizes):\n    return {name}_moved({given})\n"
+        own = f"{inner}\n\n{_njit(f'{name}(x, p, sizes)', f'return {name}_moved({given})')}"
         changes = ", sizes"
-    returned = ", ".join(["f", "by_x", *(f"by_{i}" for i in range(count))])
-    stored = "".join(f"    out[first + {i}] = share * by_{i}\n" for i in range(count))
+    by_parameters = [f"by_{i}" for i in range(count)]
     return [
         own,
-        f"@njit\ndef _slopes_of_law_{number}(x, p, sizes, share, out, first):\n"
-        f"    {returned} = {name}(x, p{changes})\n{stored}    return f, by_x\n",
+        _njit(
+            f"_slopes_of_law_{number}(x, p, sizes, share, out, first)",
+            f"{', '.join(['f', 'by_x', *by_parameters])} = {name}(x, p{changes})",
+            *(f"out[first + {i}] = share * {slope}" for i, slope in enumerate(by_parameters)),
+            "return f, by_x",
+        ),
     ]
 
 
@@ -206,23 +206,16 @@ def _arguments(source: str) -> list[str]:
     return [a.arg for a in (*function.args.posonlyargs, *function.args.args)]
 
 
-@cache
-def _template(name: str) -> str:
-    template = Path(__file__).with_name(f"{name}.py").read_text(encoding="utf-8")
-    return template[template.index(f"# --- {name} ---") : template.index(END)]
-
-
-def _own(plugin: DampingTerm | RestoringLaw, base: type, what: str) -> None:
-    if type(plugin).kernel is base.kernel:  # type: ignore[attr-defined]
-        raise Refusal(f"the {what} has no `kernel`, of which compiled trajectories are made")
-
-
 @lru_cache(maxsize=256)
-def _function(function: Callable[..., Any], name: str, what: str) -> str:
-    """Return the source of a static method as a compiled function of another name.
+def _function(plugin: DampingTerm | RestoringLaw, base: type, name: str, what: str) -> str:
+    """Return the source of a plug-in's `kernel` as a compiled function of another name.
 
-    Annotations and defaults are removed, because they name what the kernel's module does not import.
+    Annotations and defaults are removed, because they name what the kernel's module does not import. The hyperbolic
+    tangent becomes one by an exponential, in a third of the time: right to 2e-16 of its largest value.
     """
+    function = plugin.kernel
+    if function is base.kernel:  # type: ignore[attr-defined]
+        raise Refusal(f"the {what} has no `kernel`, of which compiled trajectories are made")
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
     except (OSError, SyntaxError):
@@ -235,25 +228,12 @@ def _function(function: Callable[..., Any], name: str, what: str) -> str:
         raise Refusal(
             f"the {what} has a `kernel` that uses {foreign[0]!r}: it may use its arguments, math and np"
         )
-    definition.name, definition.returns, definition.decorator_list = (
-        name,
-        None,
-        [ast.Name("njit", ast.Load())],
-    )
+    definition.name, definition.returns = name, None
+    definition.decorator_list = [ast.Name("njit", ast.Load())]
     for argument in [*definition.args.posonlyargs, *definition.args.args]:
         argument.annotation = None
     definition.args.defaults = []
-    return ast.unparse(ast.fix_missing_locations(_Quick().visit(definition))) + "\n"
-
-
-class _Quick(ast.NodeTransformer):
-    """The hyperbolic tangent by an exponential, in a third of the time: right to 2e-16 of its largest value."""
-
-    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
-        """math.tanh becomes _tanh."""
-        if isinstance(node.value, ast.Name) and (node.value.id, node.attr) == ("math", "tanh"):
-            return ast.Name("_tanh", ast.Load())
-        return self.generic_visit(node)
+    return ast.unparse(ast.fix_missing_locations(definition)).replace("math.tanh(", "_tanh(") + "\n"
 
 
 @lru_cache(maxsize=64)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.physics.kernel import Solver, build
 from bayesdamp.physics.kernel.build import _arguments, _function
 from bayesdamp.physics.kernel.differentiate import SLOPES, NoSlopeError, differenced, differentiated
 from bayesdamp.physics.kernel.solve import ALL, NONE, QUANTITIES
-from bayesdamp.physics.restoring import LAWS
+from bayesdamp.physics.restoring import LAWS, RestoringLaw
 
 TIMES = np.linspace(0.0, 6.0, 161)
 NUMBERS = (0.31, -0.23, 0.11, 0.7, 0.4, 0.05, 1.3)
@@ -39,7 +39,7 @@ def errors(source: str, slopes: str, at: tuple[float, ...]) -> np.ndarray:
 
 def test_every_term_that_ships_has_its_slopes() -> None:
     for name in TERMS.names():
-        source = _function(TERMS.get(name).kernel, "f", name)
+        source = _function(TERMS.get(name), DampingTerm, "f", name)
         given = _arguments(source)
         assert np.all(errors(source, differentiated(source, "g", given), NUMBERS[: len(given)]) < 1e-7), name
 
@@ -47,7 +47,7 @@ def test_every_term_that_ships_has_its_slopes() -> None:
 def test_every_law_that_ships_has_its_slopes() -> None:
     for name in LAWS.names():
         count = len(LAWS.get(name).parameters)
-        source = _function(LAWS.get(name).kernel, "f", name)
+        source = _function(LAWS.get(name), RestoringLaw, "f", name)
         slopes = differentiated(source, "g", ["x", *(f"p[{i}]" for i in range(count))])
         made, p = functions(source, slopes), list(NUMBERS[1 : count + 1])
         for i, slope in enumerate(made["g"](NUMBERS[0], p)[1:]):
