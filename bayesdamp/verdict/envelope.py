@@ -28,7 +28,7 @@ from bayesdamp.inference.envelope.posterior import (
 from bayesdamp.inference.envelope.ranking import Ranking, by_power, power_law, ranked, untold
 from bayesdamp.inference.envelope.sums import Sum, weighed
 from bayesdamp.odds import odds
-from bayesdamp.physics.amplitude.laws import POWERS, coefficients
+from bayesdamp.physics.amplitude.laws import POWERS, coefficient
 from bayesdamp.physics.amplitude.loss import Scale, parameter
 from bayesdamp.physics.damping import PAPER_TERMS, twins_of
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal
@@ -187,12 +187,10 @@ def _coefficients_of(
     for term in best.terms:
         if term in POWERS:
             whole, exact = draws.rates[term], plain.rates[term]
-            name, values, of = coefficients([term], whole[None], amplitude, decay.blocks.frequency)[0]
-            same = (
-                coefficients([term], exact[None], amplitude, decay.blocks.frequency)[0][1]
-                if exact.size
-                else values
-            )
+            name, values, of = coefficient(term, whole, amplitude, decay.blocks.frequency)
+            same = values
+            if exact.size:
+                same = coefficient(term, exact, amplitude, decay.blocks.frequency)[1]
             results.append(_coefficient(name, of.format(unit), values, same))
         else:
             results += _registered(term, ranking, (draws, plain), amplitude, decay.blocks.frequency, unit)

@@ -179,7 +179,7 @@ def gradient() -> dict[str, float]:
     def both() -> np.ndarray:
         motion = solver.solve(values, active, tangents=PARAMETERS, tolerance=1e-7)
         assert motion is not None
-        return motion.pulled(y - motion.y)[places]
+        return ((y - motion.y) @ motion.tangents)[places]
 
     times = in_turns(one, both, rounds=7)
     return {"one": times[0], "with gradient": times[1], "parameters": float(len(places))}

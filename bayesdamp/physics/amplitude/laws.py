@@ -39,13 +39,6 @@ Shape = Callable[[np.ndarray], np.ndarray]
 """A term's loss at x = ln(A/A_ref) relative to that at x = 0, of the amplitude itself."""
 
 
-def rate(x: np.ndarray, terms: Sequence[str], rates: np.ndarray) -> np.ndarray:
-    """Return -dx/dt in 1/s at x = ln(A/A_ref), shape (n,), of terms with rates c_i at the reference amplitude."""
-    return sum(
-        (c * np.exp((POWERS[term] - 1.0) * x) for term, c in zip(terms, rates, strict=True)), np.zeros_like(x)
-    )
-
-
 def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> np.ndarray:
     """Return the decay x = ln(A/A_ref) at times t, shape (n,); RESTED from where it comes to rest.
 
@@ -108,36 +101,32 @@ def power_slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
     return np.column_stack([np.ones_like(t), -passed / left, bend])
 
 
-def coefficients(
-    terms: Sequence[str], rates: np.ndarray, reference: float, omega: float | None
-) -> list[tuple[str, np.ndarray, str]]:
-    """Return (name, values, unit) of each term's coefficient, with `{}` for the amplitude's unit.
+def coefficient(
+    term: str, rate: np.ndarray, reference: float, omega: float | None
+) -> tuple[str, np.ndarray, str]:
+    """Return name, values and unit, with `{}` for the amplitude's unit, of a term's coefficient.
 
     Parameters
     ----------
-    terms
-        Damping terms.
-    rates
-        Rates in 1/s at the reference amplitude, shape (terms, ...).
+    term
+        A damping term of `POWERS`.
+    rate
+        Rates in 1/s at the reference amplitude, any shape.
     reference
         The reference amplitude.
     omega
-        Frequency in rad/s. With it coefficients are `zeta`, `mu_c` and `mu_q` of the equation of motion; without it
-        (None) the losses of amplitude: c A (1/s), c, c A².
+        Frequency in rad/s. With it the coefficient is `zeta`, `mu_c` or `mu_q` of the equation of motion; without it
+        (None) the loss of amplitude: c A (1/s), c, c A².
     """
-    results = []
-    for term, c in zip(terms, rates, strict=True):
-        if term == "viscous":
-            results.append(("zeta", c, "1/s"))
-        elif term == "coulomb" and omega is None:
-            results.append(("loss_c", c * reference, "{}/s"))
-        elif term == "coulomb":
-            results.append(("mu_c", c * reference * np.pi * omega / 2, "{}/s²"))
-        elif omega is None:
-            results.append(("loss_q", c / reference, "1/({} s)"))
-        else:
-            results.append(("mu_q", c / reference * 3 * np.pi / (4 * omega), "1/{}"))
-    return results
+    if term == "viscous":
+        return "zeta", rate, "1/s"
+    if term == "coulomb" and omega is None:
+        return "loss_c", rate * reference, "{}/s"
+    if term == "coulomb":
+        return "mu_c", rate * reference * np.pi * omega / 2, "{}/s²"
+    if omega is None:
+        return "loss_q", rate / reference, "1/({} s)"
+    return "mu_q", rate / reference * 3 * np.pi / (4 * omega), "1/{}"
 
 
 class Law(ABC):

@@ -269,16 +269,15 @@ class LawFree:
         first, last = self.span
         half = 0.5 * (last - first)
         place = 2 * (np.asarray(times, float) - first) / (last - first) - 1
-        sizes, slope, sd = _smooth(self.windows, self.sizes, place)
+        sizes, slope, variance = _smooth(self.windows, self.sizes, place)
+        sd = np.sqrt(variance + (SYSTEMATIC * slope) ** 2)
         amplitude = np.exp(sizes)
-        energy, energy_sd = self.backbone.at(amplitude)[2:]
+        _, energy, energy_sd = self.backbone.at(amplitude)
         rate = -slope / half * energy
         ratio = rate / np.hypot(rate, 1.0)
         ratio_sd = np.hypot(sd / half * energy, slope / half * energy_sd)
         # The frequency is the slope of the smoothed phases.
-        with threadpool_limits(1, "blas"):
-            fits = _smooth_power(self.windows, self.windows.phases, 0.0, place)
-        frequency, variance = _mix(_weights(fits), [f.slopes for f in fits], [f.sds for f in fits])
+        _, frequency, variance = _smooth(self.windows, self.windows.phases, place, (0.0,))
         frequency_sd = np.hypot(np.sqrt(variance), SLOWER * ratio**2 * frequency)
         return Curves(amplitude, ratio, ratio_sd, frequency / half, frequency_sd / half)
 
@@ -334,15 +333,19 @@ def _fit_line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial
 
 
 def _smooth(
-    windows: Sinusoids, sizes: np.ndarray, at: np.ndarray
+    windows: Sinusoids, values: np.ndarray, at: np.ndarray, powers: Sequence[float] = POWERS
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Smooth log amplitudes (k,): those at places `at` (m,), their slopes by the place, and the slopes' sds."""
+    """Smooth log amplitudes or phases (k,).
+
+    Return those at places `at` (m,), their slopes by the place, and the variances of the slopes.
+    """
     with threadpool_limits(1, "blas"):  # threads of a linear algebra library only wait for each other here
-        fits = [f for p in POWERS for f in _smooth_power(windows, sizes, p, at)]
-    weights = _weights(fits)
+        fits = [f for p in powers for f in _smooth_power(windows, values, p, at)]
+    logs = np.array([f.log for f in fits])
+    weights = np.exp(logs - logs.max())
+    weights = weights / weights.sum()
     slope, variance = _mix(weights, [f.slopes for f in fits], [f.sds for f in fits])
-    level = weights @ np.array([f.sizes for f in fits])
-    return level, slope, np.sqrt(variance + (SYSTEMATIC * slope) ** 2)
+    return weights @ np.array([f.sizes for f in fits]), slope, variance
 
 
 def _mix(
@@ -351,13 +354,6 @@ def _mix(
     """Return mean and variance, (k,), of a mixture of curves with these weights (m,), values and sds, (m, k)."""
     mean = weights @ np.array(values)
     return mean, weights @ (np.square(sds) + (np.array(values) - mean) ** 2)
-
-
-def _weights(fits: Sequence[_Smoothed]) -> np.ndarray:
-    """Return the probability of each curve, (k,)."""
-    logs = np.array([f.log for f in fits])
-    weights = np.exp(logs - logs.max())
-    return weights / weights.sum()
 
 
 @dataclass(frozen=True)
@@ -370,11 +366,11 @@ class Backbone:
     largest: float
     parts: tuple[tuple[float, np.ndarray, np.ndarray], ...]
 
-    def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Evaluate at amplitudes (k,).
 
-        Return the frequency and its sd (rad/s), and the factor that turns a rate of decay (1/s) into a damping ratio,
-        and its sd (s).
+        Return the frequency (rad/s), and the factor that turns a rate of decay (1/s) into a damping ratio, with its sd
+        (s).
         """
         a = amplitude / self.largest
         curves = [_backbone_curves(c, a) for _, c, _ in self.parts]
@@ -382,14 +378,13 @@ class Backbone:
         for (_, c, covariance), middle in zip(self.parts, curves, strict=True):
             # One step along each principal axis of the coefficients' covariance.
             values, axes = np.linalg.eigh(covariance)
-            total = np.zeros((2, a.size))
+            total = np.zeros(a.size)
             for size, axis in zip(np.sqrt(np.maximum(values, 0.0)).tolist(), axes.T, strict=True):
-                total = total + (_backbone_curves(c + size * axis, a) - middle) ** 2
+                total = total + (_backbone_curves(c + size * axis, a)[1] - middle[1]) ** 2
             sds.append(np.sqrt(total))
         weights = np.array([w for w, _, _ in self.parts])
-        pace, pace_variance = _mix(weights, [c[0] for c in curves], [s[0] for s in sds])
-        ratio, ratio_variance = _mix(weights, [c[1] for c in curves], [s[1] for s in sds])
-        return pace, np.sqrt(pace_variance), ratio, np.sqrt(ratio_variance)
+        ratio, variance = _mix(weights, [c[1] for c in curves], sds)
+        return weights @ np.array([c[0] for c in curves]), ratio, np.sqrt(variance)
 
 
 def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Slopes of forces from their source against central differences; what no rule is known of; sums of tangents."""
+"""Slopes of forces from their source against central differences; what no rule is known of."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.physics.kernel import Solver, build
 from bayesdamp.physics.kernel.build import _arguments, _function
 from bayesdamp.physics.kernel.differentiate import SLOPES, NoSlopeError, differenced, differentiated
-from bayesdamp.physics.kernel.solve import ALL, NONE, QUANTITIES
+from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 
 TIMES = np.linspace(0.0, 6.0, 161)
@@ -81,23 +81,6 @@ def test_what_no_rule_is_known_of_is_differenced(body: str) -> None:
         differentiated(source, "g", ["x", "v"])
     slopes = differenced("f({x}, {v})", ["x", "v"], {"x": "1e-6", "v": "1e-6"}, "g")
     assert np.all(errors(source, slopes, (0.4, 0.7)) < 1e-7)
-
-
-def test_sums_of_tangents_are_those_of_the_tangents_at_samples() -> None:
-    quantity = QUANTITIES[-1]
-    knots = np.linspace(0.0, TIMES[-1], 4)
-    made = Solver(("coulomb", "viscous"), "pendulum", TIMES, quantity, 0.3, math.sqrt(20.0), 0.05, knots)
-    values = {"mu_c": 0.03, "zeta": 0.05, "stiffness": 20.0, "theta0": 0.3}
-    p, on = np.array([values.get(n, 0.0) for n in made.names]), np.ones(2, bool)
-    motion = made.solve(p, on, tangents=ALL)
-    assert motion is not None
-    weights = np.random.default_rng(1).standard_normal(TIMES.size)
-    wanted = weights @ motion.tangents
-    assert motion.pulled(weights) == pytest.approx(wanted, abs=1e-9 * np.max(np.abs(wanted)))
-    assert np.max(np.abs(motion.pulled(weights[::-1].copy()) - wanted)) > 1e-3 * np.max(np.abs(wanted))
-    without = made.solve(p, on, tangents=NONE)
-    assert without is not None
-    assert without.tangents.shape == (TIMES.size, 0)
 
 
 def test_a_kernel_by_differences_has_the_same_tangents(monkeypatch: pytest.MonkeyPatch) -> None:

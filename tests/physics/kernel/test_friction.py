@@ -238,8 +238,6 @@ def test_windows() -> None:
     assert np.max(error) < 5e-8 + 0.02 * 2 * p["mu_c"] * long**2
     assert np.median(error) < 5e-8
     assert np.max(np.abs(motion.y - truth[:, 0])) > 1e-3  # control
-    weights = np.random.default_rng(1).standard_normal(count)
-    assert motion.pulled(weights) == pytest.approx(weights @ motion.tangents, rel=1e-9)
 
 
 def test_turning_amplitudes_count_each_turning_point_once() -> None:
