@@ -45,8 +45,6 @@ _ABOUT_G, _ABOUT_TWICE = 0.25, 0.1
 known coarsely, may differ from twice another."""
 _MINOR = 1 / 3
 """Of equal sensors, one that swings less than this share of the largest adds little information."""
-LEFT_OUT = 6
-"""Columns left out that are named."""
 SHARE = 0.3
 """As in `free_decay`: the share of an oscillation in a record."""
 CYCLES = 2.5
@@ -466,7 +464,7 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
             left = [c for c in left if c.swing.size >= _MINOR * max(sizes)]
     chosen = [c.column for c in left]
     if len(chosen) > 1:
-        out = ", ".join([quote_name(content.columns, c) for c in values if c not in chosen][:LEFT_OUT])
+        out = ", ".join([quote_name(content.columns, c) for c in values if c not in chosen][:6])
         return chosen, f"Columns that do not oscillate and decay are left out: {out}." if out else ""
     used = f"Using column {quote_name(content.columns, chosen[0])}"
     return (

@@ -26,11 +26,7 @@ LARGEST = 2**29
 """Bytes of a text that is read; as lines it takes some ten times that (conventional)."""
 MOST_COLUMNS = 5000
 """Columns beyond which a text is not a table of samples (conventional)."""
-MOST_NOTES = 3
-"""Lines left out that are noted one by one."""
 _CONTROLS = bytes(set(range(32)) - {9, 10, 12, 13, 26, 27})
-_WORD = 40
-"""Characters that are kept of a cell without a number."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _GROUPED = {  # thousands, as spreadsheets write them: 1.234,5 and 1,234.5
     ",": re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+,\d+"),
@@ -95,10 +91,6 @@ class Layout:
     names: tuple[str, ...]
     units: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()
-
-    def cells(self, line: str) -> list[str]:
-        """Return the cells of a line, stripped."""
-        return split_cells(line, self.separator)
 
 
 def split_cells(line: str, separator: str) -> list[str]:
@@ -425,7 +417,7 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
             for i, (name, group, unit) in enumerate(heads)
         ]
     else:
-        filled = [(i, layout.cells(line)) for i, line in enumerate(body) if line.strip()]
+        filled = [(i, split_cells(line, layout.separator)) for i, line in enumerate(body) if line.strip()]
         header = [name for name in layout.names if name]
         repeated = [i for i, row in filled if header and [cell for cell in row if cell] == header]
         filled = [(i, row) for i, row in filled if i not in repeated]
@@ -437,7 +429,7 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         columns.pop()  # a separator at the end of each line
     facts = settings or header_facts(line for line, names in head if not names)
     left_out = "repeats the names of the columns and is left out."
-    notes = tuple(f"Line {first + 1 + i} {left_out}" for i in repeated[:MOST_NOTES])
+    notes = tuple(f"Line {first + 1 + i} {left_out}" for i in repeated[:3])
     separator = "blanks" if layout.separator == BLANKS else layout.separator
     form = {"separator": separator, "decimal": layout.decimal}
     return Contents(format_name, tuple(columns), facts, notes, form, first + 1, at, warnings=tuple(warnings))
@@ -462,7 +454,7 @@ def _uneven(rows: list[list[str]], lines: np.ndarray, columns: int) -> tuple[str
 
 def _named_columns(line: str, layout: Layout) -> int:
     """Return how many columns a line above the table names, or how many tables side by side; 0 for other lines."""
-    cells = [cell for cell in layout.cells(line.strip().lstrip("#% ")) if cell]
+    cells = [cell for cell in split_cells(line.strip().lstrip("#% "), layout.separator) if cell]
     names = [name for name in layout.names if name]
     longer = len(names) > 1 and cells[: len(names)] == names
     return max(len(cells), 1) if longer or cells in (names, list(dict.fromkeys(layout.groups))) else 0
@@ -503,7 +495,7 @@ def make_column(
                 clock, stamp = True, parse_stamp(cell)
                 days[i] = stamp[0] if stamp else None
         elif cell:
-            words[i] = cell[:_WORD]
+            words[i] = cell[:40]
     if clock:
         timed = list(days)
         values[timed] = join_stamps(list(days.values()), values[timed])
