@@ -1,4 +1,4 @@
-"""Motions of hundreds of cycles and more: amplitude and phase, from an oscillation that decays over fewer cycles.
+"""Compute amplitude and phase of motions of hundreds of cycles, from an oscillation that decays over fewer cycles.
 
 To first order of the damping, amplitude and phase of a free decay follow averaged equations, in which time and the size
 of the damping come as a product alone (N. N. Bogoliubov and Y. A. Mitropolsky, Asymptotic Methods in the Theory of
@@ -44,12 +44,13 @@ def _window(turns: int) -> tuple[np.ndarray, np.ndarray]:
 OFFSETS, _WEIGHTS = _window(TURNS)
 REAL_OFFSETS, _REAL_WEIGHTS = _window(REAL_TURNS)
 NUMBERS = 3
-"""Of a block: amplitude, phase times the record's amplitude, √2 times the midline; white noise is in all alike."""
+"""Numbers of a block: amplitude, phase times the record's amplitude, √2 times the midline; white noise is equal in
+all three."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """What a record's amplitude and phase are taken against, in blocks (b,).
+    """The times and phases against which a record's amplitude and phase are measured, in blocks (b,).
 
     slowness: M ≥ 1, cycles of the record for one that is solved. times, phases: (b, s) in s and rad, of the solved
     oscillation at `OFFSETS`; real_times, real_phases: the same of the record itself at `REAL_OFFSETS`. sizes: the
@@ -85,7 +86,7 @@ class AveragedSolver(Solver):
 
     @property
     def slowness(self) -> float:
-        """M."""
+        """Return M."""
         return self.track.slowness
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
@@ -137,14 +138,14 @@ class AveragedSolver(Solver):
     def corrected(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> AveragedSolver | None:
-        """Set right at p, (k,), and deviations g and h; None where a motion escapes there."""
+        """Return the solver with the defect at p, (k,), and deviations g and h; None where a motion escapes there."""
         defect = replace(self, defect=None).error(p, active, g, h)
         return None if defect is None else replace(self, defect=defect)
 
     def error(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> np.ndarray | None:
-        """By how much the ODE's numbers are off those that `solve` gives, (3b,); None where a motion escapes."""
+        """Return the difference of the ODE's numbers from those of `solve`, (3b,); None where a motion escapes."""
         own, true = self.solve(p, active, g, h, tangents=NONE), self.by_ode(p, active, g, h)
         if own is None or true is None:
             return None

@@ -1,4 +1,4 @@
-"""Write a kernel: the forces of damping terms and restoring laws before the template, compiled once, kept on disk."""
+"""Write a kernel, which is compiled once and stored on disk: the forces of an oscillator, then the templates."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ TEMPLATES, END = ("tangents", "march"), "# --- end ---"
 MOST_KEPT = 50
 """Kernels on disk, 0.6 MB each, beyond which those that were not used for longest are removed (conventional)."""
 USUAL = 3
-"""Damping terms, the first ones, that are asked for one by one at each point; whether any other acts is asked once."""
+"""Number of damping terms, the first ones, that are tested one by one at each point; of the others, whether any acts
+is tested once."""
 IN_USE = 3600.0
 """Time in s after its last use in which another process may still be compiling a kernel (conventional)."""
 _HEAD = f"""import math
@@ -48,13 +49,12 @@ def _tanh(y):
     return 1.0 - 2.0 / (math.exp(2.0 * y) + 1.0)
 """
 _STAMP = (1_000_000_000, 1_000_000_000)
-"""Times of every module's file: Numba takes a file of another time for another source, and processes may write it
-both at once."""
+"""Time of every module's file: Numba compiles a file of another time again, and two processes may write it at once."""
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """Compiled functions of an oscillator with all of `terms`, each of which may be off, under one of `laws`."""
+    """Compiled functions of an oscillator with all of `terms`, any of which may be off, under one of `laws`."""
 
     terms: tuple[str, ...]
     laws: tuple[str, ...]
@@ -200,7 +200,7 @@ def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
 
 
 def _arguments(source: str) -> list[str]:
-    """Names of the arguments of the function of a source."""
+    """Return the names of the arguments of a function from its source."""
     function = ast.parse(source).body[0]
     assert isinstance(function, ast.FunctionDef)
     return [a.arg for a in (*function.args.posonlyargs, *function.args.args)]

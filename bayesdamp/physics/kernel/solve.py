@@ -1,4 +1,4 @@
-"""A kernel with the numbers that a record fixes: sample times, quantity, scales, knots."""
+"""Solve motions at the times of a record, with a compiled kernel, and read their tangents there."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from bayesdamp.physics.restoring import LAWS
 TOLERANCE = 3e-8
 """Error of a step as a share of the amplitude."""
 MOST_A_CYCLE = 4000
-"""Steps in a cycle after which a motion is given up."""
+"""Most steps in a cycle; a motion that needs more is taken for one that escapes."""
 ROUNDED = 5e-4
 """Share of the peak velocity within which a shape that is steep at rest is rounded off where ε is 0 (conventional)."""
 PARTS = 3
-"""Of a step, in which trapezoids and low-order formulas take a motion (conventional)."""
+"""Parts of a step, short enough for trapezoids and formulas of low order (conventional)."""
 QUANTITIES = ("angle", "velocity", "acceleration")
 NONE, PARAMETERS, ALL = 0, 1, 2
 SHIPPED = (*PAPER_TERMS, "displacement", "stribeck", "power", "cubic", "structural", "dry_position")
@@ -108,9 +108,11 @@ class Points:
 
 @dataclass(frozen=True)
 class Slopes:
-    """Tangents of a motion where its steps end: times (s,), slopes (s, k, 4), of which the columns (p,) are wanted.
+    """Tangents of a motion at the ends of its steps, from which those at the samples are computed.
 
-    points: where they are read. order: of the derivative that is read there.
+    times: ends of the steps in s, (s,). slopes: tangents by all parameters of the kernel, (s, k, 4). columns: places
+    of the solver's parameters among these, (p,). points: times at which the motion is read. order: of the derivative
+    that is read.
     """
 
     times: np.ndarray
@@ -120,7 +122,7 @@ class Slopes:
     order: int
 
     def at_samples(self) -> np.ndarray:
-        """At each sample, (n, p)."""
+        """Return the tangents at each sample, (n, p)."""
         from bayesdamp.physics.kernel.dense import slopes_at_times
 
         values = slopes_at_times(self.times, self.slopes, self.columns, self.points.t, self.order)
@@ -150,14 +152,15 @@ class Motion:
 
     @cached_property
     def tangents(self) -> np.ndarray:
-        """Of the values at the samples, (n, k)."""
+        """Return the tangents of the values at the samples, (n, k)."""
         return self.slopes.at_samples() if isinstance(self.slopes, Slopes) else self.slopes
 
     @cached_property
     def refined(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times, (r,), so close that curves between them are short, with θ, θ̇, θ̈ there, (r, 3): steps in `PARTS`.
+        """Return times, (r,), that divide each step into `PARTS`, and θ, θ̇, θ̈ at these, (r, 3).
 
-        Where the acceleration jumps the time is there twice, with the value before and after."""
+        A time at which the acceleration jumps occurs twice, with the values before and after.
+        """
         from bayesdamp.physics.kernel.dense import at_times
 
         steps = np.diff(self.times)
@@ -186,13 +189,26 @@ class _Layout:
 
 @dataclass(frozen=True)
 class Solver:
-    """Trajectories of all of `terms` under a law at the times t, (n,) in s; motions start at time 0.
+    """Solve the motions of an oscillator at fixed times; they start at time 0.
 
-    names: of the parameters, in the order of the vectors that `solve` takes: coefficients, what
-    the shapes take further, the law's, θ₀, θ̇₀.
-    amplitude (rad or m) and frequency (rad/s) set the scales of tolerances. epsilon (rad/s or m/s): width within which
-    friction turns over, 0 for the sign itself, under which a body sticks. windows: of samples, (n,), whose means are
-    wanted in place of the values at t; then the last knot must not come before the last sample.
+    Attributes
+    ----------
+    terms, restoring
+        The damping terms, any of which may be off in a motion, and the restoring law.
+    t
+        Times of the samples in s, (n,).
+    quantity
+        One of `QUANTITIES`.
+    amplitude, frequency
+        Scales of the tolerances, in rad or m and in rad/s.
+    epsilon
+        Width of the velocity, rad/s or m/s, within which friction changes its sign; with 0 it is the sign itself, and
+        the body may stick.
+    knots
+        Times in s between which deviations are linear, (k,).
+    windows
+        Windows of samples, (n,), whose means replace the values at t; then the last knot must not come before the last
+        sample.
     """
 
     terms: tuple[str, ...]
@@ -207,7 +223,7 @@ class Solver:
 
     @property
     def slowness(self) -> float:
-        """Cycles of the record for one that is solved."""
+        """Return the number of the record's cycles for each cycle that is solved."""
         return 1.0
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
@@ -216,30 +232,30 @@ class Solver:
 
     @cached_property
     def kernel(self) -> Kernel:
-        """Compiled when it is first called; all terms and laws that ship share one kernel, which is compiled once."""
+        """Return the kernel, which is compiled at its first call; one kernel serves all terms and laws that ship."""
         terms = SHIPPED if set(self.terms) <= set(SHIPPED) else self.terms
         return kernel_of(terms, SHIPPED_LAWS if self.restoring in SHIPPED_LAWS else (self.restoring,))
 
     @cached_property
     def further(self) -> tuple[str, ...]:
-        """Names of what the shapes take beside the motion, term by term."""
+        """Return the names of the terms' arguments besides the motion, term by term."""
         return tuple(n for name in self.terms for n in TERMS.get(name).further)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Of the parameters that `solve` takes, in order."""
+        """Return the names of the parameters of `solve`: coefficients, `further`, the law's, theta0, omega0."""
         coefficients = tuple(TERMS.get(name).parameter for name in self.terms)
         return (*coefficients, *self.further, *LAWS.get(self.restoring).parameters, "theta0", "omega0")
 
     @cached_property
     def law_places(self) -> slice:
-        """Places of the law's parameters among `names`."""
+        """Return the places of the law's parameters among `names`."""
         first = len(self.terms) + len(self.further)
         return slice(first, first + len(LAWS.get(self.restoring).parameters))
 
     @cached_property
     def inferred(self) -> tuple[str, ...]:
-        """Names of the terms' parameters beside their coefficients."""
+        """Return the names of the terms' parameters besides their coefficients."""
         return tuple(p.name for name in self.terms for p in TERMS.get(name).inferred)
 
     @cached_property
@@ -271,10 +287,22 @@ class Solver:
         stop: int | None = None,
         tolerance: float | None = None,
     ) -> Motion | None:
-        """Solve the motion at parameters p, (k,), with deviations g and h at the knots; None where it escapes.
+        """Solve a motion; return None where it escapes.
 
-        active: which terms act, (m,). tangents: NONE, by PARAMETERS, or by ALL: parameters, g, h. stop: samples that
-        are wanted, the first ones. tolerance: error of a step as a share of the amplitude, `TOLERANCE` by default.
+        Parameters
+        ----------
+        p
+            Parameters in the order of `names`, (k,).
+        active
+            Which terms act, (m,).
+        g, h
+            Relative deviations of the damping and of the frequency at the knots; none by default.
+        tangents
+            `NONE`, by `PARAMETERS`, or by `ALL`: the parameters, g and h.
+        stop
+            Number of samples, from the first on; all by default.
+        tolerance
+            Error of a step as a share of the amplitude; `TOLERANCE` by default.
         """
         from bayesdamp.physics.kernel.dense import at_times
 
@@ -318,10 +346,18 @@ class Solver:
         active: np.ndarray,
         epsilon: float | None = None,
     ) -> np.ndarray:
-        """Weighted sums of the terms' shapes over points (n,), 0 for terms that do not act: (d, m).
+        """Return weighted sums of the terms' forces per unit of their coefficients, (d, m); 0 for terms that are off.
 
-        further: rows of the terms' further parameters, (d, e); active: which terms act, (m,); epsilon: in place of the
-        solver's own.
+        Parameters
+        ----------
+        x, v, weight
+            Displacement, velocity and weight of each point, (n,).
+        further
+            Rows of the terms' further parameters, (d, e).
+        active
+            Which terms act, (m,).
+        epsilon
+            In place of the solver's own.
         """
         layout, m = self._layout, len(self.kernel.terms)
         switched, q = np.zeros(m, bool), np.zeros((len(further), layout.further))
@@ -333,7 +369,7 @@ class Solver:
         return out[:, layout.terms]
 
     def _widths(self, epsilon: float) -> tuple[float, float]:
-        """ε of terms that jump where it is 0, and of those that are rounded off."""
+        """Return the ε of terms that jump where it is 0, and of terms that are rounded off."""
         return float(epsilon), float(epsilon) or ROUNDED * self.amplitude * self.frequency
 
 
