@@ -140,20 +140,7 @@ def _record(
         began = float(t[0])
         t = t - began
         notes.append(f"{FROM_FIRST} ({began:.15g} s).")
-    unit, quantity = unit_said(value)
-    if not unit:
-        # By the facts but those about the times, where there is no other column; else by those of the structure or
-        # group that contains the column, where it contains no other column of values.
-        facts, inside = dict(content.facts), f"{value.name.rpartition('.')[0]}."
-        if len(content.columns) <= 2:
-            of_times = f"{time.name}." if time is not None and time.name else "\0"
-            facts = {name: fact for name, fact in facts.items() if not name.startswith(of_times)}
-        elif inside == "." or sum(c.name.startswith(inside) for c in content.columns) > 2:
-            facts = {}
-        else:
-            facts = {name: fact for name, fact in facts.items() if name.startswith(inside)}
-        if written := stated_unit(facts):
-            unit, quantity = unit_written(written) or (written[:20], quantity)
+    unit, quantity = _stated_unit(value, time, content)
     unit_from = ""  # who states the unit of the times
     if time is not None and time_unit is not None:
         unit_from = "given"
@@ -200,6 +187,28 @@ def _selector(column: Column, content: Contents) -> str | int:
     if column.name and sum(c.name == column.name for c in content.columns) == 1:
         return column.name
     return next(i for i, c in enumerate(content.columns, start=1) if c is column)
+
+
+def _stated_unit(value: Column, time: Column | None, content: Contents) -> tuple[str, str]:
+    """Return the unit and the quantity that a file states for a column of values, each empty where it states none.
+
+    They are those of the column; else those of the facts but those about the times, where there is no other column;
+    else those of the structure or group that contains the column, where it contains no other column of values.
+    """
+    unit, quantity = unit_said(value)
+    if unit:
+        return unit, quantity
+    facts, inside = content.facts, f"{value.name.rpartition('.')[0]}."
+    if len(content.columns) <= 2:
+        of_times = f"{time.name}." if time is not None and time.name else "\0"
+        facts = {name: fact for name, fact in facts.items() if not name.startswith(of_times)}
+    elif inside != "." and sum(c.name.startswith(inside) for c in content.columns) <= 2:
+        facts = {name: fact for name, fact in facts.items() if name.startswith(inside)}
+    else:
+        facts = {}
+    if written := stated_unit(facts):
+        return unit_written(written) or (written[:20], quantity)
+    return unit, quantity
 
 
 def _complete_rows(value: Column, time: Column | None, content: Contents) -> tuple[np.ndarray, list[str]]:
