@@ -65,10 +65,20 @@ LARGEST = 1e100
 class Swing:
     """A coarse measure of an oscillation: enough to tell a record from other columns of a file.
 
-    period: in samples; size: the largest swing, its standard deviation in the column's unit; swings: whether one
-    frequency has most of its power, over enough cycles; lasts: whether it swings for more than the two periods that one
-    spike can touch; dies: whether its last amplitude is well below its first; grows_again: whether it swells once more
-    after it has died down, as beats and the residuals of a fit do.
+    Attributes
+    ----------
+    period
+        In samples.
+    size
+        The largest swing, its standard deviation in the column's unit.
+    swings
+        Whether one frequency has most of its power, over enough cycles.
+    lasts
+        Whether it swings for more than the two periods that one spike can touch.
+    dies
+        Whether its last amplitude is well below its first.
+    grows_again
+        Whether it swells once more after it has died down, as beats and the residuals of a fit do.
     """
 
     period: float
@@ -80,7 +90,18 @@ class Swing:
 
 
 def measure_swing(y: np.ndarray) -> Swing:
-    """Return the swing of values y (n,), equally spaced; NaN is left out."""
+    """Measure how values swing.
+
+    Parameters
+    ----------
+    y
+        Equally spaced values, (n,); NaN is left out.
+
+    Returns
+    -------
+    Swing
+        With an infinite period and no size, where the values are constant, too few or too large to compute with.
+    """
     y = np.asarray(y[np.isfinite(y)], float)
     scale = float(np.abs(y).max()) if y.size else 0.0
     if y.size < 10 or not 0 < scale < LARGEST or np.ptp(y) == 0:
@@ -111,8 +132,22 @@ def measure_swing(y: np.ndarray) -> Swing:
 class RecordColumns:
     """The columns of one record.
 
-    rate: in Hz, where there is no column of times; why: sentences on what was chosen; still: names of other columns
-    that do not change; choice: the sentence on the choice of these columns, empty where there were no others.
+    Attributes
+    ----------
+    value
+        The column of the recorded quantity.
+    time
+        The column of the times; None where there is a rate instead.
+    rate
+        In Hz, where there is no column of times.
+    run
+        The file's own label of the run; empty where there is none.
+    why
+        Sentences on how the columns were chosen.
+    still
+        Names of other columns that do not change.
+    choice
+        The sentence on the choice among several columns; empty where there was one.
     """
 
     value: Column
@@ -294,8 +329,18 @@ def _block(content: Contents, run: str, group: str, timed: list[Column], rate: f
 def separate_clocks(content: Contents) -> Contents:
     """Put each column of times into a group with the values behind it, where a table has several that differ.
 
-    `Time A, A, Time B, B`: the times may also follow their values, if they do so throughout. A table whose runs are
-    marked is not changed.
+    Such a table is `Time A, A, Time B, B`; the times may also follow their values, if they do so throughout. A table
+    whose runs are marked is not changed.
+
+    Parameters
+    ----------
+    content
+        What a file contains.
+
+    Returns
+    -------
+    Contents
+        The same columns in new groups, marked as `paired`; the contents themselves where nothing changes.
     """
     columns = list(content.columns)
     for group in dict.fromkeys(c.group for c in columns):

@@ -58,10 +58,20 @@ QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS, Kind.UNIT)
 
 @dataclass(frozen=True)
 class Finding:
-    """A doubt: a sentence for the user, and the option that settles it as it is typed.
+    """A doubt about a record, and the option that settles it.
 
-    answer: the option's name and its likeliest value, where one option settles the doubt. arguments: those of `read`
-    that settle it if it is one of QUESTIONS.
+    Attributes
+    ----------
+    kind
+        What is doubted.
+    sentence
+        The doubt, for the user.
+    option
+        The option that settles it, as it is typed.
+    answer
+        The option's name and its likeliest value, where one option settles the doubt.
+    arguments
+        The arguments of `read` that settle it, if it is one of QUESTIONS.
     """
 
     kind: Kind
@@ -85,6 +95,11 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         What it is read as; a unit of UNITS.
     given
         Whether the user states the unit.
+
+    Returns
+    -------
+    tuple of Finding
+        Doubts about the unit, the times, the rate, and columns left out, in this order.
     """
     doubts: list[Finding] = []
     size = half_swing(raw)

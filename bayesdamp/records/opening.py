@@ -104,7 +104,19 @@ def load_isolated(
 def file_error(
     path: Path, text: object, arguments: Sequence[str] = (), likely: Mapping[str, str] | None = None
 ) -> InputError:
-    """Return the error of a file as one line, without line breaks and cut to LONGEST characters."""
+    """Return the error of a file as one line, without line breaks and cut to LONGEST characters.
+
+    Parameters
+    ----------
+    path
+        The file.
+    text
+        What is wrong, and what would be right.
+    arguments
+        Arguments of `read` that would settle it.
+    likely
+        Their likely values, by name.
+    """
     name = " ".join((path.name or str(path)).split())
     where = name if len(name) <= 80 else f"{name[:50]}...{name[-27:]}"
     what = " ".join(str(text).split())
@@ -114,7 +126,23 @@ def file_error(
 
 
 def contents(path: Path | str) -> Contents:
-    """Read what a file contains, with its reader. Raises InputError, one line of less than 300 characters."""
+    """Read what a file contains, with its reader.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+
+    Returns
+    -------
+    Contents
+        With at least one column of numbers.
+
+    Raises
+    ------
+    InputError
+        One line of less than 300 characters.
+    """
     path = Path(path)
     try:
         if getattr(reader_of(path), "foreign", False):  # compiled code that a damaged file may crash
@@ -146,7 +174,25 @@ def read_here(path: Path) -> Contents:
 
 
 def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[list[Loaded], list[InputError]]:
-    """Read several files, and return what was read and the errors. Raises the first of them where nothing was read."""
+    """Read several files, as far as they can be read.
+
+    Parameters
+    ----------
+    paths
+        Of the files.
+    read
+        Called with each path.
+
+    Returns
+    -------
+    tuple of lists
+        What was read, and the errors of the other files.
+
+    Raises
+    ------
+    InputError
+        The first error, where nothing was read.
+    """
     results: list[Loaded] = []
     errors: list[InputError] = []
     for path in paths:

@@ -37,8 +37,16 @@ stamps of another step. Eight faults by chance are as evenly spaced in a few of 
 class Clock:
     """The times of the samples and where they come from.
 
-    t: times, (n,), in the file's own seconds. used: "rate", "as_logged" or "uniform". repeated: share of repeated
-    stamps. notes: sentences on what was done.
+    Attributes
+    ----------
+    t
+        Times in the file's own seconds, (n,).
+    used
+        "rate", "as_logged" or "uniform".
+    repeated
+        Share of repeated stamps.
+    notes
+        Sentences on what was done.
     """
 
     t: np.ndarray
@@ -48,11 +56,20 @@ class Clock:
 
 
 def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
-    """Return the times of a record on the clock "auto", "as_logged" or "uniform".
+    """Return the times of a record.
 
     A uniform clock is index × mean step from the first stamp on. The step is that of the even sampling of which the
-    stamps are rounded, or comes from a robust line of stamps against index. "auto" is the former where the stamps are
-    rounded, the latter where many repeat, else as logged.
+    stamps are rounded, or comes from a robust line of stamps against index.
+
+    Parameters
+    ----------
+    raw
+        The record.
+    clock
+        "as_logged", "uniform", or "auto": the former uniform clock where the stamps are rounded, the latter where many
+        repeat, else as logged.
+    name
+        How messages call the record.
 
     Raises
     ------
@@ -154,9 +171,17 @@ def _rows_are_missing(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
 
 
 def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, float]:
-    """Fit the even sampling of which times t (n,) in s at rows (n,) are the rounded stamps.
+    """Fit the even sampling of which times are the rounded stamps.
 
-    Return (last digit, step, largest distance of a stamp from the line) in s; zeros if they do not look rounded.
+    Parameters
+    ----------
+    rows, t
+        Rows of the samples and their times in s, each (n,).
+
+    Returns
+    -------
+    tuple of float
+        Last digit, step, and largest distance of a stamp from the line, in s; zeros if the times do not look rounded.
     """
     late, rounding = t[t.size // 2 :], 4 * np.finfo(float).eps * float(np.abs(t).max())
     digits = [unit * 10.0**-decimals for unit in TIME_UNITS for decimals in range(-3, 13)]
@@ -212,9 +237,17 @@ def _describe_backward_times(t: np.ndarray, at: int) -> tuple[str, tuple[str, ..
 
 
 def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:
-    """Fit a robust line to times t (n,) in s against rows (n,).
+    """Fit a robust line to times against rows.
 
-    Return its step and the largest distance of a time from it, both in s.
+    Parameters
+    ----------
+    rows, t
+        Rows of the samples and their times in s, each (n,).
+
+    Returns
+    -------
+    tuple of float
+        The line's step, and the largest distance of a time from it, both in s.
     """
     x = rows - rows.mean()
     weights = np.ones(t.size)

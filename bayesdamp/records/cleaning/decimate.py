@@ -78,11 +78,25 @@ def decimated(raw: RawRecord) -> RawRecord:
 
 
 def thinned(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
-    """Return every factor-th of y (n,) after a low-pass filter, and the index in y of the first of them.
+    """Return every factor-th value after a low-pass filter about each sample, so that no phase shifts.
 
-    A linear-phase FIR filter by a Kaiser window (Oppenheim and Schafer, Discrete-Time Signal Processing, 7.5) about
-    each sample, so that no phase shifts: flat within 1e-4 up to PASS of the new Nyquist frequency, ATTENUATION above
-    it. Only samples with all their neighbours remain.
+    The filter is flat within 1e-4 up to PASS of the new Nyquist frequency, and attenuates by ATTENUATION above it.
+
+    Parameters
+    ----------
+    y
+        Equally spaced values, (n,).
+    factor
+        By which the number of samples falls.
+
+    Returns
+    -------
+    tuple
+        The values that have all their neighbours, and the index in y of the first of them.
+
+    References
+    ----------
+    A. V. Oppenheim and R. W. Schafer, Discrete-Time Signal Processing, 7.5: FIR filters by a Kaiser window.
     """
     width = (1 - PASS) / factor
     half = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width) / 2))

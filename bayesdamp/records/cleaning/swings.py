@@ -49,9 +49,21 @@ TEMPLATE = 0.02
 
 
 def stretches(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, int]]:
-    """Return (first, last + 1) turning points of stretches of three or more, in their order in time.
+    """Find the stretches of swings that may be a free decay.
 
-    t: times of the samples (n,) in s. floor: what the distance of a turning point from the midline must exceed.
+    Parameters
+    ----------
+    t
+        Times of the samples in s, (n,).
+    turns
+        The turning points.
+    floor
+        What the distance of a turning point from the midline must exceed.
+
+    Returns
+    -------
+    list of tuple
+        First turning point and last + 1 of stretches of three or more, in their order in time.
     """
     spans: list[tuple[int, int]] = []
     for first, last in _runs_in_phase(t, turns, floor):  # swings first .. last - 1
@@ -208,9 +220,16 @@ def _breaks(ranges: np.ndarray, floor: float) -> list[int]:
 
 @dataclass
 class Swings:
-    """The swings of a stretch of turning points (k,): ranges and gaps (k - 1,), midlines (k - 2,).
+    """The swings of a stretch of turning points (k,): ranges and gaps (k − 1,), midlines (k − 2,).
 
-    t, y: the samples (n,). floor: what noise and rounding can do to one swing, in the unit of y.
+    Attributes
+    ----------
+    t, y
+        Times in s and values of the samples, each (n,).
+    turns
+        The turning points.
+    floor
+        What noise and rounding can do to one swing, in the unit of y.
     """
 
     t: np.ndarray
@@ -304,8 +323,14 @@ def _predict_before(later: np.ndarray) -> tuple[float, float]:
 class Reach:
     """How far samples before a turning point agree with a later swing that is scaled to the one before it.
 
-    at: the earliest time (s) up to which they agree. share: the share of a swing that this is. whole: whether it is all
-    of the swing, or all that was recorded.
+    Attributes
+    ----------
+    at
+        The earliest time in s up to which they agree.
+    share
+        The share of a swing that this is.
+    whole
+        Whether it is all of the swing, or all that was recorded.
     """
 
     at: float
@@ -314,11 +339,19 @@ class Reach:
 
 
 def reach(grid: np.ndarray, values: np.ndarray, turns: Turning, step: float, noise: float) -> Reach:
-    """Return how far the samples before the first of three or more turning points agree with the swings after it.
+    """Return how far the samples before the first turning point agree with the swings after it.
 
-    grid, values: equally spaced times (m,) and values, with this recording step and sd of the noise. The swing between
-    the second and third turning point goes the same way as the one before the first; its size and period are
-    extrapolated.
+    The swing between the second and third turning point goes the same way as the one before the first; its size and
+    period are extrapolated.
+
+    Parameters
+    ----------
+    grid, values
+        Equally spaced times in s and values, each (m,).
+    turns
+        Three or more turning points.
+    step, noise
+        The recording step and the standard deviation of the noise, in the unit of the values.
     """
     times = turns.times
     gaps, ranges = np.diff(times), np.abs(np.diff(turns.values))

@@ -66,8 +66,14 @@ MIDDLE = 0.5
 class DecayWindow:
     """A window of a record.
 
-    first, last: its first and last sample, counted from 0, both included. notes: sentences on why. decays: all free
-    decays of the record.
+    Attributes
+    ----------
+    first, last
+        Its first and last sample, counted from 0, both included.
+    notes
+        Sentences on why.
+    decays
+        All free decays of the record.
     """
 
     first: int
@@ -123,10 +129,20 @@ class _Series:
 
 
 def no_free_decay(t: np.ndarray, y: np.ndarray) -> DecayWindow | None:
-    """Return the window of a record that is not the free decay of one oscillator, None where it is.
+    """Return the window of a record that is not the free decay of one oscillator.
 
-    Such a record t (s), y, shape (n,), contains two oscillations, or one that grows, stays, or is excited throughout.
-    It is used from its largest value on.
+    Such a record contains two oscillations, or one that grows, stays, or is excited throughout. It is used from its largest
+    value on.
+
+    Parameters
+    ----------
+    t, y
+        Times in s and values, each (n,).
+
+    Returns
+    -------
+    DecayWindow or None
+        None for a free decay.
     """
     period, _ = coarse_period(t, y, float(t[-1] - t[0]))
     largest = int(np.argmax(np.abs(y - np.median(y))))

@@ -81,9 +81,18 @@ def trim_facts(facts: Mapping[str, object]) -> dict[str, Fact]:
 
 
 def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
-    """Return the rate in Hz and the name of the fact that states it.
+    """Return the sampling rate that facts state.
 
-    None where no fact states one, where several differ, or where a number's comma is ambiguous.
+    Parameters
+    ----------
+    facts
+        By name, such as `Sample interval (ms)`.
+
+    Returns
+    -------
+    tuple or None
+        The rate in Hz and the name of the fact. None where no fact states one, where several differ, or where a
+        number's comma is ambiguous.
     """
     rates: dict[float, str] = {}
     for name, value in facts.items():

@@ -155,8 +155,12 @@ def unit_written(text: str) -> tuple[str, str] | None:
 def by_name(unit: str | None, quantity: str | None) -> tuple[str | None, str | None]:
     """Return a given unit by its name in `UNITS`, and the quantity.
 
-    The unit may be written as in the head of a column: `°`, `degrees`, or `deg/s`, which gives the quantity too unless
-    that is given.
+    Parameters
+    ----------
+    unit
+        As it may be written in the head of a column: `°`, `degrees`, or `deg/s`, which gives the quantity too.
+    quantity
+        As given; it takes precedence over the one in the unit.
     """
     if unit is None or unit in UNITS or (written := unit_written(unit)) is None:
         return unit, quantity
@@ -242,8 +246,18 @@ def list_names(columns: Sequence[Column]) -> str:
 def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
     """Return the columns that a user means.
 
-    That is the one of this name, or of this number from 1, or, in a file of several runs, those of this name without
-    the run and the unit. Raises InputError with the nearest name.
+    Parameters
+    ----------
+    columns
+        Those of the file.
+    wanted
+        A name, or a number from 1. In a file of several runs, a name without the run and the unit selects one column of
+        each run.
+
+    Raises
+    ------
+    InputError
+        With the nearest name, where there is no such column.
     """
     name = str(wanted).strip()
     exact = [column for column in columns if name and column.name == name]
@@ -275,7 +289,20 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
 
 
 def select_runs(text: str, labels: Sequence[str]) -> list[str]:
-    """Return the labels among those of a file that a text such as `1,3-5` selects. Raises InputError."""
+    """Return the labels of runs that a text selects.
+
+    Parameters
+    ----------
+    text
+        Such as `1,3-5`.
+    labels
+        Those of the file.
+
+    Raises
+    ------
+    InputError
+        Where the text is not a selection, or selects none.
+    """
     more = f" and {len(labels) - MOST} more" if len(labels) > MOST else ""
     choice = "there are " + (f"runs {', '.join(labels[:MOST])}{more}" if labels else "none to choose from")
     wanted: list[str] = []

@@ -25,6 +25,13 @@ class Walk:
 
     A matrix gives its columns, numbered from 1. Elements of a list (a cell array, an array of structs) that hold
     vectors are runs, numbered from 1.
+
+    Attributes
+    ----------
+    columns
+        Those collected so far.
+    facts
+        Numbers and texts by path.
     """
 
     def __init__(self) -> None:
@@ -32,7 +39,19 @@ class Walk:
         self.facts: dict[str, object] = {}
 
     def add(self, path: str, item: Any, run: str = "", depth: int = 0) -> None:
-        """Collect every vector and every fact in an item."""
+        """Collect every vector and every fact in an item.
+
+        Parameters
+        ----------
+        path
+            Of the item; empty for the whole file.
+        item
+            A mapping, list, array, number or text; other items are ignored.
+        run
+            The run that the item belongs to; empty where there is none.
+        depth
+            Levels of nesting above the item.
+        """
         if depth > DEEPEST:
             return
         if isinstance(item, Mapping):
@@ -98,7 +117,18 @@ def unit_and_rate(attributes: Mapping[str, Fact]) -> dict[str, Any]:
 
 
 def to_seconds(times: np.ndarray) -> np.ndarray:
-    """Return dates or lengths of time (n,) in s: dates from the first one's midnight on; NaN where one is missing."""
+    """Return dates or lengths of time in s.
+
+    Parameters
+    ----------
+    times
+        Dates or lengths of time, (n,).
+
+    Returns
+    -------
+    np.ndarray
+        Dates from the first one's midnight on; NaN where a time is missing, (n,).
+    """
     if times.dtype.kind == "M":
         known = times[~np.isnat(times)]
         times = times - (known[0].astype("datetime64[D]") if known.size else np.datetime64(0, "D"))

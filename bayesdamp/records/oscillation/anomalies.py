@@ -57,11 +57,18 @@ def anomalies(signal: Signal, features: Features) -> tuple[str, ...]:
 
 
 def clipped(y: np.ndarray, per_cycle: float) -> bool:
-    """Return whether values y (n,), so many a cycle, stay at an extreme because they were cut off there.
+    """Return whether a record stays at an extreme value because it was cut off there.
 
     A peak is flat for other reasons too: few levels, a sensor that repeats its values for some samples, a body that
     friction stops, a hand that holds it at the start. Then the record approaches its extreme slowly, whereas a clipped
     one reaches and leaves it at full speed.
+
+    Parameters
+    ----------
+    y
+        Equally spaced values, (n,).
+    per_cycle
+        Samples a cycle.
     """
     size = 0.5 * float(np.ptp(y))
     levels = np.unique(y)
@@ -127,10 +134,15 @@ def rectified(y: np.ndarray) -> bool:
 
 
 def tone_burst(t: np.ndarray, y: np.ndarray) -> bool:
-    """Return whether values y (n,) at times t (n,), s, rise in the way they fall, as a windowed tone does.
+    """Return whether a record rises in the way it falls, as a windowed tone does.
 
     The envelope is that of the strongest frequency, averaged over a period. A free decay falls by its damping, but
     rises in a hit, in a release, or by a drive.
+
+    Parameters
+    ----------
+    t, y
+        Times in s and values, each (n,).
     """
     period, _ = coarse_period(t, y, float(t[-1] - t[0]))
     count = int(np.clip(PER_PERIOD * (t[-1] - t[0]) / period, 2 * PER_PERIOD, MOST))

@@ -64,9 +64,19 @@ def wandering(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
 
 
 def holes(t: np.ndarray, period: float) -> np.ndarray:
-    """Return start and end, (h, 2), in s, of stretches of times t (n,) without a sample where others have many.
+    """Return the stretches of time without a sample, where others have many.
 
-    period: of the oscillation, in s.
+    Parameters
+    ----------
+    t
+        Times of the samples in s, (n,).
+    period
+        Of the oscillation, in s.
+
+    Returns
+    -------
+    np.ndarray
+        Start and end of each, in s, (h, 2).
     """
     gaps = np.diff(t)
     at = np.flatnonzero((gaps > LEAST * period) & (gaps > USUAL * np.median(gaps)))
@@ -85,10 +95,16 @@ def without_edges(turns: Turning, t: np.ndarray, period: float) -> Turning:
 class Features(FeaturesSeen):
     """Features of a record, and its turning points.
 
-    turning_times (k,) in s, turning_values (k,): alternating maxima and minima of the recorded quantity.
-    turning_amplitudes (k,): distance of the turning values from the midline.
-    crossing_times (k−1,) in s: where the record crosses its midline between turning points.
-    swing_times (m,) in s, swing_sizes (m,): middle and half range of each swing, of all pieces between holes.
+    Attributes
+    ----------
+    turning_times, turning_values
+        Times in s and values of alternating maxima and minima of the recorded quantity, each (k,).
+    turning_amplitudes
+        Distance of the turning values from the midline, (k,).
+    crossing_times
+        Times in s at which the record crosses its midline between turning points, (k − 1,).
+    swing_times, swing_sizes
+        Middle in s and half range of each swing, of all pieces between holes, each (m,).
     """
 
     turning_times: np.ndarray
@@ -199,10 +215,23 @@ def _swing(x: np.ndarray) -> np.ndarray:
 def crossing_times(
     t: np.ndarray, y: np.ndarray, turns: Turning, middle: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times in s at which y (n,) at t (n,) crosses its midline (k,), and their weights, both (k−1,).
+    """Return when a record crosses its midline between turning points.
 
-    A sinusoid with a slow drift is fitted to the samples in the middle half of each swing between turning points; the
-    weight is its range squared times the number of samples.
+    A sinusoid with a slow drift is fitted to the samples in the middle half of each swing.
+
+    Parameters
+    ----------
+    t, y
+        Times in s and values, each (n,).
+    turns
+        The turning points, k of them.
+    middle
+        The midline at these, (k,).
+
+    Returns
+    -------
+    tuple of np.ndarray
+        The times in s, and their weights, both (k − 1,): the swing's range squared times the number of samples.
     """
     gaps, weights = np.diff(turns.times), np.zeros(turns.times.size - 1)
     centres = (turns.times[:-1] + turns.times[1:]) / 2
@@ -235,7 +264,15 @@ def crossing_times(
 
 
 def mean_period(crossings: np.ndarray, weights: np.ndarray, turning_times: np.ndarray) -> float:
-    """Return the period in s: a weighted line through crossings (k,), rising and falling ones offset."""
+    """Return the period in s by a weighted line through crossings, of which those upwards may have an offset.
+
+    Parameters
+    ----------
+    crossings, weights
+        Times in s at which the record crosses its midline, and their weights, each (k,).
+    turning_times
+        Times in s of the turning points, for a record with too few crossings.
+    """
     if np.count_nonzero(weights) < 4:
         ready = crossings if crossings.size >= 3 else turning_times
         return float(2 * (ready[-1] - ready[0]) / (ready.size - 1))
@@ -246,9 +283,12 @@ def mean_period(crossings: np.ndarray, weights: np.ndarray, turning_times: np.nd
 
 
 def extrapolated(times: np.ndarray, sizes: np.ndarray) -> float:
-    """Return the amplitude at time 0 from amplitudes (k,) at times (k,) after it, by a smooth curve.
+    """Return the amplitude at time 0 by a smooth curve through the first amplitudes after it.
 
-    The curve runs through the first ones. More than half a period before the first one, its amplitude is returned.
+    Parameters
+    ----------
+    times, sizes
+        Times in s and amplitudes, each (k,). Where the first time is later than half a period, its amplitude is returned.
     """
     if sizes.size < 3 or times[0] <= 0 or times[0] > 0.7 * (times[2] - times[0]):
         return float(sizes[0])

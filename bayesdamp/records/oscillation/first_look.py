@@ -35,11 +35,18 @@ class DampingAt:
 class FirstWords:
     """What a record shows before any model is fitted.
 
-    frequency, frequency_low, frequency_high: in Hz, mean of the piece used, and its 95 % interval, nan where there are
-    too few crossings for one.
-    damping: at the largest amplitude of the piece, the geometric mean, and the smallest that is clear of the noise.
-    cycles: number above the noise. start, stop: of the piece used, in s of the record's own times.
-    unit: "rad" or "m", of the amplitudes.
+    Attributes
+    ----------
+    frequency, frequency_low, frequency_high
+        In Hz, mean of the piece used, and its 95 % interval, nan where there are too few crossings for one.
+    damping
+        At the largest amplitude of the piece, the geometric mean, and the smallest that is clear of the noise.
+    cycles
+        Number above the noise.
+    start, stop
+        Of the piece used, in s of the record's own times.
+    unit
+        "rad" or "m", of the amplitudes.
     """
 
     frequency: float

@@ -83,9 +83,20 @@ _X, _W = np.polynomial.legendre.leggauss(16)
 class Sinusoids:
     """Fits in k windows, in the order of time.
 
-    times: middles of the windows in s, (k,). amplitudes: in the unit of the record, (k,). phases: in rad, continuous
-    along the record, (k,). errors: standard errors of the phases, which are those of the amplitudes relative to
-    themselves, (k,). correlation: of the errors of overlapping windows, (k, k). widths: of the windows in s, (k,).
+    Attributes
+    ----------
+    times
+        Middles of the windows in s, (k,).
+    amplitudes
+        In the unit of the record, (k,).
+    phases
+        In rad, continuous along the record, (k,).
+    errors
+        Standard errors of the phases, which are those of the amplitudes relative to themselves, (k,).
+    correlation
+        Of the errors of overlapping windows, (k, k).
+    widths
+        Of the windows in s, (k,).
     """
 
     times: np.ndarray
@@ -223,8 +234,14 @@ def _solve_weighted(
 class Curves:
     """Curves at k places along a record, each of shape (k,).
 
-    amplitude: of the displacement (rad or m). ratio: equivalent viscous damping ratio. frequency: angular, rad/s.
-    ratio_sd, frequency_sd: their standard errors.
+    Attributes
+    ----------
+    amplitude
+        Of the displacement, in rad or m.
+    ratio, ratio_sd
+        Equivalent viscous damping ratio, and its standard error.
+    frequency, frequency_sd
+        Angular frequency in rad/s, and its standard error.
     """
 
     amplitude: np.ndarray
@@ -238,8 +255,16 @@ class Curves:
 class LawFree:
     """The smoothed amplitude and frequency of a record, from which `at` evaluates curves.
 
-    windows: the fits in windows. sizes: log amplitudes of the displacement in the windows, (k,). backbone: the
-    frequency's polynomial. line: a polynomial log amplitude, by the place −1 to 1 along the record.
+    Attributes
+    ----------
+    windows
+        The fits in windows.
+    sizes
+        Log amplitudes of the displacement in the windows, (k,).
+    backbone
+        The frequency's polynomial.
+    line
+        A polynomial log amplitude, by the place −1 to 1 along the record.
     """
 
     windows: Sinusoids
@@ -360,7 +385,12 @@ def _mix(
 class Backbone:
     """Angular frequency as a polynomial in the squared amplitude: several degrees, each with a weight.
 
-    largest: the amplitude that amplitudes are divided by. parts: weight, coefficients (m,), their covariance (m, m).
+    Attributes
+    ----------
+    largest
+        The amplitude by which amplitudes are divided.
+    parts
+        Weight, coefficients (m,), and their covariance (m, m), of each degree.
     """
 
     largest: float

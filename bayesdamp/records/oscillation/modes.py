@@ -73,9 +73,16 @@ ABOVE = 20.0
 class Modes:
     """Damped sinusoids, the largest first.
 
-    frequencies: in Hz, (k,). rates: decay rates in 1/s, (k,), below 0 where they grow. errors: standard errors of the
-    rates, (k,). first, last: amplitudes at the first and the last time, (k,). left: share of the variance about the
-    midline that they do not explain.
+    Attributes
+    ----------
+    frequencies
+        In Hz, (k,).
+    rates, errors
+        Decay rates in 1/s, below 0 where they grow, and their standard errors, each (k,).
+    first, last
+        Amplitudes at the first and the last time, each (k,).
+    left
+        Share of the variance about the midline that they do not explain.
     """
 
     frequencies: np.ndarray
@@ -92,10 +99,25 @@ class Modes:
 
 
 def damped_modes(t: np.ndarray, y: np.ndarray, count: int) -> Modes | None:
-    """Fit so many damped sinusoids and a constant to values y (n,) at times t (n,) in s.
+    """Fit damped sinusoids and a constant to a record.
 
-    Amplitudes and phases are linear and solved for, frequencies and rates searched from the spectrum's lines (variable
-    projection, Golub and Pereyra 1973). None where no search converges.
+    Amplitudes and phases are linear and solved for, frequencies and rates searched from the spectrum's lines.
+
+    Parameters
+    ----------
+    t, y
+        Times in s and values, each (n,).
+    count
+        Number of sinusoids.
+
+    Returns
+    -------
+    Modes or None
+        None where no search converges.
+
+    References
+    ----------
+    G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10, 413 (1973): variable projection.
     """
     t, y = np.asarray(t, float) - t[0], np.asarray(y, float)
     points, rest = np.empty((0, 2)), y - y.mean()
@@ -199,10 +221,16 @@ def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray
 class NotOne:
     """The motion of a record that is not the free decay of one oscillator.
 
-    seen: what it is. modes: one that grows or stays, or two; of one that is excited throughout, rates are nan, and
-    amplitudes the least and the largest. size: of the second mode, relative to the largest amplitude of the first; of
-    growth, the factor by which it grows less 1; of one that stays, 1; of one that is excited throughout, how many times
-    its amplitude rises.
+    Attributes
+    ----------
+    seen
+        What it is.
+    modes
+        The oscillation that grows or stays, or both oscillations. Of one that is excited throughout, rates are nan, and
+        amplitudes the least and the largest.
+    size
+        Of the second mode, relative to the largest amplitude of the first. Of growth, the factor by which it grows less 1;
+        of one that stays, 1; of one that is excited throughout, how many times its amplitude rises.
     """
 
     seen: Literal["growing", "steady", "beats", "two modes", "driven", "excited"]
@@ -283,8 +311,19 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> NotOne | N
 def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
     """Return the motion where the amplitude rises again and again, as slowly as it falls, and in the end is the same.
 
-    That is the work of random forces, or of a hand that never lets go. None where values y (n,) at times t (n,), s, do
-    not do so.
+    That is the work of random forces, or of a hand that never lets go.
+
+    Parameters
+    ----------
+    t, y
+        Times in s and values, each (n,).
+    period
+        Of the oscillation, in s.
+
+    Returns
+    -------
+    NotOne or None
+        None where the amplitude does not behave so.
     """
     ranges = _ranges(t, y, period)
     if ranges.size < 3 * RISES * SLOWLY:

@@ -34,7 +34,12 @@ def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
 def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
     """Return the samples in a cycle of the line that has most of a record's power, nan where it is not isolated.
 
-    t, y: shape (n,). Between 2 and 4, a record oscillates but is sampled too coarsely to be followed.
+    Between 2 and 4, a record oscillates but is sampled too coarsely to be followed.
+
+    Parameters
+    ----------
+    t, y
+        Times in s and values, each (n,).
     """
     _, values = on_grid(t, y)
     power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size + 2)[1:-1])) ** 2
@@ -46,9 +51,19 @@ def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
 
 
 def captured(y: np.ndarray, samples: float) -> tuple[float, float]:
-    """Return how much of y (n,) sinusoids with a period of so many samples explain, in windows of two periods.
+    """Return how much of a record sinusoids of one period explain, in windows of two periods.
 
-    This is the explained mean square beyond that of white noise, and its share of all but the trend.
+    Parameters
+    ----------
+    y
+        Equally spaced values, (n,).
+    samples
+        In a period.
+
+    Returns
+    -------
+    tuple of float
+        The explained mean square beyond that of white noise, and its share of all but the trend.
     """
     length = int(min(max(round(2 * samples), 7), y.size))
     x = np.arange(length) - (length - 1) / 2

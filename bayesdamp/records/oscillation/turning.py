@@ -22,7 +22,14 @@ BLOCK = 200_000
 class Turning:
     """Alternating maxima and minima.
 
-    times: in s, (k,). values: in the unit of y, (k,). gain: noise of a value per unit of noise of a sample, (k,).
+    Attributes
+    ----------
+    times
+        In s, (k,).
+    values
+        In the unit of y, (k,).
+    gain
+        Noise of a value per unit of noise of a sample, (k,).
     """
 
     times: np.ndarray
@@ -49,9 +56,21 @@ def local_median(values: np.ndarray) -> np.ndarray:
 def thinned(
     t: np.ndarray, y: np.ndarray, period: float, smooth: bool = True
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return times, values and samples a period on an equally spaced grid of at most PER_CYCLE samples a period.
+    """Average a record on an equally spaced grid of at most PER_CYCLE samples a period.
 
-    The values are averages of the neighbouring samples, in which `smooth` also reduces spikes and noise.
+    Parameters
+    ----------
+    t, y
+        Times in s and values, each (n,).
+    period
+        Of the oscillation, in s.
+    smooth
+        Whether spikes and noise are reduced.
+
+    Returns
+    -------
+    tuple
+        Times in s, values, each (m,), and samples a period.
     """
     mean_gap = (t[-1] - t[0]) / (t.size - 1)
     gap = max(mean_gap, period / PER_CYCLE)
@@ -76,10 +95,21 @@ def thinned(
 
 
 def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
-    """Return the indices of alternating extrema of y (n,), and whether the first is a maximum (1) or a minimum (−1).
+    """Find alternating extrema, each of which is confirmed by a way back.
 
-    Each extremum is confirmed by a way back of swing (n,). The ends of the record count where the way to the next
-    extremum is long enough.
+    The ends of the record count where the way to the next extremum is long enough.
+
+    Parameters
+    ----------
+    y
+        Values, (n,).
+    swing
+        Length of the way back at each, (n,).
+
+    Returns
+    -------
+    tuple
+        Indices of the extrema, and whether the first is a maximum (1) or a minimum (−1).
     """
     extrema: list[int] = []
     kind = first = 0
@@ -209,10 +239,18 @@ def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.
 
 
 def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float = 0.0) -> Turning:
-    """Return all turning points of y (n,) at t (n,).
+    """Find all turning points of a record.
 
-    The end of a record counts as a turning point where the fitted curve turns there. period: the coarse period in s.
-    roughness: sd of the noise of y.
+    The end of a record counts as a turning point where the fitted curve turns there.
+
+    Parameters
+    ----------
+    t, y
+        Times in s and values, each (n,).
+    period
+        The coarse period in s.
+    roughness
+        Standard deviation of a sample's noise.
     """
     grid, smooth, a_period = thinned(t, y, period)
     width = int(1.2 * a_period) | 1

@@ -79,9 +79,22 @@ class TextReader(Reader):
 class Layout:
     """How a text file writes its table.
 
-    separator: one character, BLANKS for any run of blanks; decimal: "." or ","; columns: cells in a row;
-    first: index of the first line of numbers; names: the header's names, stripped, or empty strings;
-    units: those of a line below the names, as written; groups: the table of each column where several are side by side.
+    Attributes
+    ----------
+    separator
+        One character; BLANKS for any run of blanks.
+    decimal
+        "." or ",".
+    columns
+        Cells in a row.
+    first
+        Index of the first line of numbers.
+    names
+        The header's names, stripped, or empty strings.
+    units
+        Those of a line below the names, as written.
+    groups
+        The table of each column, where several are side by side.
     """
 
     separator: str
@@ -103,7 +116,20 @@ def split_cells(line: str, separator: str) -> list[str]:
 
 
 def parse_number(cell: str, decimal: str) -> float | None:
-    """Return the number in a cell, of a time of day the seconds of its day (see `parse_stamp`); None for others."""
+    """Return the number in a cell.
+
+    Parameters
+    ----------
+    cell
+        Stripped text.
+    decimal
+        The decimal mark, "." or ",".
+
+    Returns
+    -------
+    float or None
+        The number; of a time of day the seconds of its day (see `parse_stamp`); None for other text.
+    """
     if ":" in cell:
         stamp = parse_stamp(cell)
         return None if stamp is None else stamp[1]
@@ -169,9 +195,19 @@ def parse_stamp(cell: str) -> tuple[int | None, float] | None:
 
 
 def join_stamps(days: list[int | None], of_day: np.ndarray) -> np.ndarray:
-    """Return times (n,) in s from days and seconds of the day.
+    """Return times in s from days and seconds of the day.
 
-    Stamps with a date are counted from the first one's midnight on; for stamps without one, midnights are counted.
+    Parameters
+    ----------
+    days
+        The day of each stamp, None for stamps without a date.
+    of_day
+        Seconds of the day, (n,).
+
+    Returns
+    -------
+    np.ndarray
+        Counted from the first stamp's midnight on, (n,). Where a date is missing, midnights are counted.
     """
     if None not in days:
         return of_day + DAY * (np.array(days, float) - float(days[0] or 0))
@@ -336,8 +372,18 @@ def plain_oscilloscope(lines: list[str]) -> tuple[list[str], dict[str, Fact]] | 
     """Return an oscilloscope's table as a plain table with one line of names, and its settings.
 
     Tektronix TDS writes its settings beside the first samples; Rigol numbers the samples and writes start and increment
-    in the head. The lines are those that were given one by one, after a line of names where there was none.
-    Returns None where neither of them wrote the lines.
+    in the head.
+
+    Parameters
+    ----------
+    lines
+        Of the file.
+
+    Returns
+    -------
+    tuple or None
+        The lines that were given, one by one, after a line of names where there was none, and the settings; None where
+        neither oscilloscope wrote the lines.
     """
     head = [split_cells(line, ",") for line in lines[:DEEP]]
     if len(head) < 3:
@@ -385,7 +431,20 @@ def read_text(path: Path, largest: int = LARGEST) -> str:
 
 
 def parse_table(lines: list[str], format_name: str = "text") -> Contents:
-    """Return the table in lines of text, whatever its separator. Raises InputError where there is none."""
+    """Return the table in lines of text, whatever its separator.
+
+    Parameters
+    ----------
+    lines
+        Of the text.
+    format_name
+        The format that the contents state.
+
+    Raises
+    ------
+    InputError
+        Where there are no rows of numbers, or too many columns.
+    """
     given = len(lines)
     scope = plain_oscilloscope(lines)
     lines, settings = scope if scope is not None else (separate_monitor_times(lines), {})
@@ -481,7 +540,19 @@ def _numbers_only(body: list[str], layout: Layout) -> np.ndarray | None:
 def make_column(
     rows: Sequence[Sequence[str]], index: int, decimal: str, name: str, group: str = "", unit: str = ""
 ) -> Column:
-    """Return the column at an index of rows of cells, which may lack cells at their ends."""
+    """Return a column of a table of cells.
+
+    Parameters
+    ----------
+    rows
+        The cells of each row, which may lack cells at its end.
+    index
+        The column's place in a row.
+    decimal
+        The decimal mark.
+    name, group, unit
+        Of the column.
+    """
     cells = [row[index] if index < len(row) else "" for row in rows]
     values = np.full(len(cells), np.nan)
     days: dict[int, int | None] = {}
