@@ -131,8 +131,8 @@ class _Series:
 def no_free_decay(t: np.ndarray, y: np.ndarray) -> DecayWindow | None:
     """Return the window of a record that is not the free decay of one oscillator.
 
-    Such a record contains two oscillations, or one that grows, stays, or is excited throughout. It is used from its largest
-    value on.
+    Such a record contains two oscillations, or one that grows, stays, or is excited throughout. It is used from its
+    largest value on.
 
     Parameters
     ----------

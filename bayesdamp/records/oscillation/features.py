@@ -288,7 +288,8 @@ def extrapolated(times: np.ndarray, sizes: np.ndarray) -> float:
     Parameters
     ----------
     times, sizes
-        Times in s and amplitudes, each (k,). Where the first time is later than half a period, its amplitude is returned.
+        Times in s and amplitudes, each (k,). Where the first time is later than half a period, its amplitude is
+        returned.
     """
     if sizes.size < 3 or times[0] <= 0 or times[0] > 0.7 * (times[2] - times[0]):
         return float(sizes[0])

@@ -229,8 +229,8 @@ class NotOne:
         The oscillation that grows or stays, or both oscillations. Of one that is excited throughout, rates are nan, and
         amplitudes the least and the largest.
     size
-        Of the second mode, relative to the largest amplitude of the first. Of growth, the factor by which it grows less 1;
-        of one that stays, 1; of one that is excited throughout, how many times its amplitude rises.
+        Of the second mode, relative to the largest amplitude of the first. Of growth, the factor by which it grows,
+        less 1; of one that stays, 1; of one that is excited throughout, how many times its amplitude rises.
     """
 
     seen: Literal["growing", "steady", "beats", "two modes", "driven", "excited"]
@@ -309,7 +309,7 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> NotOne | N
 
 
 def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
-    """Return the motion where the amplitude rises again and again, as slowly as it falls, and in the end is the same.
+    """Return the motion of a record whose amplitude rises again and again, as slowly as it falls, and ends unchanged.
 
     That is the work of random forces, or of a hand that never lets go.
 
