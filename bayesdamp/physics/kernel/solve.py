@@ -70,9 +70,9 @@ class Windows:
         times = middle[:, None] + sd[:, None] * np.column_stack([low, high])
         return cls(times, np.column_stack([high, -low]) / root[:, None])
 
-    def first(self, count: int | None) -> Windows:
-        """Return the first windows, all of them for None."""
-        return self if count is None else Windows(self.times[:count], self.weights[:count])
+    def first(self, count: int) -> Windows:
+        """Return the first windows."""
+        return Windows(self.times[:count], self.weights[:count])
 
 
 @dataclass(frozen=True)
@@ -89,14 +89,6 @@ class Points:
 
     t: np.ndarray
     weights: np.ndarray | None = None
-
-    @classmethod
-    def of(cls, t: np.ndarray, windows: Windows | None) -> Self:
-        """Return the points for values at times t, shape (n,), or for the means over windows."""
-        # Writable copies: Numba would compile again for an array that is read-only.
-        if windows is None:
-            return cls(np.array(t, float))
-        return cls(windows.times.flatten(), windows.weights)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return the wanted values, shape (n, ...), from those at the points."""
@@ -308,7 +300,12 @@ class Solver:
 
         layout, m, law_places = self._layout, len(self.kernel.terms), self.law_places
         if stop not in self._read_at:
-            self._read_at[stop] = Points.of(self.t[:stop], self.windows and self.windows.first(stop))
+            # Writable copies: Numba would compile again for an array that is read-only.
+            self._read_at[stop] = (
+                Points(np.array(self.t[:stop], float))
+                if self.windows is None
+                else Points(self.windows.times[:stop].flatten(), self.windows.weights[:stop])
+            )
         points = self._read_at[stop]
         t, knots = points.t, self.knots
         if g is None and h is None and t[-1] < knots[-1]:
