@@ -80,10 +80,10 @@ POWERS = np.linalg.inv(np.vander(POINTS, increasing=True))
 WHOLE, HALF = (POWERS.T @ (end ** np.arange(1.0, 6.0) / np.arange(1.0, 6.0)) for end in (1.0, 0.5))
 """Weights at the points of an integral over a step and over its first half."""
 MOST_TERMS, SMALL = 30, 1e-13
+"""Terms of the power series of a step at most, and their size, over the sum's, at which it ends."""
 SLOW = 2e-6
 """Share of the peak velocity at which slopes are taken where exact friction's motion is slower: twice the step of
 central differences."""
-"""Terms of the power series of a step at most, and their size, over the sum's, at which it ends."""
 
 
 @njit
