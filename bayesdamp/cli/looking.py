@@ -14,7 +14,7 @@ from bayesdamp.cli.records import MAYBE_ENVELOPE, FileRecord
 from bayesdamp.records.envelope.record import read_envelope
 from bayesdamp.records.envelope.window import bounded
 from bayesdamp.records.files.contents import Contents
-from bayesdamp.records.files.names import seconds_of_unit, unit_said
+from bayesdamp.records.files.names import seconds_of_unit, unit_of_column
 from bayesdamp.records.oscillation.features import holes
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.table import Table
@@ -48,7 +48,7 @@ def columns_table(contents: Contents) -> Table:
     """Return a row for each column: number, name, unit, samples, smallest and largest value."""
     rows = []
     for i, column in enumerate(contents.columns, start=1):
-        unit, quantity = unit_said(column)
+        unit, quantity = unit_of_column(column)
         shown = UNITS[unit].of(quantity or "angle") if unit in UNITS else unit
         shown = "s" if not shown and seconds_of_unit(column) else shown
         y = column.values[np.isfinite(column.values)]

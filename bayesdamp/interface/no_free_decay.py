@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.records.oscillation.modes import NotOne, other_than_one
+from bayesdamp.records.oscillation.modes import OtherMotion, find_other_motion
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Grade, Interval, MotionKind, Oscillation, UsedWindow
@@ -21,13 +21,13 @@ VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 
 @lru_cache(maxsize=8)
-def _other_motion(signal: Signal, harmonics: bool = False) -> NotOne | None:
+def _other_motion(signal: Signal, harmonics: bool = False) -> OtherMotion | None:
     """Return what a signal is if not the free decay of one oscillator; None where it may be one."""
     try:
         period = features(signal).period
     except Refusal:
         return None
-    return other_than_one(signal.t, signal.y, period, harmonics)
+    return find_other_motion(signal.t, signal.y, period, harmonics)
 
 
 def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
@@ -64,7 +64,7 @@ def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
         "",
         float("nan"),
         frequency=Interval(f, f - 0.5 * spread, f + 0.5 * spread, "Hz"),
-        motion=MotionKind(other.seen),
+        motion=MotionKind(other.kind),
         modes=modes,
         quantity=signal.quantity,
         window=UsedWindow(first, first + duration, duration * f, ""),

@@ -20,7 +20,7 @@ from bayesdamp.records.files.names import (
     seconds_of_unit,
     select_runs,
     split_run,
-    unit_said,
+    unit_of_column,
 )
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.types import InputError
@@ -257,12 +257,14 @@ def choose_columns(
             raise InputError("has one column, and it holds the times; export the recorded quantity too")
         raise InputError(f"only the times hold numbers that change; columns are {list_names(columns)}")
     chosen = _choose_in_all(content, blocks)
-    left = [r for r in chosen if unit_said(r.value)[1] != "acceleration" or not _contains_gravity(r.value)]
+    left = [
+        r for r in chosen if unit_of_column(r.value)[1] != "acceleration" or not _contains_gravity(r.value)
+    ]
     if left:
         return [_with_clock(record, content) for record in left]
     column = chosen[0].value
-    kind = unit_said(column)
-    axes = [c for c in columns if c is not column and kind[0] and unit_said(c) == kind and _changes(c)]
+    kind = unit_of_column(column)
+    axes = [c for c in columns if c is not column and kind[0] and unit_of_column(c) == kind and _changes(c)]
     named = f" ({', '.join(quote_name(columns, c) for c in axes[:3])})" if axes else ""
     likely = next((c.name for c in axes if c.name and measure_swing(c.values).swings), "")
     raise InputError(
@@ -432,7 +434,7 @@ def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumn
 def _refuse_unclear(content: Contents, records: list[RecordColumns]) -> None:
     """Refuse a choice of several columns that are not channels of one kind. Raises InputError."""
     chosen = [record.value for record in records]
-    kinds = {unit_said(c) for c in chosen}
+    kinds = {unit_of_column(c) for c in chosen}
     if len(kinds) == 1 and all(unit for unit, _ in kinds):
         return  # sensors of one unit
     bare = {c.name.removeprefix(f"{c.group}.") for c in chosen}
@@ -473,7 +475,7 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
     values = block.candidates or block.values
     if len(values) == 1:
         return values, ""
-    every = [_Candidate(c, measure_swing(c.values), *unit_said(c)) for c in values]
+    every = [_Candidate(c, measure_swing(c.values), *unit_of_column(c)) for c in values]
     left = [c for c in every if c.swing.swings] or every
     left = [c for c in left if c.swing.lasts] or left
     if not content.channels or all(c.unit for c in left):
@@ -542,7 +544,7 @@ def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
 
 def _contains_gravity(column: Column) -> bool:
     """Return whether a column's mean is that of gravity, and nothing states that it is not an acceleration."""
-    gravity, (unit, quantity) = UNITS["g"].factor, unit_said(column)
+    gravity, (unit, quantity) = UNITS["g"].factor, unit_of_column(column)
     y = column.values[np.isfinite(column.values)]
     if not y.size or np.abs(y).max() > LARGEST:
         return False

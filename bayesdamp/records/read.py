@@ -12,7 +12,14 @@ from bayesdamp.provenance import Provenance
 from bayesdamp.records.columns import LARGEST, LEAST, RecordColumns, choose_columns, separate_clocks
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import stated_unit
-from bayesdamp.records.files.names import DAY, SECONDS, seconds_of_unit, split_run, unit_said, unit_written
+from bayesdamp.records.files.names import (
+    DAY,
+    SECONDS,
+    seconds_of_unit,
+    split_run,
+    unit_of_column,
+    unit_written,
+)
 from bayesdamp.records.opening import contents, file_error
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
@@ -195,7 +202,7 @@ def _stated_unit(value: Column, time: Column | None, content: Contents) -> tuple
     They are those of the column; else those of the facts but those about the times, where there is no other column;
     else those of the structure or group that contains the column, where it contains no other column of values.
     """
-    unit, quantity = unit_said(value)
+    unit, quantity = unit_of_column(value)
     if unit:
         return unit, quantity
     facts, inside = content.facts, f"{value.name.rpartition('.')[0]}."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.files.names import find_columns, seconds_in, unit_and_quantity, unit_said
+from bayesdamp.records.files.names import find_columns, seconds_in, unit_and_quantity, unit_of_column
 from bayesdamp.records.opening import contents
 from bayesdamp.records.read import read_record
 from bayesdamp.records.readers.text import parse_table
@@ -16,7 +16,7 @@ from tests.records.tables import write_table
 def unit_asked(path, value, unit, quantity) -> tuple[str, str]:
     """As `read` and the commands find them."""
     column = find_columns(contents(path).columns, value)[0]
-    return resolved_unit(unit, quantity, *unit_said(column))
+    return resolved_unit(unit, quantity, *unit_of_column(column))
 
 
 TIMES = {

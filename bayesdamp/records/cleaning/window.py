@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from bayesdamp.provenance import FreeDecay
 from bayesdamp.records.cleaning.swings import RISE, Reach, Reason, Swings, reach, stretches, worth
 from bayesdamp.records.oscillation.features import without_edges
-from bayesdamp.records.oscillation.modes import excited, few_samples, other_than_one
+from bayesdamp.records.oscillation.modes import excited, few_samples, find_other_motion
 from bayesdamp.records.oscillation.noise import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_period, coarse_periods, samples_a_cycle
 from bayesdamp.records.oscillation.turning import Turning, thinned, turning_points
@@ -149,13 +149,13 @@ def no_free_decay(t: np.ndarray, y: np.ndarray) -> DecayWindow | None:
     first = largest if largest < MIDDLE * t.size else 0
     if t.size - first < 20:
         return None
-    motion = other_than_one(t[first:], y[first:], period)
-    if motion is None or motion.seen in ANYWHERE:
+    motion = find_other_motion(t[first:], y[first:], period)
+    if motion is None or motion.kind in ANYWHERE:
         # Its largest value may be anywhere.
         whole = (
-            excited(*few_samples(t, y, period), period) if motion is None else other_than_one(t, y, period)
+            excited(*few_samples(t, y, period), period) if motion is None else find_other_motion(t, y, period)
         )
-        if whole is not None and whole.seen in ANYWHERE:
+        if whole is not None and whole.kind in ANYWHERE:
             first, motion = 0, whole
     if motion is None or motion.size < SECOND:
         return None

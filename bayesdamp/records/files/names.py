@@ -192,7 +192,7 @@ def seconds_of_unit(column: Column) -> float | None:
     return 1.0 if seconds is None and _SECONDS_ALONE.match(column.name) else seconds
 
 
-def unit_said(column: Column) -> tuple[str, str]:
+def unit_of_column(column: Column) -> tuple[str, str]:
     """Return the unit and the quantity of a column; each empty where the file does not state it.
 
     The unit is the displacement's, by its name in UNITS; a unit that is not in UNITS is returned as it is written.

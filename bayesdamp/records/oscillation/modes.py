@@ -218,12 +218,12 @@ def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray
 
 
 @dataclass(frozen=True)
-class NotOne:
+class OtherMotion:
     """The motion of a record that is not the free decay of one oscillator.
 
     Attributes
     ----------
-    seen
+    kind
         What it is.
     modes
         The oscillation that grows or stays, or both oscillations. Of one that is excited throughout, rates are nan, and
@@ -233,12 +233,14 @@ class NotOne:
         less 1; of one that stays, 1; of one that is excited throughout, how many times its amplitude rises.
     """
 
-    seen: Literal["growing", "steady", "beats", "two modes", "driven", "excited"]
+    kind: Literal["growing", "steady", "beats", "two modes", "driven", "excited"]
     modes: Modes
     size: float
 
 
-def other_than_one(t: np.ndarray, y: np.ndarray, period: float, harmonics: bool = False) -> NotOne | None:
+def find_other_motion(
+    t: np.ndarray, y: np.ndarray, period: float, harmonics: bool = False
+) -> OtherMotion | None:
     """Return what a record is, if not the free decay of one oscillator; None where nothing contradicts that.
 
     A second mode is accepted where two damped sinusoids explain nearly all, one does not, and both together do what no
@@ -260,7 +262,7 @@ def other_than_one(t: np.ndarray, y: np.ndarray, period: float, harmonics: bool 
     return _other_by_modes(t, y, harmonics) or excited(t, y, period)
 
 
-def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> NotOne | None:
+def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotion | None:
     """Return the motion of which one damped sinusoid that does not decay is the fit, or two are."""
     single = damped_modes(t, y, 1)
     if single is None or single.left >= 1:
@@ -269,10 +271,10 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> NotOne | N
     rate, error = float(single.rates[0]), float(single.errors[0])
     if single.left < 1 - EXPLAINED:
         if rate < -SIGMAS * error and single.last[0] > GROWN * single.first[0]:
-            return NotOne("growing", single, float(single.last[0] / single.first[0] - 1))
+            return OtherMotion("growing", single, float(single.last[0] / single.first[0] - 1))
         no_decay = rate < UNSEEN * error and (abs(rate) + 2 * error) * duration < SUSTAINED
         if single.frequencies[0] * duration > CYCLES and no_decay:
-            return NotOne("steady", single, 1.0)
+            return OtherMotion("steady", single, 1.0)
     two = damped_modes(t, y, 2)
     if two is None or two.left > (1 - EXPLAINED) or two.left > 0.5 * single.left:
         return None
@@ -301,14 +303,14 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> NotOne | N
             levels = levels and falls < SUSTAINED and abs(early / late - 1) < SUSTAINED
         if lifted(ranges, noise) < LIFTED and not levels:
             return None
-        return NotOne("driven" if steady else "beats", two, size)
+        return OtherMotion("driven" if steady else "beats", two, size)
     multiple = two.frequencies[1] / two.frequencies[0]
     if not harmonics and multiple > 1 and abs(multiple - round(multiple)) < HARMONIC * multiple:
         return None
-    return NotOne("driven" if steady else "two modes", two, size)
+    return OtherMotion("driven" if steady else "two modes", two, size)
 
 
-def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
+def excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | None:
     """Return the motion of a record whose amplitude rises again and again, as slowly as it falls, and ends unchanged.
 
     That is the work of random forces, or of a hand that never lets go.
@@ -322,7 +324,7 @@ def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
 
     Returns
     -------
-    NotOne or None
+    OtherMotion or None
         None where the amplitude does not behave so.
     """
     ranges = _ranges(t, y, period)
@@ -345,7 +347,7 @@ def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
         return None
     nan, f = np.array([np.nan]), np.array([1 / period])
     modes = Modes(f, nan, nan, np.array([0.5 * ranges.min()]), np.array([0.5 * ranges.max()]), 1.0)
-    return NotOne("excited", modes, float(len(rises)))
+    return OtherMotion("excited", modes, float(len(rises)))
 
 
 def passing(two: Modes, longest: float) -> float:

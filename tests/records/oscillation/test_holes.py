@@ -8,7 +8,7 @@ import pytest
 from bayesdamp.records.cleaning.window import free_decay
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.first_look import first_words
-from bayesdamp.records.oscillation.modes import other_than_one
+from bayesdamp.records.oscillation.modes import find_other_motion
 from bayesdamp.types import Signal
 
 FREQUENCY, RATE, START, NOISE = 1.3, 0.05, 0.4, 0.002
@@ -40,7 +40,7 @@ def test_a_record_with_holes_is_one_decay(seed: int) -> None:
     assert found.cycles == pytest.approx(40 * FREQUENCY, abs=1.0)
     assert np.all(np.diff(found.turning_times) < 0.6 / FREQUENCY)
     assert np.all(np.diff(found.turning_amplitudes) < 3 * NOISE), "a turning point at a hole's edge is none"
-    assert other_than_one(signal.t, signal.y, 1 / FREQUENCY) is None
+    assert find_other_motion(signal.t, signal.y, 1 / FREQUENCY) is None
     window = free_decay(signal.t, signal.y, 0.0, True, True, "holed")
     assert signal.t[window.first] < 1 / FREQUENCY
     assert signal.t[window.last] > 40 - 1 / FREQUENCY
@@ -55,9 +55,9 @@ def test_a_record_with_holes_is_one_decay(seed: int) -> None:
 def test_beats_with_holes_are_beats() -> None:
     """Negative control."""
     signal = holed(0, (0.3, 1.08 * FREQUENCY, RATE))
-    found = other_than_one(signal.t, signal.y, 1 / FREQUENCY)
+    found = find_other_motion(signal.t, signal.y, 1 / FREQUENCY)
     assert found is not None
-    assert found.seen == "beats"
+    assert found.kind == "beats"
 
 
 def test_a_second_release_within_a_hole_is_one() -> None:
@@ -76,4 +76,4 @@ def test_drag_with_holes_is_no_beat() -> None:
     whole = holed(0)
     swing = np.cos(2 * np.pi * FREQUENCY * whole.t)
     drag = START * (1 / (1 + 0.3 * whole.t) - np.exp(-RATE * whole.t)) * swing
-    assert other_than_one(whole.t, whole.y + drag, 1 / FREQUENCY) is None
+    assert find_other_motion(whole.t, whole.y + drag, 1 / FREQUENCY) is None

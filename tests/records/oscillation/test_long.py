@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.oscillation import modes
-from bayesdamp.records.oscillation.modes import damped_modes, other_than_one
+from bayesdamp.records.oscillation.modes import damped_modes, find_other_motion
 
 
 def two(cycles: float, second: float, samples: int = 13) -> tuple[np.ndarray, np.ndarray]:
@@ -26,7 +26,7 @@ def test_a_search_by_part_of_a_long_record_finds_the_modes_that_are_in_it() -> N
 
 
 def test_one_decay_of_many_cycles_is_one_and_two_are_two() -> None:
-    assert other_than_one(*two(4000, 0.0), 0.2) is None
-    seen = other_than_one(*two(4000, 0.2), 0.2)
+    assert find_other_motion(*two(4000, 0.0), 0.2) is None
+    seen = find_other_motion(*two(4000, 0.2), 0.2)
     assert seen is not None
-    assert seen.seen == "two modes"
+    assert seen.kind == "two modes"

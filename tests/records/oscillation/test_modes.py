@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.records.oscillation.modes import damped_modes, excited, other_than_one
+from bayesdamp.records.oscillation.modes import damped_modes, excited, find_other_motion
 from bayesdamp.records.record import RawRecord
 from tests.failures import Failures
 from validation.truth.records import KINDS, case
@@ -51,9 +51,9 @@ def test_what_is_seen_has_its_name() -> None:
             ("steady", (0.3, 1.0, 0.0)),
         ):
             with failures.of((seen, *parts)):
-                found = other_than_one(*sum_of(*parts), 2 * np.pi / OMEGA)
+                found = find_other_motion(*sum_of(*parts), 2 * np.pi / OMEGA)
                 assert found is not None
-                assert found.seen == seen
+                assert found.kind == seen
                 if len(parts) > 1:
                     assert found.size == pytest.approx(parts[1][0] / parts[0][0], rel=0.1)
 
@@ -61,11 +61,11 @@ def test_what_is_seen_has_its_name() -> None:
 def test_a_drive_less_than_a_beat_apart_is_seen_where_the_amplitude_stays() -> None:
     """And is not where what is beside it decays, too."""
     period = 2 * np.pi / OMEGA
-    found = other_than_one(*sum_of((0.3, 1.0, 0.05), (0.05, 1.01, 0.0)), period)
+    found = find_other_motion(*sum_of((0.3, 1.0, 0.05), (0.05, 1.01, 0.0)), period)
     assert found is not None
-    assert found.seen == "driven"
+    assert found.kind == "driven"
     assert found.modes.ratios[0] == pytest.approx(0.05, rel=0.02)
-    assert other_than_one(*sum_of((0.3, 1.0, 0.05), (0.05, 1.01, 0.003)), period) is None
+    assert find_other_motion(*sum_of((0.3, 1.0, 0.05), (0.05, 1.01, 0.003)), period) is None
 
 
 def test_one_oscillation_is_one() -> None:
@@ -74,7 +74,7 @@ def test_one_oscillation_is_one() -> None:
         ((0.3, 1.0, 0.01), (0.03, 3.0, 0.03)),  # its third harmonic
         ((0.3, 1.0, 0.0002),),  # it hardly decays, and that is seen
     ):
-        assert other_than_one(*sum_of(*parts), 2 * np.pi / OMEGA) is None
+        assert find_other_motion(*sum_of(*parts), 2 * np.pi / OMEGA) is None
 
 
 def test_a_swing_from_near_the_top_is_one_oscillator() -> None:
@@ -86,7 +86,7 @@ def test_a_swing_from_near_the_top_is_one_oscillator() -> None:
 
     swing = solve_ivp(rates, (0, 60), [2.9, 0.0], t_eval=t, rtol=1e-9, atol=1e-9)
     y = swing.y[0] + 0.01 * np.random.default_rng(1).standard_normal(t.size)
-    assert other_than_one(t, y, 2.1) is None
+    assert find_other_motion(t, y, 2.1) is None
 
 
 @pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.slow)])
@@ -94,7 +94,7 @@ def test_no_validation_record_is_taken_for_several(every: int) -> None:
     """None of 120 with another seed was, when thresholds were set; one of a kind here."""
     for kind in list(KINDS)[::every]:
         signal = case(kind, 79, 0).signal
-        assert other_than_one(signal.t, signal.y, 2 * np.pi / features(signal).frequency) is None, kind
+        assert find_other_motion(signal.t, signal.y, 2 * np.pi / features(signal).frequency) is None, kind
 
 
 def test_a_record_that_beats_is_kept_whole() -> None:
@@ -111,7 +111,7 @@ def test_an_amplitude_that_no_law_keeps_up_is_no_drive() -> None:
     noise = 1e-4 * np.random.default_rng(2).standard_normal(t.size)
     for power in (2.0, 3.0):
         y = 0.3 * (1 + 0.1 * t) ** (-1 / (power - 1)) * np.cos(OMEGA * t) + noise
-        assert other_than_one(t, y, 2 * np.pi / OMEGA) is None
+        assert find_other_motion(t, y, 2 * np.pi / OMEGA) is None
 
 
 def test_of_what_stays_nothing_is_cut() -> None:
@@ -135,9 +135,9 @@ def shaken(ratio: float, cycles: int, seed: int) -> tuple[np.ndarray, np.ndarray
 def test_an_oscillator_under_random_forces_is_excited_all_along(ratio: float) -> None:
     """12 of 12 with other seeds were, when thresholds were set."""
     t, y = shaken(ratio, 200, 8)
-    found = other_than_one(t, y, 1.0)
+    found = find_other_motion(t, y, 1.0)
     assert found is not None
-    assert found.seen == "excited"
+    assert found.kind == "excited"
     assert clean(RawRecord(t, y), name="ambient").t.size == t.size
 
 
@@ -149,7 +149,7 @@ def test_many_releases_in_a_record_are_not_excited_all_along(pumped: float) -> N
     rise, fall = np.exp(-0.126 * 21) + since / max(pumped, 1), np.exp(-0.126 * (since - pumped))
     y = np.where(since < pumped, rise, fall) * np.cos(2 * np.pi * t)
     y += 0.002 * np.random.default_rng(1).standard_normal(t.size)
-    assert other_than_one(t, y, 1.0) is None
+    assert find_other_motion(t, y, 1.0) is None
     assert clean(RawRecord(t, y), name="runs").t[-1] < 30
 
 
