@@ -125,13 +125,15 @@ def file_error(
     return InputError(short, where, arguments=arguments, likely=likely)
 
 
-def contents(path: Path | str) -> Contents:
+def contents(path: Path | str, isolate: bool = True) -> Contents:
     """Read what a file contains, with its reader.
 
     Parameters
     ----------
     path
         Of the file.
+    isolate
+        Whether compiled code, which a damaged file may crash, runs in a process of its own.
 
     Returns
     -------
@@ -145,24 +147,10 @@ def contents(path: Path | str) -> Contents:
     """
     path = Path(path)
     try:
-        if getattr(reader_of(path), "foreign", False):  # compiled code that a damaged file may crash
+        reader = reader_of(path)
+        if isolate and getattr(reader, "foreign", False):
             with _one_line(None):
                 return load_isolated(read_in_child, path, largest=limits.LARGEST)
-    except InputError as error:
-        raise file_error(path, error.what, error.arguments) from error.__cause__
-    return read_here(path)
-
-
-def read_in_child(path: Path, largest: float) -> Contents:
-    """Read a file for another process, whose limit in bytes is passed on. Raises InputError as `contents` does."""
-    limits.LARGEST = largest
-    return read_here(path)
-
-
-def read_here(path: Path) -> Contents:
-    """Read what a file contains in this process, whatever its reader. Raises InputError as `contents` does."""
-    try:
-        reader = reader_of(path)
         with _one_line(reader), _ONE_AT_A_TIME, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             content = reader.read(path)
@@ -171,6 +159,12 @@ def read_here(path: Path) -> Contents:
     if not content.columns:
         raise file_error(path, f"contains no column of numbers ({reader.format}); give a file with a record")
     return content
+
+
+def read_in_child(path: Path, largest: float) -> Contents:
+    """Read a file for another process, whose limit in bytes is passed on. Raises InputError as `contents` does."""
+    limits.LARGEST = largest
+    return contents(path, isolate=False)
 
 
 def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[list[Loaded], list[InputError]]:
