@@ -293,14 +293,14 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotio
         return None  # a base line that wanders
     if g / f - 1 < CLOSE:
         ranges, noise = _ranges(t, y, 1 / f), float(np.std(y)) * two.left**0.5
-        levels = False
+        # The amplitude has fallen and stays, clear of the noise, for the last third; so does the slower mode.
         last = ranges[-(ranges.size // 3) :]
-        if steady and last.size >= 3 * TOGETHER:
-            # The amplitude has fallen and stays, clear of the noise, for the last third; so does the slower mode.
+        levels = steady and last.size >= 3 * TOGETHER
+        levels = levels and ranges[0] > HALVED * np.median(last) > HALVED * ABOVE * noise
+        if levels:
             falls = (abs(slowest) + 2 * float(two.errors[np.argmin(two.rates)])) * duration / 3
             early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
-            levels = ranges[0] > HALVED * np.median(last) > HALVED * ABOVE * noise
-            levels = levels and falls < SUSTAINED and abs(early / late - 1) < SUSTAINED
+            levels = falls < SUSTAINED and abs(early / late - 1) < SUSTAINED
         if lifted(ranges, noise) < LIFTED and not levels:
             return None
         return OtherMotion("driven" if steady else "beats", two, size)
