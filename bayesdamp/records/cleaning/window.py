@@ -196,7 +196,7 @@ def free_decay(
         share = own / max(float(power.sum()), 1e-300)
         if share < TAIL:
             raise InputError(
-                f"its largest swings, near {times[loudest]:.4g} s, are not the decay of one oscillator; what decays, "
+                f"its largest swings, near {times[loudest]:.4g} s, are not the decay of one oscillation; what decays, "
                 f"from {times[a]:.4g} to {times[b - 1]:.4g} s, has {100 * share:.1g} % of their power; if it has "
                 "several modes, band-pass it around one first, else give start and stop",
                 name,
