@@ -11,7 +11,7 @@ from bayesdamp.inference.envelope.decay import free_decay
 from bayesdamp.inference.envelope.posterior import RateLikelihood
 from bayesdamp.inference.envelope.sums import assumed, weighable
 from bayesdamp.interface.answer import Answer
-from bayesdamp.physics.amplitude.laws import SUMS
+from bayesdamp.physics.amplitude import SUMS
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.records.envelope.window import EnvelopeWindow
 from bayesdamp.serial import join, split

@@ -28,8 +28,7 @@ from bayesdamp.inference.envelope.posterior import (
 from bayesdamp.inference.envelope.ranking import Ranking, by_power, power_law, ranked, untold
 from bayesdamp.inference.envelope.sums import Sum, weighed
 from bayesdamp.odds import odds
-from bayesdamp.physics.amplitude.laws import POWERS, coefficient
-from bayesdamp.physics.amplitude.loss import Scale, parameter
+from bayesdamp.physics.amplitude import POWERS, Scale, coefficient, parameter
 from bayesdamp.physics.damping import PAPER_TERMS, twins_of
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal
 from bayesdamp.types import InputError, Reference

@@ -11,7 +11,7 @@ from scipy.stats import halfnorm
 from bayesdamp.inference.envelope.candidates import Blocks, weigh, weigh_power
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.physics.amplitude.laws import ClosedForm
+from bayesdamp.physics.amplitude import ClosedForm
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.records.envelope.window import EnvelopeWindow, bounded
 from bayesdamp.types import InputError

@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from bayesdamp.inference.envelope.candidates import Blocks, fit_rates
 from bayesdamp.inference.envelope.sums import FIRST_ROUNDS, Sum, explore, sums_on
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.physics.amplitude.loss import Scale
+from bayesdamp.physics.amplitude import Scale
 from bayesdamp.records.envelope.record import made_record
 from bayesdamp.verdict import Verdict
 from validation.experiments.laws import LEAST_NATS

@@ -9,7 +9,7 @@ import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.numerics.levenberg_marquardt import FIRST, LOWEST
-from bayesdamp.physics.amplitude.laws import AmplitudeSolver
+from bayesdamp.physics.amplitude import AmplitudeSolver
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, TOLERANCE
 

@@ -22,7 +22,7 @@ from bayesdamp.inference.deviation.gaussian.linear import (
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.envelope.noise import Noise, whiten
-from bayesdamp.physics.amplitude.laws import AmplitudeSolver, Law, PowerLaw
+from bayesdamp.physics.amplitude import AmplitudeSolver, Law, PowerLaw
 from bayesdamp.physics.kernel.solve import ALL, Motion
 from bayesdamp.priors import (
     SCORE_RATIO,

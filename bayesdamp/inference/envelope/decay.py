@@ -12,8 +12,7 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import smooth_root
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_rates, solver_of
 from bayesdamp.inference.envelope.noise import SHARES, SLOW, Noise, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit, sums_on
-from bayesdamp.physics.amplitude.laws import EXPONENTS, SUMS, ClosedForm, power_decay, power_slopes
-from bayesdamp.physics.amplitude.loss import Scale
+from bayesdamp.physics.amplitude import EXPONENTS, SUMS, ClosedForm, Scale, power_decay, power_slopes
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.records.envelope.decay import ABOVE_FLOOR, LEAST_DROP, NEPER, blocks
 from bayesdamp.records.envelope.record import EnvelopeRecord, scale_of

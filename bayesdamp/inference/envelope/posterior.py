@@ -15,7 +15,7 @@ from scipy.special import logsumexp
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood, damping_likelihood
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, EnvelopeCandidate
-from bayesdamp.physics.amplitude.laws import hats
+from bayesdamp.physics.amplitude import hats
 
 DRAWS = 4000
 SENSOR = 0.002

@@ -13,8 +13,7 @@ from bayesdamp.inference.deviation.numbers.draws import Quantity
 from bayesdamp.inference.envelope.candidates import EnvelopeCandidate, weigh_power
 from bayesdamp.inference.envelope.decay import Decay
 from bayesdamp.inference.envelope.sums import Sum, sums_on, weighed
-from bayesdamp.physics.amplitude.laws import POWERS
-from bayesdamp.physics.amplitude.loss import Scale
+from bayesdamp.physics.amplitude import POWERS, Scale
 
 ALONG = 65
 """Amplitudes, evenly spaced in their logarithm."""

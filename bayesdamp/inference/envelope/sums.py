@@ -22,8 +22,7 @@ from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, f
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
 from bayesdamp.odds import FURTHER_TERM, odds
-from bayesdamp.physics.amplitude.laws import POWERS, SUMS, ClosedForm, Law, Shape, Tabled
-from bayesdamp.physics.amplitude.loss import Scale, alike, log_loss
+from bayesdamp.physics.amplitude import POWERS, SUMS, ClosedForm, Law, Scale, Shape, Tabled, alike, log_loss
 from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.priors import SHARED_SCALES
 from bayesdamp.records.envelope.decay import ABOVE_FLOOR

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from bayesdamp.physics.amplitude.laws import EXPONENTS, power_decay, power_slopes
+from bayesdamp.physics.amplitude import EXPONENTS, power_decay, power_slopes
 
 NEPER = 20.0 / np.log(10.0)
 """dB."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.physics.amplitude.loss import Scale, scales_needed
+from bayesdamp.physics.amplitude import Scale, scales_needed
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.records.read import ColumnName, read_record
 from bayesdamp.types import InputError

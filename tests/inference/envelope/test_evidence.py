@@ -13,7 +13,7 @@ from bayesdamp.inference.deviation.gaussian import linear
 from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, weigh
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.physics.amplitude.laws import SUMS, ClosedForm, decay
+from bayesdamp.physics.amplitude import SUMS, ClosedForm, decay
 from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.records.envelope.record import made_record
 from tests.envelope.weighed import log_evidence_as_given

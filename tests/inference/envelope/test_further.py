@@ -8,7 +8,7 @@ import pytest
 from bayesdamp.inference.envelope.candidates import Blocks, weigh
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.inference.envelope.sums import Sum, explore, weighed
-from bayesdamp.physics.amplitude.loss import Scale
+from bayesdamp.physics.amplitude import Scale
 from bayesdamp.physics.damping import TERMS
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from bayesdamp.inference.envelope.candidates import Blocks
 from bayesdamp.inference.envelope.decay import infer_noises
-from bayesdamp.physics.amplitude.laws import ClosedForm, decay
+from bayesdamp.physics.amplitude import ClosedForm, decay
 
 TERMS, RATES = ("quadratic",), np.array([4.0])
 

@@ -7,7 +7,7 @@ import pytest
 
 from bayesdamp.inference.envelope.candidates import Blocks
 from bayesdamp.inference.envelope.decay import held_blocks
-from bayesdamp.physics.amplitude.laws import decay
+from bayesdamp.physics.amplitude import decay
 
 
 def blocks(terms: tuple[str, ...], rates: list[float], until: int, seed: int) -> Blocks:

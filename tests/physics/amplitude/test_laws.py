@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, solver_of
-from bayesdamp.physics.amplitude.laws import (
+from bayesdamp.physics.amplitude import (
     NEAR_VISCOUS,
     RESTED,
     SUMS,

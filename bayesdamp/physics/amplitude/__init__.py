@@ -1,1 +1,0 @@
-"""Compute the decay of an amplitude under sums of damping terms, averaged over a cycle."""
