@@ -44,6 +44,10 @@ PERIOD, MIDLINE, SHAPE = 0.02, 0.03, 0.01
 ALIKE = 0.9
 """Largest fall of the log range within which the rate of decay still predicts that of the largest swings: with dry
 friction it grows without bound towards the end."""
+STILL = 0.02
+"""Share of the first swing by which a record that a hand moves changes at least."""
+ERRORS = 4.0
+"""Standard errors below which a movement or a turning value may be noise, which itself turns at one or two."""
 TEMPLATE = 0.02
 """Share of the range by which a swing may differ from a later one that is scaled to its size and period."""
 
@@ -338,54 +342,75 @@ class Reach:
     whole: bool
 
 
-def reach(grid: np.ndarray, values: np.ndarray, turns: Turning, step: float, noise: float) -> Reach:
-    """Return how far the samples before the first turning point agree with the swings after it.
+@dataclass(frozen=True)
+class Series:
+    """A record on an equally spaced grid.
 
-    The swing between the second and third turning point goes the same way as the one before the first; its size and
-    period are extrapolated.
-
-    Parameters
+    Attributes
     ----------
+    t
+        The record's own times in s, (n,).
     grid, values
         Equally spaced times in s and values, each (m,).
-    turns
-        Three or more turning points.
     step, noise
         The recording step and the standard deviation of the noise, in the unit of the values.
     """
-    times = turns.times
-    gaps, ranges = np.diff(times), np.abs(np.diff(turns.values))
-    fall, unsure = _predict_fall(np.log(ranges[: LATER + 2]))
-    unsure = min(unsure, 0.03 + 0.1 * abs(fall))
-    same = gaps[1:8:2]  # swings in the same direction: those up may last longer than those down
-    trend = float(same[0] - same[-1]) / (same.size - 1) if same.size > 1 else 0.0
-    pace = float(np.clip(same[0] + trend, 0.9 * same[0], 1.1 * same[0]))
-    late = min(0.01 * pace + 0.5 * float(np.abs(np.diff(same[:2])).sum()), 0.02 * pace)
-    # The last swing before the first turning point and a little more, and a cycle later, what it should be like.
-    earliest = times[0] - 1.15 * pace
-    a, b = np.searchsorted(grid, (earliest - 1e-12, times[0]))
-    if b <= a:
-        return Reach(float(times[0]), 0.0, True)
-    back = times[0] - grid[a:b]
-    scale = float(np.exp(fall))
-    later = scipy.interpolate.CubicSpline(grid, values)(times[2] - back * gaps[1] / pace) - turns.values[2]
-    off = values[a:b] - turns.values[0] - later * scale
-    spacing = float(grid[1] - grid[0])
-    width = max(int(0.1 * gaps[0] / spacing), 0) | 1
-    share = np.minimum(back / pace, 1.0)
-    speed = np.abs(np.gradient(values[a:b], spacing)) if b - a > 1 else np.zeros(1)
-    allowed = (1 + scale) * (0.5 * step) + (TEMPLATE + unsure * share) * ranges[0]
-    allowed = allowed + np.minimum(speed, 2 * ranges[0] / pace) * late * share
-    blur = 4.5 * noise * np.sqrt(1 + scale**2)
-    smooth = uniform_filter1d(off, width, mode="nearest")
-    agrees = (np.abs(smooth) <= allowed + blur / np.sqrt(width)) & (np.abs(off) <= allowed + blur)
-    wrong = np.flatnonzero(~agrees)
-    first = int(wrong[-1]) + 1 if wrong.size else 0
-    at = float(grid[a + first]) if first < b - a else float(times[0])
-    whole = at - max(grid[0], times[0] - pace) <= 1.01 * spacing
-    if whole and grid[0] < earliest:
-        at = max(at, float(times[0] - pace))
-    return Reach(at, min(float(times[0] - at) / pace, 1.0), bool(whole))
+
+    t: np.ndarray
+    grid: np.ndarray
+    values: np.ndarray
+    step: float
+    noise: float
+
+    @property
+    def spacing(self) -> float:
+        """Return the time in s between neighbours on the grid."""
+        return float(self.grid[1] - self.grid[0])
+
+    def moves(self, begin: float, end: float, swing: float) -> bool:
+        """Return whether it moves from begin to end, s, by more than noise, rounding and a small share of a swing."""
+        part = self.values[(self.grid >= begin) & (self.grid <= end)]
+        return part.size > 1 and float(np.ptp(part)) > STILL * swing + 2 * self.step + ERRORS * self.noise
+
+    def reach(self, turns: Turning) -> Reach:
+        """Return how far the samples before the first of three or more turning points agree with the swings after it.
+
+        The swing between the second and third turning point goes the same way as the one before the first; its size and
+        period are extrapolated.
+        """
+        times = turns.times
+        gaps, ranges = np.diff(times), np.abs(np.diff(turns.values))
+        fall, unsure = _predict_fall(np.log(ranges[: LATER + 2]))
+        unsure = min(unsure, 0.03 + 0.1 * abs(fall))
+        same = gaps[1:8:2]  # swings in the same direction: those up may last longer than those down
+        trend = float(same[0] - same[-1]) / (same.size - 1) if same.size > 1 else 0.0
+        pace = float(np.clip(same[0] + trend, 0.9 * same[0], 1.1 * same[0]))
+        late = min(0.01 * pace + 0.5 * float(np.abs(np.diff(same[:2])).sum()), 0.02 * pace)
+        # The last swing before the first turning point and a little more, and a cycle later, what it should be like.
+        earliest = times[0] - 1.15 * pace
+        a, b = np.searchsorted(self.grid, (earliest - 1e-12, times[0]))
+        if b <= a:
+            return Reach(float(times[0]), 0.0, True)
+        back = times[0] - self.grid[a:b]
+        scale = float(np.exp(fall))
+        curve = scipy.interpolate.CubicSpline(self.grid, self.values)
+        later = curve(times[2] - back * gaps[1] / pace) - turns.values[2]
+        off = self.values[a:b] - turns.values[0] - later * scale
+        width = max(int(0.1 * gaps[0] / self.spacing), 0) | 1
+        share = np.minimum(back / pace, 1.0)
+        speed = np.abs(np.gradient(self.values[a:b], self.spacing)) if b - a > 1 else np.zeros(1)
+        allowed = (1 + scale) * (0.5 * self.step) + (TEMPLATE + unsure * share) * ranges[0]
+        allowed = allowed + np.minimum(speed, 2 * ranges[0] / pace) * late * share
+        blur = 4.5 * self.noise * np.sqrt(1 + scale**2)
+        smooth = uniform_filter1d(off, width, mode="nearest")
+        agrees = (np.abs(smooth) <= allowed + blur / np.sqrt(width)) & (np.abs(off) <= allowed + blur)
+        wrong = np.flatnonzero(~agrees)
+        first = int(wrong[-1]) + 1 if wrong.size else 0
+        at = float(self.grid[a + first]) if first < b - a else float(times[0])
+        whole = at - max(self.grid[0], times[0] - pace) <= 1.01 * self.spacing
+        if whole and self.grid[0] < earliest:
+            at = max(at, float(times[0] - pace))
+        return Reach(at, min(float(times[0] - at) / pace, 1.0), bool(whole))
 
 
 def _predict_fall(logs: np.ndarray) -> tuple[float, float]:

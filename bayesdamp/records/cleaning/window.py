@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from bayesdamp.provenance import FreeDecay
-from bayesdamp.records.cleaning.swings import RISE, Reach, Reason, Swings, reach, stretches, worth
+from bayesdamp.records.cleaning.swings import ERRORS, RISE, Reason, Series, Swings, stretches, worth
 from bayesdamp.records.oscillation.features import without_edges
 from bayesdamp.records.oscillation.modes import excited, few_samples, find_other_motion
 from bayesdamp.records.oscillation.noise import roughness
@@ -22,8 +22,6 @@ STEPS = 2.0
 """Recording steps from the midline below which a turning point is not informative about the damping."""
 SIGMAS = 2.0
 """The same in standard deviations of the noise."""
-ERRORS = 4.0
-"""The same in standard errors of a turning value: noise itself has turning points of one or two."""
 SHARE = 0.3
 """Share that an oscillation must have in a record, beyond what white noise would give."""
 FEWEST_A_CYCLE = 4.0
@@ -34,8 +32,6 @@ HEAD = 24
 """Swings at the head of a stretch that are compared with the later ones, at most half of them."""
 MARGIN = 0.2
 """Share of a swing that is left out after a hand where a start is within a swing."""
-STILL = 0.02
-"""Share of the first swing by which a record that a hand moves changes at least."""
 TOUCHED = 0.25
 """Share of a swing from a turning point within which a hand that still moves may have shifted it."""
 LEAST_BEFORE = 6
@@ -103,29 +99,6 @@ class _Decays:
     def are_worth(self, stretch: tuple[int, int]) -> bool:
         """Return whether a stretch is a free decay too, and not a hum within the noise."""
         return worth(self.turns, stretch) >= OTHER * worth(self.turns, self.best)
-
-
-@dataclass(frozen=True)
-class _Series:
-    """A record's times t (n,) in s, and its values (m,) on an equally spaced grid (m,) with their noise and step."""
-
-    t: np.ndarray
-    grid: np.ndarray
-    values: np.ndarray
-    step: float
-    noise: float
-
-    @property
-    def spacing(self) -> float:
-        return float(self.grid[1] - self.grid[0])
-
-    def reach(self, turns: Turning) -> Reach:
-        return reach(self.grid, self.values, turns, self.step, self.noise)
-
-    def moves(self, begin: float, end: float, swing: float) -> bool:
-        """Return whether it moves from begin to end, s, by more than noise, rounding and a small share of a swing."""
-        part = self.values[(self.grid >= begin) & (self.grid <= end)]
-        return part.size > 1 and float(np.ptp(part)) > STILL * swing + 2 * self.step + ERRORS * self.noise
 
 
 def no_free_decay(t: np.ndarray, y: np.ndarray) -> DecayWindow | None:
@@ -209,7 +182,7 @@ def free_decay(
             return replace(window, notes=(*window.notes, note))
     grid, values, _ = thinned(t, y, decays.period, smooth=False)
     grid, values = grid[grid <= t[-1]], values[grid <= t[-1]]
-    series = _Series(t, grid, values, step, decays.noise * float(np.sqrt(min(grid.size / t.size, 1.0))))
+    series = Series(t, grid, values, step, decays.noise * float(np.sqrt(min(grid.size / t.size, 1.0))))
     head, why = _head(t, y, decays, step)
     if head == 0 and any(end in (decays.best[0], decays.best[0] + 1) for _, end in decays.stretches):
         why = "amplitude"  # a jump separates it from swings before it that are in phase with it
@@ -368,9 +341,7 @@ def _head(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float) -> tuple[i
     return 0, None
 
 
-def _start(
-    series: _Series, swings: Swings, why: Reason | None, before: float | None, notes: list[str]
-) -> int:
+def _start(series: Series, swings: Swings, why: Reason | None, before: float | None, notes: list[str]) -> int:
     """Return the first sample of the free decay: the record's own, the release, or the first clean turning point.
 
     why: in what the swing before breaks the curve of the later ones. before: the turning point (s) that it begins at.
@@ -398,7 +369,7 @@ def _start(
     return first
 
 
-def _stop(series: _Series, decay: Turning, floor: float) -> tuple[int, str]:
+def _stop(series: Series, decay: Turning, floor: float) -> tuple[int, str]:
     """Return the last sample of the free decay and the reason: the record's end, or the last clear turning point."""
     t, times, values = series.t, decay.times, decay.values
     k = times.size - 1
