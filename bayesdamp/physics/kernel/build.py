@@ -214,7 +214,7 @@ def _function(plugin: DampingTerm | RestoringLaw, base: type, name: str, what: s
     tangent becomes one by an exponential, in a third of the time: right to 2e-16 of its largest value.
     """
     function = plugin.kernel
-    if function is base.kernel:  # type: ignore[attr-defined]
+    if type(plugin).kernel is base.kernel:  # type: ignore[attr-defined]
         raise Refusal(f"the {what} has no `kernel`, of which compiled trajectories are made")
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
