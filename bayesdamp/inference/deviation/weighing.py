@@ -27,6 +27,7 @@ from bayesdamp.inference.deviation.gaussian.tempered import Sampled
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.sample_noise import (
     AUTOMATIC,
+    Adapted,
     adapt,
     inflation,
     predictable,
@@ -41,12 +42,15 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.types import Friction, Reference, Refusal
 
-SHARES = (0.05, 0.02, 0.01, 0.005, 0.002)
+SHARES = (0.05, 0.02, 0.01, 0.005, 0.002, 0.0005, 0.0001)
 """Widths ε of friction, as shares of the peak velocity, to try where none is given; log ε is uniform a priori."""
 BETWEEN, CLEAR = 4, 1.0
 """Widths between these that are tried at most, and nats by which the likeliest must be ahead of a neighbour for it."""
 LEAD = 3.0
 """Nats by which another ε must be ahead of the usual one."""
+SHARPER = 0.25
+"""Variance of the noise under its own model, relative to that of least squares, below which ε is chosen again with that
+model: values that are rounded to coarse steps hide ε from least squares."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
 START = ("theta0", "omega0")
 ROUNDS = 2
@@ -289,6 +293,16 @@ def weigh_all(
     at, known_values = abouts[law][0], fits.known_under(law)
     adapted = adapt(noises, data, fits.solvers[law], at, known_values, priors, approximate)
     if adapted is not None and adapted.noise.name != GAUSSIAN:
+        if frictions and adapted.variance < SHARPER * abouts[law][1]:
+            usual, own = fits.epsilon, (adapted.noise.name,)
+            frictions = fits.choose_friction(
+                lambda solver, at: adapt(own, data, solver, at, known_values, priors, approximate)
+            )
+            if fits.epsilon != usual:
+                at = fits.about_modes()[law][0]
+                adapted = (
+                    adapt(own, data, fits.solvers[law], at, known_values, priors, approximate) or adapted
+                )
         data = fits.data = adapted.data
         fits.repeat()
         abouts = fits.about_modes()
@@ -455,9 +469,14 @@ class _CandidateFits:
         )
         return {c.restoring: about for c, about in zip(whole, abouts, strict=True) if about is not None}
 
-    def choose_friction(self) -> list[Friction]:
-        """Use the likeliest width of friction if it is clearly ahead of the usual one; return all that were tried."""
-        frictions = self._try_widths()
+    def choose_friction(
+        self, adapting: Callable[[Solver, Linearised], Adapted | None] | None = None
+    ) -> list[Friction]:
+        """Use the likeliest width of friction if it is clearly ahead of the usual one; return all that were tried.
+
+        adapting: adapts the record to the noise model whose evidence weighs the widths, by default to Gaussian noise.
+        """
+        frictions = self._try_widths(adapting)
         if frictions:
             cells = _cells(np.log([f.epsilon for f in frictions]))
             density = np.array([f.weight for f in frictions]) / cells
@@ -469,7 +488,7 @@ class _CandidateFits:
                 self.repeat()
         return frictions
 
-    def _try_widths(self) -> list[Friction]:
+    def _try_widths(self, adapting: Callable[[Solver, Linearised], Adapted | None] | None) -> list[Friction]:
         """Return widths ε and their probabilities, under the best law and all terms; none without friction."""
         switching = [i for i, t in enumerate(self.terms) if TERMS.get(t).switches]
         if not self.fits or not switching:
@@ -482,10 +501,17 @@ class _CandidateFits:
 
         def under(share: float) -> tuple[float, float, np.ndarray] | None:
             """Return ε, the log likelihood, and the terms' parameters."""
-            fit = refit(replace(solver, epsilon=share * peak), self.data, near)
+            own = replace(solver, epsilon=share * peak)
+            fit = refit(own, self.data, near)
             if fit is None:
                 return None
             log = -0.5 * self.data.y.size * np.log(fit.squares)
+            if adapting is not None:
+                about = relinearise(own, self.data, fit, None)
+                adapted = None if about is None else adapting(own, about[0])
+                if adapted is None:
+                    return None
+                log = adapted.noise.fitted.log_evidence
             return share * peak, log, fit.values[: solver.law_places.start]
 
         tried = [width for width in at_once(under, SHARES) if width is not None]
