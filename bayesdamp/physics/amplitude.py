@@ -132,12 +132,12 @@ def coefficient(
     """
     if term == "viscous":
         return "zeta", rate, "1/s"
-    if term == "coulomb" and omega is None:
-        return "loss_c", rate * reference, "{}/s"
+    if omega is None:
+        if term == "coulomb":
+            return "loss_c", rate * reference, "{}/s"
+        return "loss_q", rate / reference, "1/({} s)"
     if term == "coulomb":
         return "mu_c", rate * reference * np.pi * omega / 2, "{}/s²"
-    if omega is None:
-        return "loss_q", rate / reference, "1/({} s)"
     return "mu_q", rate / reference * 3 * np.pi / (4 * omega), "1/{}"
 
 
