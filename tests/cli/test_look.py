@@ -94,30 +94,6 @@ def test_times_in_an_unlikely_unit_are_asked_about_and_not_computed_with(tmp_pat
     assert recorded(Recording(file=path.name, path=path, angle=2, time=1, time_unit="s")).t is not None
 
 
-def test_times_that_change_their_unit_are_refused_in_the_words_of_each_front(tmp_path, capsys) -> None:
-    """The command says options, a study its keys, Python its keywords; the head's unit is not doubted instead."""
-    path, study = tmp_path / "a.csv", tmp_path / "a.toml"
-    t = np.r_[-1.0, np.arange(1, 600) * 50 - 1000]  # ms, then us
-    write_table(path, "Time [us],IN1", t, Y)
-    said = "the time goes back from -1e-06 to -0.00095 s; "
-    assert main(["compare", str(path), "--quick", "--unit", "rad"]) == 2
-    line = " ".join(capsys.readouterr().err.split())
-    assert said in line
-    assert line.endswith("(--time, --rate)")
-    assert "signal" not in line
-    with pytest.raises(InputError, match=r"\(time=, rate=\)$"):
-        bayesdamp.read(path).signal()
-    system = 'restoring = "linear"\nstiffness = "free"\nrest_angle = "free"\ntheta0 = "free"\nomega0 = "free"'
-    signal = f'name = "a"\nfile = "{path.name}"\nangle = "IN1"'
-    study.write_text(
-        f'version = 1\n[system]\n{system}\n[[signal]]\n{signal}\n[models]\ncompare = ["viscous"]\n'
-    )
-    assert main(["check", str(study)]) == 2
-    line = " ".join(capsys.readouterr().err.split())
-    assert said in line
-    assert line.endswith("(signal.time, signal.rate)")
-
-
 def test_a_fast_or_slow_record_whose_unit_is_said_is_answered(tmp_path) -> None:
     """A resonator, a tide: the same motion, in other units of time."""
     for period in (1e-9, 44712.0):
@@ -146,21 +122,6 @@ def test_stamps_since_an_epoch_count_from_the_first_sample_and_every_release_is_
     assert 0 <= early[0] < 5 < 30 < early[1] <= late[0] < 45 < 70 < late[1] < 80
     later = chosen_records([tmp_path / "a.csv"], ReadingOptions(start=41.0)).records
     assert float(re.findall(r"\(([\d.]+) to", first_words_on(later, ReadingOptions(start=41.0))[0])[0]) >= 41
-
-
-def test_one_bad_file_of_several_costs_its_own_record(tmp_path) -> None:
-    still = 1e-3 * np.random.default_rng(1).normal(size=T.size)
-    for name, y in (("a", Y), ("b", np.where(np.arange(T.size) == 50, np.nan, Y)), ("c", Y), ("d", still)):
-        write_table(tmp_path / f"{name}.csv", "t (s),x (rad)", T, y)
-    paths = [tmp_path / f"{name}.csv" for name in "abcde"]
-    chosen = chosen_records(paths, ReadingOptions())
-    assert [one.path.name for one in chosen.records] == ["a.csv", "c.csv"]
-    assert [str(error)[:6] for error in chosen.failed] == ["b.csv:", "d.csv:", "e.csv:"]
-    assert "line 52: the value is nan" in str(chosen.failed[0])
-    with pytest.raises(InputError, match=r"b\.csv: line 52"):
-        chosen_records(paths, ReadingOptions(), every=True)
-    with pytest.raises(InputError, match=r"b\.csv: line 52"):
-        chosen_records([paths[1], paths[3]], ReadingOptions())
 
 
 def test_a_name_with_marks_of_html_stays_text(tmp_path) -> None:
@@ -299,8 +260,3 @@ def test_one_command_answers_all_that_a_file_leaves_open(tmp_path, capsys, monke
     assert "in one command" not in capsys.readouterr().out
     said = said_by_look(write_table(Path("b.csv"), "t,x", 1e6 * T, 40 * Y), capsys)
     assert "in one command (check its values): bayesdamp compare b.csv --unit counts --time-unit us" in said
-
-
-def test_nothing_is_asked_where_one_thing_or_none_is_open(tmp_path, capsys) -> None:
-    for head, t in (("t (s),x (deg)", T), ("t,x (deg)", 1e3 * T)):
-        assert "in one command" not in said_by_look(write_table(tmp_path / "a.csv", head, t, 40 * Y), capsys)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,42 +11,26 @@ from bayesdamp.cli import look_page, main
 from bayesdamp.cli.single_file import CLAIMS_PAGE, GENERATOR, LOOK_PAGE, SIMULATED
 
 ROOT = Path(__file__).parents[2]
-SIMULATE = ("simulate", "--samples", "400", "--duration", "8", "--out")
 WRITING = {
-    "mine.csv": SIMULATE,
+    "mine.csv": ("simulate", "--samples", "400", "--duration", "8", "--out"),
     "mine.html": ("look", "ok.csv", "--html"),
     "mine.md": ("claims", "--out"),
 }
 """The name of a file, and the command that writes one of its kind."""
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Path:
-    """Of a simulated record."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "80")
+def test_a_file_of_the_user_s_stays(
+    folder: Path,
+    refused: Callable[..., str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     monkeypatch.setattr("bayesdamp.cli.commands.claims.CLAIMS", ())  # which take seconds to measure
-    assert main([*SIMULATE, "ok.csv"]) == 0
-    capsys.readouterr()
-    return tmp_path
-
-
-def refused(words: Sequence[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """The one line that a command leaves that does nothing else."""
-    assert main(words) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    assert len(said.err) <= 300
-    return said.err.removesuffix("\n")
-
-
-def test_a_file_of_the_user_s_stays(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name, words in WRITING.items():
         for content in (b"precious\n", b"", b"\xff\x00"):
             (folder / name).write_bytes(content)
             what = "already exists and was not made by bayesdamp: give another name, or remove it"
-            assert refused([*words, name], capsys) == f"{words[-1]} {name}: {what}"
+            assert refused(*words, name) == f"{words[-1]} {name}: {what}"
             assert (folder / name).read_bytes() == content
         (folder / name).unlink()  # the control: a new name, and then what the command itself wrote
         for _ in range(2):
@@ -55,18 +39,20 @@ def test_a_file_of_the_user_s_stays(folder: Path, capsys: pytest.CaptureFixture[
         made = (folder / name).read_bytes()
         for other, command in WRITING.items():  # of another kind
             if other != name:
-                refused([*command, name], capsys)
+                refused(*command, name)
         assert (folder / name).read_bytes() == made
 
 
-def test_what_a_command_reads_it_does_not_replace(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_a_command_reads_it_does_not_replace(
+    folder: Path, refused: Callable[..., str], capsys: pytest.CaptureFixture[str]
+) -> None:
     before = (folder / "ok.csv").read_bytes()
-    assert "is an input of this command" in refused(["look", "ok.csv", "--html", "./ok.csv"], capsys)
+    assert "is an input of this command" in refused("look", "ok.csv", "--html", "./ok.csv")
     assert main(["look", "ok.csv", "--html", "ok.html"]) == 0
     capsys.readouterr()
     drawn = (folder / "ok.html").read_bytes()  # of the right kind, and yet
-    assert "is an input of this command" in refused(["look", "ok.html", "--html", "ok.html"], capsys)
-    assert "is an input" not in refused(["look", "none.csv", "--html", "other.html"], capsys)  # the control
+    assert "is an input of this command" in refused("look", "ok.html", "--html", "ok.html")
+    assert "is an input" not in refused("look", "none.csv", "--html", "other.html")  # the control
     assert (folder / "ok.csv").read_bytes() == before
     assert (folder / "ok.html").read_bytes() == drawn
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,28 +15,14 @@ from bayesdamp.cli import main
 LOOK = ("look", "ok.csv")
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Path:
-    """Of a simulated record."""
-    monkeypatch.chdir(tmp_path)
-    assert main(["simulate", "--samples", "400", "--duration", "8", "--out", "ok.csv"]) == 0
-    capsys.readouterr()
-    return tmp_path
-
-
-def one_line(capsys: pytest.CaptureFixture[str]) -> str:
-    """What was said of a wrong input."""
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    return said.err
-
-
 def in_process(words: tuple[str, ...], **environment: str) -> subprocess.CompletedProcess[bytes]:
     """The command in an environment of its own."""
     return subprocess.run(
         (sys.executable, "-m", "bayesdamp", *words), env={**os.environ, **environment}, capture_output=True
     )
+
+
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_a_terminal_of_any_width_is_told(
@@ -67,7 +53,7 @@ def test_a_study_of_a_file_whose_name_has_two_lines(folder: Path) -> None:
     assert main(["check", "a\nb.toml"]) == 0
 
 
-def test_a_name_that_no_text_can_hold(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_name_that_no_text_can_hold(folder: Path, refused: Callable[..., str]) -> None:
     """It is read where only its content counts, and refused rightly where a run would name it."""
     name = os.fsdecode(b"\xff.csv")
     try:
@@ -75,19 +61,8 @@ def test_a_name_that_no_text_can_hold(folder: Path, capsys: pytest.CaptureFixtur
     except OSError:
         pytest.skip("a disk that has no such names")
     for command in ("compare", "init"):
-        assert main([command, name]) == 2
-        assert one_line(capsys).startswith("\\udcff.csv: the file name is not valid UTF-8; rename the file")
+        assert refused(command, name).startswith(
+            "\\udcff.csv: the file name is not valid UTF-8; rename the file"
+        )
     done = in_process(("look", name, "--html", "a.html"))
     assert (done.returncode, done.stderr) == (0, b"")
-
-
-def test_claims_are_judged_by_a_run_of_the_paper_s_study(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (folder / "base").mkdir()
-    about = {"name": "base", "seed": 0, "study": {"name": "base"}, "signals": {}, "models": []}
-    (folder / "base" / "run.json").write_text(json.dumps(about))
-    assert main(["claims", "--paper", "base", "--out", "a.md"]) == 2
-    assert one_line(capsys).startswith(
-        "--paper base: is not a run of the paper's study (studies/paper.toml); give"
-    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -44,18 +45,7 @@ def written(folder: Path, text: str) -> Path:
     return folder
 
 
-def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    assert main(words) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert len(said.err.splitlines()) == 1
-    assert len(said.err) < 300
-    return said.err
-
-
-def test_what_reads_a_folder_refuses_what_is_no_run(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_reads_a_folder_refuses_what_is_no_run(tmp_path: Path, refused: Callable[..., str]) -> None:
     page = tmp_path / "claims.md"
     with Failures() as failures:
         for text, why in NO_RUN.items():
@@ -63,10 +53,10 @@ def test_what_reads_a_folder_refuses_what_is_no_run(
                 folder = written(tmp_path / "run", text)
                 before = sorted(folder.iterdir())
                 for words in (
-                    ["report", str(folder)],
-                    ["claims", "--paper", str(folder), "--out", str(page)],
+                    ("report", str(folder)),
+                    ("claims", "--paper", str(folder), "--out", str(page)),
                 ):
-                    said = refused(words, capsys)
+                    said = refused(*words)
                     assert said.startswith(f"{folder / 'run.json'}: ")
                     assert why in said
                     assert "run the study again" in said
@@ -76,14 +66,12 @@ def test_what_reads_a_folder_refuses_what_is_no_run(
                 assert not page.exists()
 
 
-def test_a_folder_that_names_no_study_is_no_run_of_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_that_names_no_study_is_no_run_of_one(tmp_path: Path, refused: Callable[..., str]) -> None:
     page = tmp_path / "claims.md"
     for text in ("{}", '{"kind": "calibration"}', '{"name": "rig"}'):
         folder = written(tmp_path / "run", text)
         for option in ("--paper", "--noise"):
-            said = refused(["claims", option, str(folder), "--out", str(page)], capsys)
+            said = refused("claims", option, str(folder), "--out", str(page))
             assert said.startswith(f"{option} {folder}: ")
             assert "give the folder of bayesdamp study" in said
         with pytest.raises(InputError, match="names no study; give the folder that run_study"):
@@ -91,13 +79,13 @@ def test_a_folder_that_names_no_study_is_no_run_of_one(
         assert not page.exists()
 
 
-def test_what_asks_again_refuses_what_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_asks_again_refuses_what_is_no_run(tmp_path: Path, refused: Callable[..., str]) -> None:
     with Failures() as failures:
         for text in NO_QUESTION:
             with failures.of(text[:60]):
                 path = written(tmp_path / "run", text) / "run.json"
-                for words in (["check", str(path)], ["study", str(path), "--out", str(tmp_path / "out")]):
-                    assert "give " in refused(words, capsys)
+                for words in (("check", str(path)), ("study", str(path), "--out", str(tmp_path / "out"))):
+                    assert "give " in refused(*words)
                 assert not (tmp_path / "out").exists()
 
 

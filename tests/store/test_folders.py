@@ -60,23 +60,10 @@ def linked_cells(folder: Path) -> None:
     (folder / "cells").symlink_to(folder / "other")
 
 
-def a_linked_report(folder: Path) -> None:
-    linked_cells(folder)
-    (folder / "cells").unlink()
-    (folder / "report.html").symlink_to(folder / "other" / "a.npz")
-
-
-def a_folder_for_a_table(folder: Path) -> None:
-    linked_cells(folder)
-    (folder / "cells").unlink()
-    (folder / "evidence.csv").mkdir()
-
-
 OTHERS: dict[str, Callable[[Path], None]] = {
     "cells": of_another("cells/photo.npz"), "report": of_another("report.html"), "lock": of_another(".lock"),
     "description": of_another("run.json", '{"name": "mine"}'), "mark": of_another(MARK),
-    "half a mark": of_another(MARK, SIGNED[:9]), "linked lock": a_linked_lock,
-    "linked cells": linked_cells, "linked report": a_linked_report, "folder for a table": a_folder_for_a_table,
+    "half a mark": of_another(MARK, SIGNED[:9]), "linked lock": a_linked_lock, "linked cells": linked_cells,
 }  # fmt: skip
 
 

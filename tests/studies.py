@@ -1,0 +1,28 @@
+"""Studies of a few lines: a linear oscillator and one simulated record of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bayesdamp.config import Study, load_study
+
+SYSTEM = 'restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0'
+ESTIMATED = 'estimators = { use = ["least_squares"], stages = ["initial"] }'
+COMPARED = 'models = { compare = ["viscous", "quadratic"] }'
+WEIGHED = "posterior = { samplers = [] }\nevidence = { methods = ['laplace'], referee = 'never' }"
+
+
+def signal_text(name: str, simulate: str) -> str:
+    return f'[[signal]]\nname = "{name}"\nsimulate = {{ {simulate} }}\n'
+
+
+def study_text(*keys: str, simulate: str, name: str = "rig", system: str = SYSTEM) -> str:
+    """Return the text of a study: its keys, and the simulated record of a name."""
+    head = ["version = 1", 'name = "small"', "seed = 3", f"system = {{ {system} }}"]
+    return "\n".join([*head, *keys, signal_text(name, simulate)])
+
+
+def write_study(folder: Path, text: str) -> Study:
+    """Write a study's file, study.toml, and load it."""
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    return load_study(folder / "study.toml")
