@@ -93,18 +93,6 @@ def kicked(rng: np.random.Generator, row: int = 0) -> Record:
     return Record(t, y / W**row, rest + long, float(t[-1]))
 
 
-def pushed_at_first(rng: np.random.Generator) -> Record:
-    """Pushed to and fro for a cycle or more with a force of a fifth to a half of the spring's, then left alone."""
-    cycles, long = rng.uniform(8, 20), rng.uniform(1.0, 3.0)
-    size, pace, late = W * W * rng.uniform(0.2, 0.5), W * rng.uniform(0.8, 1.25), rng.uniform(0, 2 * np.pi)
-    t = np.arange(0, long + cycles, 1 / rng.uniform(25, 100))
-
-    def force(time: float, x: float, v: float) -> float:
-        return size * np.sin(pace * time + late) if time < long else 0.0
-
-    return Record(t, rig(rng, cycles).run(t, rng.uniform(-0.3, 1.0), force=force)[0], long, float(t[-1]))
-
-
 def driven(rng: np.random.Generator) -> Record:
     """Driven at an amplitude of 1 for some cycles, by a force in phase with the velocity, then free."""
     cycles, long = rng.uniform(8, 20), rng.uniform(6, 14)
@@ -130,19 +118,6 @@ def released_twice(rng: np.random.Generator) -> Record:
     y[~first & ~second] = last + (1 - last) * (0.5 - 0.5 * np.cos(np.pi * part))
     y[second] = chosen.run(np.concatenate([[early + hold - 1e-9], t[second]]), 1.0)[0][1:]
     return Record(t, y, early + hold, float(t[-1]))
-
-
-def let_go_slowly(rng: np.random.Generator) -> Record:
-    """Held by a stiff hand whose grip fades within a fifth to half a period."""
-    cycles, hold, fade = rng.uniform(8, 20), rng.uniform(0.5, 4), rng.uniform(0.2, 0.5)
-    t = np.arange(0, hold + cycles, 1 / rng.uniform(25, 100))
-    grip = rng.uniform(3, 10) * W * W
-
-    def force(time: float, x: float, v: float) -> float:
-        left = float(np.clip(1 - (time - hold) / fade, 0, 1))
-        return left * (W * W - grip * (x - 1) - 2 * np.sqrt(grip) * v)
-
-    return Record(t, rig(rng, cycles).run(t, 1.0, force=force)[0], hold + fade, float(t[-1]))
 
 
 def sticking(rng: np.random.Generator) -> Record:

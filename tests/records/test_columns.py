@@ -142,13 +142,6 @@ def test_one_column_is_chosen_for_all_runs(tmp_path: Path) -> None:
     assert [record.channel for record in found] == ["roll (deg)"] * 3
 
 
-def test_a_unit_in_a_header_is_that_of_the_only_column(tmp_path: Path) -> None:
-    path = write(tmp_path / "a.csv", {"t": T, "x": Y}, "# unit: mm", "# recorded: 2024-05-03")
-    record = read_record(path)
-    assert record.unit == "mm"
-    assert record.provenance.facts == {"unit": "mm", "recorded": "2024-05-03"}
-
-
 def phone_on_a_pendulum(size: float) -> dict[str, np.ndarray]:
     """What a phone measures (m/s²) at 0.8 of a pendulum's effective length, with a little drag: motion by SciPy."""
     g, length, t = 9.81, 0.85, np.arange(3000) / 100

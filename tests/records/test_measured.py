@@ -10,8 +10,6 @@ from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.read import read_record
-from bayesdamp.records.record import RawRecord
-from bayesdamp.types import InputError
 from tests.failures import Failures
 
 DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data"
@@ -61,15 +59,6 @@ def test_measured():
                     assert signal.provenance.start == pytest.approx(begin, abs=0.05)
                     assert early <= signal.provenance.stop <= late
                     assert signal.step == pytest.approx(step, rel=0.01)
-
-
-def test_a_shuffled_measured_record_is_refused():
-    raw = read_record(DATA / "video_pendulum/lab1_data.txt", time=1, value=2)
-    order = np.random.default_rng(0).permutation(raw.y.size)
-    with pytest.raises(InputError, match="no oscillation"):
-        clean(RawRecord(raw.t, raw.y[order], None, raw.rows), name="x")
-    with pytest.raises(InputError, match="goes back"):
-        clean(RawRecord(raw.t[order], raw.y[order], None, raw.rows), name="x")
 
 
 # By eye: the turning point at which the hand lets go, the last clear peak, and when it is at rest, in s.

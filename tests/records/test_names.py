@@ -54,13 +54,6 @@ T = np.arange(1500) * 0.01
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 
 
-def test_times_are_read_in_their_unit(tmp_path):
-    for name, scale in (("t (ms)", 1e3), ("t (s)", 1.0), ("t", 1.0), ("t [d]", 1 / 86400)):
-        raw = read_record(write_table(tmp_path / "x.csv", f"{name},angle", scale * T, Y), time=1, value=2)
-        np.testing.assert_allclose(raw.t, T, atol=1e-12)
-        assert any("Times are taken ×" in str(note) for note in raw.provenance.notes) == (scale != 1)
-
-
 def test_a_name_that_says_another_unit_is_told_of(tmp_path):
     raw = read_record(write_table(tmp_path / "x.csv", "t,phi (deg)", T, Y), time=1, value=2)
     notes = [clean(raw, name="x", unit=unit).provenance.warnings for unit in ("rad", "deg")]
@@ -70,25 +63,21 @@ def test_a_name_that_says_another_unit_is_told_of(tmp_path):
     assert told == [True, False]
 
 
-def test_compare_takes_unit_and_quantity_from_the_name(tmp_path):
-    path = tmp_path / "x.csv"
-    path.write_text("t [ms];a (mm/s²);U [V]\n0,0;1,0;2,0\n10,0;1,5;2,0\n20,0;1,0;2,0\n", encoding="utf-8")
-    for column in ("a (mm/s²)", 2, "2"):
-        assert unit_asked(path, column, None, None) == ("mm", "acceleration")
-    assert unit_asked(path, 2, "m", None) == ("m", "acceleration")
-    assert unit_asked(path, 2, "rad", "angle") == ("rad", "angle")
-    for column in (3, "U [V]"):
-        assert unit_asked(path, column, None, None) == ("V", "angle")
-    assert unit_asked(path, 3, "g", None) == ("g", "acceleration")
+ASKED = (
+    ("a (mm/s²)", None, None, "mm", "acceleration"), (2, None, None, "mm", "acceleration"),
+    (2, "m", None, "m", "acceleration"), (2, "rad", "angle", "rad", "angle"), ("U [V]", None, None, "V", "angle"),
+    (3, "g", None, "g", "acceleration"), (4, None, None, "rad", "velocity"), (4, "deg", None, "deg", "velocity"),
+    (4, None, "angle", "rad", "angle"), (5, None, None, "rad", "angle"),
+)  # fmt: skip
+"""Column, unit and quantity that are asked for; those that are taken."""
 
 
-def test_compare_takes_the_quantity_from_a_word_where_no_unit_is_named(tmp_path):
-    path = tmp_path / "x.csv"
-    path.write_text("t,angularVelocity,accuracy\n0,0,1\n1,5,1\n2,0,1\n", encoding="utf-8")
-    assert unit_asked(path, 2, None, None) == ("rad", "velocity")
-    assert unit_asked(path, 2, "deg", None) == ("deg", "velocity")
-    assert unit_asked(path, 2, None, "angle") == ("rad", "angle")
-    assert unit_asked(path, 3, None, None) == ("rad", "angle")
+def test_unit_and_quantity_are_those_of_the_name_unless_others_are_asked_for(tmp_path):
+    path, cells = tmp_path / "x.csv", "0,0;1,0;2,0;5,0;1,0"
+    head = "t [ms];a (mm/s²);U [V];angularVelocity;accuracy"
+    path.write_text("\n".join([head, cells, cells.replace("0,0", "10,0")]), encoding="utf-8")
+    for column, unit, quantity, *found in ASKED:
+        assert unit_asked(path, column, unit, quantity) == tuple(found), (column, unit, quantity)
 
 
 ROWS = [f"{0.5 * i:.3f},{i % 7 - 3.0:.3f}" for i in range(40)]

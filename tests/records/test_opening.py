@@ -72,11 +72,6 @@ def test_threads_that_read_leave_output_and_warnings_of_the_program_alone(
     assert (sys.stdout, warnings.filters) == before
 
 
-def vectors(path: Path) -> dict[str, np.ndarray]:
-    print("reading ...")
-    return {"a.b": np.array([1.0, 1 / 3, np.nan]), path.name: np.arange(4), "none": np.empty(0)}
-
-
 def crashing(path: Path) -> dict[str, np.ndarray]:
     os.kill(os.getpid(), signal.SIGSEGV)
     return {}
@@ -93,15 +88,6 @@ def refusing(path: Path) -> dict[str, np.ndarray]:
 def hanging(path: Path) -> dict[str, np.ndarray]:
     time.sleep(60)
     return {}
-
-
-def test_arrays_come_back_bit_for_bit(tmp_path):
-    found = load_isolated(vectors, tmp_path / "x.bin")
-    wanted = vectors(tmp_path / "x.bin")
-    assert list(found) == list(wanted)
-    for name, array in wanted.items():
-        assert found[name].dtype == array.dtype
-        assert found[name].tobytes() == array.tobytes()
 
 
 def test_what_goes_wrong_is_one_line(tmp_path):

@@ -28,11 +28,3 @@ WHOLE = Provenance(
 def test_it_is_the_same_after_a_file() -> None:
     for one in (WHOLE, Provenance(), Provenance(more={"simulated": True})):
         assert Provenance.of(json.loads(json.dumps(one.to_dict()))) == one
-
-
-def test_what_an_earlier_run_wrote_is_read() -> None:
-    found = Provenance.of(
-        {"time_column": None, "turns_warning": "it swings.", "notes": ["a"], "restoring": ["linear"]}
-    )
-    assert (found.time_column, found.notes) == ("", ("a",))
-    assert found.more == {"turns_warning": "it swings.", "restoring": ["linear"]}

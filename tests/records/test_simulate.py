@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import InputError
 
@@ -17,17 +16,6 @@ P = {"zeta": 0.0537, "stiffness": 20.731, "rest_angle": 0.1, "theta0": 0.4, "ome
 def made(seed=0, **options):
     settings = {"duration": 10.0, "samples": 2001, "name": "x", "rng": np.random.default_rng(seed), **options}
     return simulate_signal(OSC, P, **settings)
-
-
-def test_closed_form_and_times():
-    signal = made()
-    np.testing.assert_array_equal(signal.t, np.linspace(0, 10, 2001))
-    w = np.sqrt(P["stiffness"] - P["zeta"] ** 2)
-    exact = 0.1 + 0.3 * np.exp(-P["zeta"] * signal.t) * (
-        np.cos(w * signal.t) + P["zeta"] / w * np.sin(w * signal.t)
-    )
-    np.testing.assert_allclose(signal.y, exact, atol=1e-7)
-    assert features(signal).frequency == pytest.approx(w, rel=1e-5)
 
 
 def test_holds_no_truth():

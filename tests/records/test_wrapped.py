@@ -34,16 +34,11 @@ OTHERS: dict[str, Made] = {
     "noise": lambda rng: rng.uniform(0, 360, T.size),
     "a noisy swing": lambda rng: np.clip(180 * SWING + 40 * rng.standard_normal(T.size), -180, 180),
     "a rectangle": lambda rng: 360.0 * (np.sin(rng.uniform(2, 20) * T) > 0),
-    "a noisy rectangle": lambda rng: 360.0 * (np.sin(rng.uniform(2, 20) * T) > 0) + rng.standard_normal(T.size),
     "a rectangle of another height": lambda rng: rng.uniform(330, 390) * (np.sin(9 * T) > 0) + 0.5 * np.sin(5 * T),
     "a rectangle within a turn": lambda rng: 359.0 * (np.sin(9 * T) > 0) + rng.uniform(0, 1, T.size),
-    "a rectangle of a turn": lambda rng: 360.0 * (np.sin(9 * T) > 0) + rng.uniform(-0.1, 0.1, T.size),
     "two turns of a wheel": lambda rng: (rng.uniform(0, 0.2) + 0.1 * T) * 360 % 360,
-    "coarse": lambda rng: 360 * np.round(rng.uniform(0.6, 1.4) * SWING),
     "coarse, of many levels": lambda rng: 36 * np.round(10 * rng.uniform(0.4, 1.0) * SWING),
     "spikes": lambda rng: SWING + 360 * (rng.uniform(size=T.size) < 0.01),
-    "a switch": lambda rng: 360.0 * (rng.uniform(size=T.size) < 0.5),
-    "a saw of long flanks": lambda rng: 360 * np.abs((T * rng.uniform(0.2, 1)) % 1 - 0.5),
 }  # fmt: skip
 
 

@@ -54,30 +54,6 @@ def test_a_given_start_ends_before_the_next_hit() -> None:
         clean(raw, name="x", start=0.4)
 
 
-def brought_to_its_turning_point(late: float) -> tuple[np.ndarray, np.ndarray]:
-    """A pendulum of 1.7 Hz that a hand moves out to its turning point, 0.12 s, and lets go of `late` s after that."""
-    t = np.arange(0, 6, 1 / 1000)
-    w2 = (2 * np.pi * 1.7) ** 2
-
-    def pushed(time: float, u: np.ndarray) -> list[float]:
-        grip = float(np.clip((0.12 + late - time) / 0.05, 0, 1))
-        wanted = -1.0 + 25 * (time - 0.12) ** 2
-        held = grip * (20 * w2 * (wanted - u[0]) - 6 * np.sqrt(w2) * (u[1] - 50 * (time - 0.12)))
-        return [u[1], -w2 * np.sin(u[0]) - 0.3 * u[1] + held]
-
-    run = solve_ivp(
-        pushed, (0, 6), [-1.0 + 25 * 0.12**2, -50 * 0.12], "LSODA", t, rtol=1e-8, atol=1e-9, max_step=0.01
-    )
-    return t, run.y[0] + 1e-3 * np.random.default_rng(3).standard_normal(t.size)
-
-
-def test_a_hand_that_moves_to_the_turning_point_is_left_out() -> None:
-    for late in (0.0, 0.06):
-        t, y = brought_to_its_turning_point(late)
-        found = free_decay(t, y, 0.0, True, True, "x")
-        assert 0.12 + late <= t[found.first] <= 0.75  # the next turning point, or what follows it
-
-
 def test_a_hand_that_stops_it_is_left_out() -> None:
     """A hand with half of the critical damping takes hold at 20 s."""
     t = np.arange(0, 26, 1 / 50)
@@ -107,23 +83,6 @@ def test_a_filtered_mode_is_one_decay(order: int, half: float, at: tuple[float, 
         assert min(abs(start - begin) for begin in at) < 1.2
         assert any(start >= begin for begin in at)
         assert first_words(signal).damping[1].ratio == pytest.approx(MODES[mode], rel=0.05)
-
-
-def test_two_modes_are_still_two() -> None:
-    """Negative control: both are seen all along."""
-    raw = hits(6, {12.0: 0.004, 15.5: 0.005}, (0.0,), 0.003)
-    found = no_free_decay(clean(raw, name="x"))
-    assert found is not None
-    assert [mode.frequency for mode in found.modes] == pytest.approx([12.0, 15.5], rel=0.01)
-
-
-def test_what_falls_thirty_fold_is_not_kept_in_motion() -> None:
-    """A mode that dies out in a third of the record beside one that falls by a factor of 30."""
-    t = np.arange(0, 20, 1 / 100)
-    slow, fast = np.exp(-0.17 * t) * np.cos(12.6 * t), 0.4 * np.exp(-2.0 * t) * np.cos(15.5 * t)
-    y = slow + fast + 1e-3 * np.random.default_rng(7).standard_normal(t.size)
-    found = no_free_decay(clean(RawRecord(t, y), name="x"))
-    assert found is None or found.motion is None or found.motion.value != "driven"
 
 
 def test_a_structure_is_not_answered_from_its_tail() -> None:

@@ -13,12 +13,9 @@ from bayesdamp.records.cleaning.window import DecayWindow, free_decay
 from tests.failures import Failures
 from tests.records.hands import (
     Record,
-    Rig,
     driven,
     held_then_released,
     kicked,
-    let_go_slowly,
-    pushed_at_first,
     released_twice,
     rig,
     sticking,
@@ -60,10 +57,8 @@ KINDS: dict[str, tuple[Callable[[np.random.Generator], Record], float]] = {
     "a kick": (kicked, 0.7),
     "a kick, its velocity": (lambda rng: kicked(rng, 1), 0.8),
     "a kick, its acceleration": (lambda rng: kicked(rng, 2), 0.8),
-    "let go slowly": (let_go_slowly, 1.1),
     "released twice": (released_twice, 0.6),
     "driven": (driven, 1.1),
-    "pushed at first": (pushed_at_first, 1.1),
 }
 
 
@@ -79,12 +74,7 @@ def test_the_start_is_after_the_hand_and_within_a_cycle_of_it(kinds: list[str]) 
                 off.append(ends(record)[0] - record.start)
             with failures.of(kind):
                 assert np.max(off) <= late, off
-                if kind == "pushed at first":
-                    # The end of a push may be too weak to see: one in six by half a cycle at most.
-                    assert np.sort(off)[1] >= -0.25, off
-                    assert np.min(off) >= -0.5, off
-                else:
-                    assert np.min(off) >= -EARLY, off
+                assert np.min(off) >= -EARLY, off
 
 
 def test_friction_stops_before_it_sticks() -> None:
@@ -124,15 +114,6 @@ def test_a_record_that_is_free_throughout_is_kept_whole() -> None:
             start, stop = ends(Record(t, y, 0.0, float(t[-1])))
             assert start <= 0.05
             assert stop >= t[-1] - 1.0
-
-
-def test_a_thousand_cycles_and_three() -> None:
-    t = np.arange(0, 1000, 1 / 20)
-    found = free_decay(t, np.exp(-0.003 * t) * np.cos(W * t), 0.0, True, True, "x")
-    assert (found.first, found.last) == (0, t.size - 1)
-    t = np.arange(0, 3, 1 / 60)
-    found = free_decay(t, Rig(0.5).run(t, 1.0)[0], 0.0, True, True, "x")
-    assert (found.first, found.last) == (0, t.size - 1)
 
 
 def struck(strikes: int) -> tuple[np.ndarray, np.ndarray]:

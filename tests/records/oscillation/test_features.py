@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Refusal, Signal
+from bayesdamp.types import Signal
 from tests.failures import Failures
 
 
@@ -84,16 +84,3 @@ def test_spikes_change_little():
     assert abs(found.frequency / w - 1) < 3e-3
     assert abs(found.amplitude / 0.3 - 1) < 0.05
     assert found.roughness == pytest.approx(0.003, rel=0.3)
-
-
-def test_what_does_not_oscillate_is_refused():
-    """Noise, a shuffled record, a constant, a trend and a fall."""
-    signal, _, _ = cosine()
-    rng = np.random.default_rng(0)
-    records = [(np.linspace(0, 10, n), rng.standard_normal(n)) for n in (60, 300, 3000)]
-    records.append((signal.t, rng.permutation(signal.y)))
-    t = np.linspace(0, 1, 100)
-    records += [(t, y) for y in (np.ones(100), t, np.exp(-3 * t))]
-    for t, y in records:
-        with pytest.raises(Refusal):
-            features(Signal(t, y))

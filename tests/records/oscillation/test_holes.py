@@ -69,11 +69,3 @@ def test_a_second_release_within_a_hole_is_one() -> None:
     y = np.where(signal.t > begin + 1, 0.05 + 3 * (signal.y - 0.05), signal.y)
     window = free_decay(signal.t, y, 0.0, True, True, "holed")
     assert signal.t[window.first] > begin or signal.t[window.last] <= begin
-
-
-def test_drag_with_holes_is_no_beat() -> None:
-    """Two modes explain what drag loses; only the periods that a hole cuts short make the amplitude rise again."""
-    whole = holed(0)
-    swing = np.cos(2 * np.pi * FREQUENCY * whole.t)
-    drag = START * (1 / (1 + 0.3 * whole.t) - np.exp(-RATE * whole.t)) * swing
-    assert find_other_motion(whole.t, whole.y + drag, 1 / FREQUENCY) is None

@@ -54,15 +54,6 @@ def test_the_backbone_of_a_pendulum_is_the_elliptic_integral() -> None:
     assert np.ptp(exact) > 0.03 * exact[0]  # a constant would not pass
 
 
-def test_the_backbone_of_a_hardening_spring_is_the_elliptic_integral() -> None:
-    hard = 60.0
-    found = curves(lambda v: 2 * 0.02 * v, lambda x: K * x + hard * x**3)
-    stiff = K + hard * found.amplitude**2
-    exact = np.sqrt(stiff) * np.pi / (2 * ellipk(hard * found.amplitude**2 / (2 * stiff)))
-    assert found.frequency == pytest.approx(exact, rel=2e-3)
-    assert np.ptp(exact) > 0.03 * exact[0]  # a constant would not pass
-
-
 def two_modes(number: int) -> tuple[Signal, float]:
     """A record of two viscous modes in closed form, the second at 1.8 to 6.5 times the frequency with 1 to 30 % of the
     amplitude, or near a whole multiple; the damping ratio of the first."""

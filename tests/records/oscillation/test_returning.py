@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from itertools import product
 
@@ -13,9 +12,6 @@ from bayesdamp.records.oscillation.features import features, wandering
 from bayesdamp.records.oscillation.first_look import first_words
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Refusal, Signal
-from bayesdamp.verdict.parts import Averages, Grade
-from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import with_interval
 
 WALKS = 10
 
@@ -65,24 +61,8 @@ def test_oscillations_are_none_that_wander() -> None:
         assert "out of the noise" in said if noise > 0.1 and not said[:1].isdigit() else float(said) > 1
 
 
-def test_two_modes_are_not_taken_for_a_walk() -> None:
-    t = np.arange(0, 20, 0.02)
-    for other in (1.2, 1.5, 2.5):
-        assert features(Signal(t, np.cos(2 * np.pi * t) + 0.8 * np.cos(2 * np.pi * other * t))).cycles > 3
-
-
 def test_a_frequency_without_an_interval_is_said_without_one() -> None:
     t = np.arange(0, 1.6, 0.01)
     said = first_words(Signal(t, np.exp(-t) * np.cos(2 * np.pi * t))).sentence()
     assert "about" in said
     assert not any(none in said for none in ("inf", "nan"))
-
-
-def test_no_number_is_said_that_is_none() -> None:
-    nan, inf = float("nan"), float("inf")
-    assert with_interval(nan, nan, nan, " %") == "–"
-    assert with_interval(2.0, -inf, inf, " %") == "2 %, within no bounds"
-    v = Verdict("r", Grade.NOT_WEIGHED, False, "", nan, averages=Averages(500.0, inf))
-    kept = v.to_dict()
-    assert kept["averages"] == {"cycles": 500.0, "error_sd": None}
-    assert "Infinity" not in json.dumps(kept)

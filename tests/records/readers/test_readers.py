@@ -11,10 +11,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.opening import contents, load_isolated
 from bayesdamp.records.read import read_record, read_records
-from bayesdamp.records.readers import READERS
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 from tests.failures import Failures
@@ -138,29 +136,6 @@ def test_a_missing_library_is_asked_for_in_one_line(tmp_path: Path, monkeypatch:
         with pytest.raises(InputError) as caught:
             read_records(tmp_path / file)
         assert str(caught.value) == f"{file}: {line}"
-
-
-def test_a_reader_of_ones_own_is_found_by_content(tmp_path: Path) -> None:
-    class Own:
-        format = "a file of my rig"
-        extensions = (".rig",)
-        extra = ""
-
-        def claims(self, head: bytes, path: Path) -> bool:
-            return head.startswith(b"RIG1")
-
-        def read(self, path: Path) -> Contents:
-            from bayesdamp.records.files.contents import Column
-
-            return Contents("rig", (Column("theta", np.frombuffer(path.read_bytes()[4:]), rate=RATE),))
-
-    own: Reader = Own()
-    (tmp_path / "a.dat").write_bytes(b"RIG1" + Y.tobytes())
-    READERS.add("rig", own)
-    try:
-        times(read_record(tmp_path / "a.dat"), RATE)
-    finally:
-        READERS.remove("rig")
 
 
 def test_each_run_of_an_hdf5_has_its_own_rate(tmp_path: Path) -> None:
