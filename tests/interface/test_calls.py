@@ -24,21 +24,19 @@ WRONG: dict[str, Callable[[], object]] = {
     "read: path is int; it must be a path": lambda: ANY.read(3),
     "read: unknown argument 'vlaue'; did you mean 'value'": lambda: ANY.read("rig.csv", vlaue=2),
     "read: rate is str; it must be a number, in Hz": lambda: ANY.read("rig.csv", rate="100"),
-    "load_study: path is dict": lambda: ANY.load_study({}),
     "run_study: unknown argument 'worker'; did you mean 'workers'": lambda: ANY.run_study({}, "x", worker=2),
     "features: signal is ndarray; it must be a Signal": lambda: ANY.features(Y),
     "signal: give times and values, signal(t, y), or values alone": lambda: ANY.signal(T),
-    "signal: unit is int; it must be a unit's name": lambda: ANY.signal(T, Y, unit=3),
     "Model: missing a required argument: 'damping'": lambda: ANY.Model(),
     "fit: signal is str; it must be a Signal": lambda: ANY.fit("rig.csv", MODEL),
     "simulate: missing a required argument: 'duration'": lambda: ANY.simulate(
         {"viscous": 0.1}, stiffnes=20.0
     ),
+    "model is str; it must be a Model": lambda: ANY.fit(bd.signal(T, Y), "viscous"),
     "compare takes one signal": lambda: ANY.compare(3),
     "signal: give times or rate, not both": lambda: ANY.signal(T, Y, rate=25.0),
     "signal: rate is 0; it must be a number of Hz": lambda: ANY.signal(Y, rate=0),
     "plot: unknown argument 'axes'; did you mean 'ax'": lambda: bd.signal(T, Y).plot(axes=None),  # type: ignore[call-arg]
-    "bind: unknown argument 'sed'; did you mean 'seed'": lambda: MODEL.bind(bd.signal(T, Y), sed=1),  # type: ignore[call-arg]
     "save: missing a required argument: 'path'": lambda: MODEL.save(),  # type: ignore[call-arg]
     "load: unknown argument 'recrd'; did you mean 'record'": lambda: ANY.Verdict.load("x", recrd="a"),
     "unknown damping term 'viscos'; did you mean 'viscous'": lambda: bd.Oscillator("viscos", "linear"),

@@ -10,11 +10,8 @@ import pytest
 from scipy.special import logsumexp
 
 import bayesdamp as bd
-from bayesdamp.inference.deviation.single import under
-from bayesdamp.inference.evidence.methods.importance import Importance
-from bayesdamp.inference.evidence.sensitivity import against_width
 from bayesdamp.inference.model.likelihood import Likelihood
-from tests.interface.test_deviation import SCALE, by_quadrature, fit, one_parameter
+from tests.interface.test_deviation import fit, one_parameter
 
 LENGTHS = {"nuts": {"chains": 2, "warmup": 50, "draws": 300}, "emcee": {}}
 GRID = np.linspace(0.040, 0.060, 201)
@@ -74,36 +71,6 @@ def test_the_density_has_the_evidence_of_the_motions() -> None:
     z = np.array([one_parameter().priors["zeta"].score(v) for v in GRID])[:, None]
     exact = folded(alone, z) + np.log(np.gradient(z[:, 0]))
     assert total - float(logsumexp(exact)) > 5
-
-
-def test_the_evidence_under_other_widths_of_the_prior_against_a_sum() -> None:
-    """Five standard errors and 0.002 nats. Control: without the prior's constant it would be off by a logarithm."""
-    law = one_parameter().law
-    assert law is not None
-    target = law.mode.likelihood.target
-    found = Importance().evidence("viscous", target, law.mode, 1)
-    y, log_weights = found.arrays["y"], found.arrays["log_weights"]
-    widths = against_width(target.priors, ["zeta"], y, log_weights, lambda priors: under(law, priors).mode, 1)
-    assert widths.varied == ("zeta",)
-    assert np.all(widths.trusted)
-    prior = one_parameter().priors["zeta"]
-    likelihood = density(one_parameter()).log_likelihoods(np.array([prior.score(v) for v in GRID])[:, None])
-    gaps = np.log(np.gradient(GRID))
-    exact = np.array(
-        [
-            float(logsumexp(likelihood + bd.HalfNormal(f * SCALE).log_density(GRID) + gaps))
-            for f in widths.factors
-        ]
-    )
-    assert np.all(np.abs(widths.log_evidence - exact) < 5 * widths.stderr + 2e-3)
-    flat = widths.log_evidence + np.log(widths.factors)
-    assert np.all(np.abs(flat - exact)[widths.factors != 1.0] > 0.1)
-
-
-@pytest.mark.slow
-def test_the_density_is_that_of_dense_normal_distributions() -> None:
-    assert abs(by_sum()[2] - by_quadrature(SCALE)) < 0.05
-    assert by_sum()[2] - by_quadrature(SCALE, exact=True) > 5
 
 
 def test_several_parameters_are_those_of_the_motions_themselves() -> None:

@@ -78,15 +78,11 @@ def test_records_of_one_specimen_share_a_damping() -> None:
 
 WRONG: list[tuple[dict, str]] = [
     ({"damping": ["viscuos"]}, "viscous"),
-    ({"restoring": ["lineal"]}, "linear"),
     ({"deviation": "no"}, "auto"),
     ({"known": {"stifness": 20.0}}, "did you mean 'stiffness'"),
-    ({"known": {"zeta": 0.05}}, "always inferred"),
     ({"known": {"cubic": 1.0}, "restoring": "linear"}, "unknown parameter 'cubic'"),
     ({"priors": {"visc": bd.HalfNormal(0.1)}}, "did you mean 'viscous'"),
-    ({"priors": {"coulomb": bd.HalfNormal(0.1)}, "damping": "viscous"}, "unknown term"),
     ({"sensor": -1.0}, "0 to below"),
-    ({"priors": {"viscous": bd.Normal(0.0, 1.0)}}, "below zero"),
 ]
 
 
@@ -188,22 +184,12 @@ def test_a_law_that_contradicts_the_record_is_nowhere_on_its_page(tmp_path: Path
     assert result.law_curve.empty
     text = re.sub("<[^>]+>", " ", result.report(tmp_path / "page.html").read_text(encoding="utf-8"))
     assert "contradicts this, so none is named" in text
-    for said in (
-        "Coefficients of",
-        "Energy lost: ",
-        "each law fitted alone",
-        "fit of",
-        "grows as v",
-        "confirms",
-    ):
-        assert said not in text
+    control = compared().report(tmp_path / "control.html").read_text(encoding="utf-8")
+    for said in ("Coefficients of", "Energy lost: "):
+        assert (said in text, said in control) == (False, True), said
     assert "is not drawn" in text
-    four = result.plot()
-    assert not four[2].axison
-    control = compared()
-    page = re.sub("<[^>]+>", " ", control.report(tmp_path / "control.html").read_text(encoding="utf-8"))
-    assert "Coefficients of" in page
-    assert "is not drawn" not in page
+    assert "is not drawn" not in control
+    assert not result.plot()[2].axison
 
 
 @pytest.mark.parametrize("samples", [250, 4000])
@@ -226,4 +212,3 @@ def test_the_noise_is_that_of_a_sample(samples: int) -> None:
     result = bd.compare(signal, damping=["viscous"], restoring=["linear"], sample=False)
     assert result.verdict.noise_pct == pytest.approx(100 * sd / amplitude, rel=0.15)
     assert result.table["rms"].min() == pytest.approx(sd, rel=0.15)
-    assert result.table["rms"].min() / 2 != pytest.approx(sd, rel=0.15)

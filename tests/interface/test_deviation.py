@@ -12,7 +12,6 @@ from scipy.special import logsumexp
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
-from bayesdamp.priors import SHARED_SCALES
 from tests.interface.problems import NOISE, TRUTH, closed_form, record
 
 MODEL = bd.Model("viscous", "linear", deviation="law")
@@ -126,37 +125,16 @@ def test_a_fit_has_the_numbers_of_its_draws() -> None:
 
 
 @pytest.mark.slow
-def test_evidence_is_that_of_dense_normal_distributions() -> None:
+@pytest.mark.parametrize("method", ["smc", "linear", "importance", "bridge", "nested"])
+def test_evidence_is_that_of_dense_normal_distributions(method: str) -> None:
     """Within four standard errors and 0.1 nats, which the curvature of the deviations is worth. Controls: exact laws
     lose 5 nats and more; a prior twice as wide is told apart."""
-    linear, sampled = bd.evidence(one_parameter(), "linear"), bd.evidence(one_parameter())
-    assert sampled.outcome == "ok"
-    truth = by_quadrature(SCALE)
-    assert abs(linear.log_evidence - truth) < 0.1
-    assert abs(sampled.log_evidence - truth) < 4 * sampled.stderr + 0.1
-    assert truth - by_quadrature(SCALE, exact=True) > 5
-    assert abs(sampled.log_evidence - by_quadrature(2 * SCALE)) > 4 * sampled.stderr + 0.3
-
-
-def test_evidence_with_deviations_integrated_out_is_the_linear_models() -> None:
-    """Of a motion that is nearly linear in one parameter, within four standard errors and 0.1 nats."""
-    method = "importance"
-    found, linear = bd.evidence(one_parameter(), method), bd.evidence(one_parameter(), "linear")
-    assert found.outcome == "ok"
-    assert found.method == method
-    assert "Pareto" in found.diagnostic
-    assert abs(found.log_evidence - linear.log_evidence) < 4 * found.stderr + 0.1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["importance", "bridge", "nested"])
-def test_evidence_with_deviations_integrated_out_is_that_of_dense_normal_distributions(method: str) -> None:
-    """Within four standard errors and 0.1 nats, as sampled; a prior twice as wide is told apart."""
     found = bd.evidence(one_parameter(), method)
     assert found.outcome == "ok"
-    truth = by_quadrature(SCALE)
-    assert abs(found.log_evidence - truth) < 4 * found.stderr + 0.1
-    assert abs(found.log_evidence - by_quadrature(2 * SCALE)) > 4 * found.stderr + 0.3
+    truth, error = by_quadrature(SCALE), np.nan_to_num(found.stderr)
+    assert abs(found.log_evidence - truth) < 4 * error + 0.1
+    assert truth - by_quadrature(SCALE, exact=True) > 5
+    assert abs(found.log_evidence - by_quadrature(2 * SCALE)) > 4 * error + 0.3
 
 
 def test_a_drift_is_seen_and_widens_what_is_quoted() -> None:
@@ -197,33 +175,6 @@ def test_pointwise_densities_are_normal_ones() -> None:
     found = data["log_likelihood"]["record"].values[0, exact]
     assert found == pytest.approx(want, abs=1e-3)
     assert found != pytest.approx(stats.norm.logpdf(want, closed, 1.1 * sd), abs=1e-3)
-
-
-def test_prior_draws_hold_exactly_four_times_in_five() -> None:
-    """Binomial, of 600 draws: five standard deviations are 8 %."""
-    prior = posterior().data["prior"]
-    for name in ("damping_deviation", "frequency_deviation"):
-        share = float((np.abs(prior[name]).max("knot") == 0).mean())
-        assert abs(share - 0.8) < 0.09
-    ratio = prior["zeta"].values.ravel() / fit().priors["zeta"].numbers[0]
-    scales = np.asarray(SHARED_SCALES)[:, None]
-    assert stats.kstest(ratio, lambda x: stats.halfnorm.cdf(x, scale=scales).mean(axis=0)).pvalue > 1e-4
-
-
-def test_noise_that_is_not_white_counts_less() -> None:
-    """κ > 1: a sample counts for 1/κ of one, and the sum is what was weighed."""
-    rng = np.random.default_rng(4)
-    coloured = np.convolve(rng.standard_normal(record().t.size + 20), np.ones(21) / 21**0.5, "valid")
-    y = record().y + 2 * NOISE * coloured
-    one = bd.fit(bd.signal(record().t, y, cleaned=False), bd.Model("viscous", "linear", deviation="law"))
-    assert one.law is not None
-    weighing = one.law.weighing
-    assert weighing.inflation > 1.2
-    motions = one.law.motions(one.law.best)
-    squares = float(np.sum((weighing.data.y - motions[0]) ** 2))
-    samples = y.size / weighing.inflation
-    want = -0.5 * squares / weighing.variance - 0.5 * samples * np.log(2 * np.pi * weighing.variance)
-    assert float(one.law.log_likelihoods(motions).sum()) == pytest.approx(want)
 
 
 def test_what_exact_laws_alone_have_is_refused() -> None:

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import matplotlib.pyplot as plt
-import numpy as np
 import pytest
 
 import bayesdamp as bd
@@ -23,18 +19,6 @@ def test_refined_is_the_best_fit() -> None:
     assert found.values == found.refined.values
     again = bd.fit(record(), MODEL, start=found.values)
     assert again.values["zeta"] == pytest.approx(fit().values["zeta"], rel=1e-4)
-
-
-def test_saved_shown_and_drawn(tmp_path: Path) -> None:
-    found = bd.estimate(record(), "koopman", MODEL)
-    again = bd.Estimate.load(found.save(tmp_path / "estimate"))
-    assert again.refined.values == found.refined.values
-    assert np.array_equal(again.refined.trace["rms"], found.refined.trace["rms"])
-    assert repr(again) == repr(found)
-    assert found.summary().loc["zeta", "unit"] == "1/s"
-    ax = found.plot()
-    assert found.plot(ax) is ax
-    plt.close("all")
 
 
 def test_a_method_that_cannot_says_so() -> None:

@@ -24,12 +24,6 @@ def test_terms_have_one_order_and_models_are_keys() -> None:
     assert one.name == "viscous+coulomb@pendulum"
 
 
-def test_a_prior_by_term_or_by_coefficient_is_the_same() -> None:
-    prior = bd.LogUniform(1e-3, 1.0)
-    by_term, by_name = (bd.Model("viscous", priors={n: prior}).parameter_priors for n in ("viscous", "zeta"))
-    assert by_term == by_name == {"zeta": prior}
-
-
 def test_a_name_of_a_term_and_of_the_law_is_the_laws() -> None:
     """Negative control: under a law without this parameter it is the term."""
     prior = bd.HalfNormal(0.1)

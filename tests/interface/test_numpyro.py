@@ -1,8 +1,6 @@
-"""The NumPyro model of a density, run under NumPyro's own NUTS."""
+"""The NumPyro model of a density: its value, its gradients, a prior of the user's own."""
 
 from __future__ import annotations
-
-from functools import lru_cache
 
 import jax
 import numpy as np
@@ -10,44 +8,10 @@ import numpyro
 import pytest
 from jax import numpy as jnp
 from numpyro import distributions as dist
-from numpyro.infer import MCMC, NUTS
 from numpyro.infer.util import log_density
 
 import bayesdamp as bd
-from bayesdamp.inference.checks.diagnostics import monte_carlo_error
-from tests.interface.problems import fit, posterior, record
-
-FOUR = 4.0
-"""Standard errors: with six parameters a false alarm in two thousand."""
-
-
-@lru_cache
-def others() -> dict[str, np.ndarray]:
-    """NumPyro's draws, (chain, draw) by name."""
-    kernel = NUTS(fit().density.numpyro())
-    run = MCMC(
-        kernel, num_warmup=200, num_samples=400, num_chains=2, chain_method="sequential", progress_bar=False
-    )
-    run.run(jax.random.key(0))
-    return {n: np.asarray(v) for n, v in run.get_samples(group_by_chain=True).items()}
-
-
-def apart(name: str, shift: float = 0.0) -> float:
-    """Difference of the means of both samplers in its Monte Carlo standard errors."""
-    post = posterior()
-    ours = post.draws[..., post.names.index(name)]
-    error = np.hypot(monte_carlo_error(ours), monte_carlo_error(others()[name]))
-    return abs(float(ours.mean() - others()[name].mean()) + shift) / error
-
-
-@pytest.mark.slow
-def test_draws_agree_with_our_sampler() -> None:
-    """Means; negative control: one that is a third of an sd away does not. Sds within a seventh: four of their standard
-    errors with 600 effective draws or more."""
-    assert max(apart(n) for n in posterior().names) < FOUR
-    assert apart("zeta", fit().sd["zeta"] / 3) > FOUR
-    ours = {n: float(posterior().draws[..., i].std()) for i, n in enumerate(posterior().names)}
-    assert {n: float(others()[n].std()) for n in ours} == pytest.approx(ours, rel=0.15)
+from tests.interface.problems import fit, record
 
 
 def test_coefficients_share_their_scale() -> None:

@@ -11,7 +11,6 @@ from scipy import stats
 
 import bayesdamp as bd
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.priors import SHARED_SCALES
 from tests.interface.problems import TRUTH, fit, posterior, record
 
 GROUPS = {
@@ -72,18 +71,6 @@ def test_replications_have_the_noise() -> None:
     assert scatter == pytest.approx(float(posterior().data["posterior"]["noise_sd"].mean()), rel=0.05)
 
 
-def test_prior_draws_are_of_the_prior() -> None:
-    """Kolmogorov and Smirnov, at a chance of one in ten thousand; and not of another prior."""
-    draws = posterior().data["prior"]["zeta"].values.ravel()
-    unit = fit().density.priors["zeta"].numbers[0]
-
-    def below(x: np.ndarray, scales: np.ndarray) -> np.ndarray:
-        return np.mean([stats.halfnorm(scale=unit * s).cdf(x) for s in scales], axis=0)
-
-    assert stats.kstest(draws, below, args=(SHARED_SCALES,)).pvalue > 1e-4
-    assert stats.kstest(draws, below, args=(SHARED_SCALES[8:],)).pvalue < 1e-4
-
-
 def test_saved(tmp_path: Path) -> None:
     again = bd.Posterior.load(posterior().save(tmp_path / "post"))
     assert np.array_equal(again.draws, posterior().draws)
@@ -119,16 +106,3 @@ def test_correlated_noise_given_all_others() -> None:
     found = NOISES.get("correlated").log_likelihoods(r, GAPS, CORRELATED)
     assert found == pytest.approx(conditional(r, 0.2), abs=1e-10)
     assert found != pytest.approx(conditional(r, 0.25), abs=0.001)
-
-
-def test_drawn_noise_is_white_when_whitened() -> None:
-    """Kolmogorov and Smirnov at one in ten thousand each; and not with another scale."""
-    parameters = {
-        "gaussian": {"noise_sd": 0.7}, "student_t": {"noise_sd": 0.7, "noise_dof": 3.0}, "correlated": CORRELATED,
-    }  # fmt: skip
-    for name, p in parameters.items():
-        noise, gaps = NOISES.get(name), np.full(3999, 0.05)
-        r = noise.draw(np.random.default_rng(2), gaps, p)
-        assert stats.kstest(noise.whiten(r, gaps, p), "norm").pvalue > 1e-4, name
-        wrong = noise.whiten(r, gaps, {**p, "noise_sd": 0.6})
-        assert stats.kstest(wrong, "norm").pvalue < 1e-4, name

@@ -52,17 +52,6 @@ def test_it_runs(
     assert name not in WRITTEN or (tmp_path / WRITTEN[name]).is_file()
 
 
-def lines(source: str) -> int:
-    """Lines of code: neither empty, nor a comment, nor the sentence at the top."""
-    body = [line for line in source.splitlines()[1:] if line.strip()]
-    return sum(not line.lstrip().startswith("#") for line in body)
-
-
-def test_there_are_twelve_and_they_are_short() -> None:
-    assert len(NAMES) == 12
-    assert max(lines((SCRIPTS / f"{name}.py").read_text(encoding="utf-8")) for name in NAMES) < 15
-
-
 def strict(*arguments: str) -> subprocess.CompletedProcess[str]:
     pyright = Path(sys.executable).with_name("pyright")
     return subprocess.run([str(pyright), *arguments], capture_output=True, text=True, check=False)
