@@ -14,6 +14,7 @@ import pytest
 
 from bayesdamp.pipeline.tasks import CODE
 from bayesdamp.sources import OUTSIDE, ROOT, imported, reached
+from tests.studies import COMPARED, study_text
 
 SCRIPT = """
 import json, sys
@@ -26,18 +27,14 @@ assert bayesdamp.__file__.startswith(sys.argv[1])
 study = load_study(sys.argv[2])
 print(json.dumps({n: k for job in jobs_of(study) for n, (k, _) in work_of(study, Store(Path("x")), job).items()}))
 """
-STUDY = """
-version = 1
-name = "keys"
-system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
-estimators = { use = ["least_squares", "sindy"] }
-models = { compare = ["viscous", "quadratic"] }
-posterior = { samplers = ["nuts", "emcee"] }
-evidence = { methods = ["importance"], referee = "never" }
-[[signal]]
-name = "one"
-simulate = { viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003 }
-"""
+STUDY = study_text(
+    'estimators = { use = ["least_squares", "sindy"] }',
+    COMPARED,
+    'posterior = { samplers = ["nuts", "emcee"] }',
+    'evidence = { methods = ["importance"], referee = "never" }',
+    simulate="viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003",
+    name="one",
+)
 
 
 AFTER_SINDY = (

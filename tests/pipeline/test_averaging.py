@@ -16,12 +16,6 @@ def quantiles(mean: float, sd: float) -> np.ndarray:
     return norm(mean, sd).ppf(SPREAD)[:, None] + np.array([0.0, 10.0])
 
 
-def test_one_model_alone_is_its_own_average():
-    low, median, high = average_curves({"a": quantiles(1.0, 0.1)}, {"a": 1.0})
-    np.testing.assert_allclose(median, [1.0, 11.0], atol=1e-3)
-    np.testing.assert_allclose([low[0], high[0]], 1.0 + 0.196 * np.array([-1, 1]), atol=5e-3)
-
-
 def test_two_models_make_a_mixture():
     """A quarter at 0 and three quarters at 1: its quantiles by bisection of the mixture's distribution."""
     low, median, high = average_curves(

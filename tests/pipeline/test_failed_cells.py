@@ -4,37 +4,28 @@ from __future__ import annotations
 
 import pytest
 
-from bayesdamp.config import load_study
 from bayesdamp.pipeline import records, run_study
 from bayesdamp.pipeline.candidates import cells
 from bayesdamp.store import Store, read_table
+from tests.studies import ESTIMATED, signal_text, study_text, write_study
 
-STUDY = """
-version = 1
-name = "failing"
-seed = 3
-system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
-estimators = { use = ["least_squares"], stages = ["initial"] }
-models = { compare = ["viscous"] }
-posterior = { samplers = ["laplace"], noise = NOISE }
-evidence = { methods = ["laplace", "importance"], referee = "never" }
-[[signal]]
-name = "good"
-simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
-[[signal]]
-name = "bad"
-simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
-"""
+SIMULATE = "viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003"
+STUDY = study_text(
+    ESTIMATED,
+    'models = { compare = ["viscous"] }',
+    'posterior = { samplers = ["laplace"], noise = ["gaussian", "student_t"] }',
+    'evidence = { methods = ["laplace", "importance"], referee = "never" }',
+    simulate=SIMULATE,
+    name="good",
+) + signal_text("bad", SIMULATE)
 
 
 @pytest.fixture
-def study(tmp_path, monkeypatch, request):
+def study(tmp_path, monkeypatch):
     monkeypatch.delenv("BAYESDAMP_DEBUG", raising=False)
-    (tmp_path / "s.toml").write_text(STUDY.replace("NOISE", request.param), encoding="utf-8")
-    return load_study(tmp_path / "s.toml")
+    return write_study(tmp_path, STUDY)
 
 
-@pytest.mark.parametrize("study", ['["gaussian", "student_t"]'], indirect=True)
 def test_a_failed_record(study, tmp_path, monkeypatch, capsys):
     whole = records.simulated
 
@@ -63,7 +54,6 @@ def test_a_failed_record(study, tmp_path, monkeypatch, capsys):
     assert {store.read(n).outcome for n in store.names()} == {"ok"}
 
 
-@pytest.mark.parametrize("study", ['"gaussian"'], indirect=True)
 def test_a_failed_mode(study, tmp_path, monkeypatch):
     def failing(branch):
         raise ArithmeticError("made to fail")

@@ -7,13 +7,14 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import numpy as np
+import pytest
 
 import bayesdamp as bd
 from bayesdamp.config import Study, load_study
 from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.tasks import cell_seed
-from bayesdamp.store import Store
+from bayesdamp.store import Store, read_table
 
 MODEL = "viscous+coulomb"
 STUDY = f"""
@@ -21,7 +22,7 @@ version = 1
 name = "one"
 estimators = {{ use = [] }}
 models = {{ compare = ["{MODEL}"], prior = {{ coulomb = {{ prior = "halfnormal", scale = 0.02 }} }} }}
-posterior = {{ samplers = ["laplace"], chains = 2, warmup = 10, draws = 50 }}
+posterior = {{ samplers = ["laplace"], deviation = "none", chains = 2, warmup = 10, draws = 50 }}
 evidence = {{ methods = ["laplace"], referee = "never" }}
 [system]
 restoring = "linear"
@@ -43,23 +44,32 @@ def load(folder: Path, text: str = STUDY) -> Study:
 
 
 @lru_cache
-def ran() -> tuple[Study, Branch]:
+def ran(deviation: str = "none") -> tuple[Study, Branch]:
     folder = Path(mkdtemp())
-    study = load(folder)
+    study = load(folder, STUDY.replace('deviation = "none"', f'deviation = "{deviation}"'))
     assert run_study(study, folder / "out", workers=1, quiet=True) == 0
     return study, Branch(study, study.signals[0], 0, MODEL, Store(folder / "out"))
 
 
-def test_the_evidence_and_the_draws_are_those_of_the_interface() -> None:
-    """Negative control: another seed gives other draws."""
-    study, branch = ran()
+@pytest.mark.parametrize("deviation", ["none", "law"])
+def test_the_evidence_and_the_draws_are_those_of_the_interface(deviation: str) -> None:
+    """Negative controls: another seed gives other draws, and exact laws have another evidence."""
+    study, branch = ran(deviation)
     weighed = branch.store.read(f"evidence/{branch.path}/laplace").meta["evidence"]
     assert bd.evidence(branch.fit, "laplace").log_evidence == weighed["log_evidence"]
     name = f"posterior/{branch.path}/laplace"
     drawn, seed = branch.store.read(name).arrays["draws"], cell_seed(study, name) % 2**31
+    rows = read_table(branch.store.folder / "posteriors.csv")
+    row = next(r for r in rows if (r["sampler"], r["parameter"]) == ("laplace", "zeta"))
+    assert row["deviation"] == deviation
     settings = {"chains": 2, "warmup": 10, "draws": 50}
     np.testing.assert_array_equal(bd.sample(branch.fit, "laplace", **settings, seed=seed).draws, drawn)
     assert not np.array_equal(bd.sample(branch.fit, "laplace", **settings, seed=seed + 1).draws, drawn)
+    if deviation == "law":
+        assert row["sd_noise"] ** 2 + row["sd_law"] ** 2 == pytest.approx(row["sd"] ** 2)
+        assert bd.evidence(ran()[1].fit, "laplace").log_evidence != pytest.approx(
+            weighed["log_evidence"], abs=0.1
+        )
 
 
 def test_a_model_has_what_the_study_states() -> None:

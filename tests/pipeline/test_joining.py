@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.specimen import OtherForm, weigh_specimen
+from bayesdamp.inference.deviation.specimen import weigh_specimen
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.specimens import (
     Specimen,
@@ -17,7 +17,6 @@ from bayesdamp.pipeline.specimens import (
 )
 from bayesdamp.report.sections.specimens import joint_sentence
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents import JointContent
 from bayesdamp.types import Refusal
 from tests.verdict.test_specimen import C, V, weighed_run
 
@@ -104,17 +103,6 @@ def test_a_candidate_that_a_record_lacks_has_evidence_and_no_coefficients(
     assert status_of(content.candidates["coulomb"].outcome) is Status.PRUNED
     assert content.candidates["quadratic"].log_evidence is None
     assert not coefficients_of(arrays, "coulomb")
-
-
-def test_other_forms_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    form = OtherForm("displacement", "linear", -2.0)
-    content = compute_joint(
-        specimen(monkeypatch, *(weighed_run(0.05, 0.001, others=(form,)) for _ in range(2)))
-    ).content
-    assert content.others["displacement"] == pytest.approx(
-        1 - sum(r.probability for r in content.candidates.values())
-    )
-    assert JointContent.maybe(CellResult("joint/rig", "", content.meta())) == content
 
 
 def test_one_answer_is_not_enough(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,17 +23,6 @@ def test_plain_lines_where_there_is_no_terminal() -> None:
     assert out.getvalue().splitlines() == ["estimating"]
 
 
-def test_a_bar_on_a_terminal() -> None:
-    out = io.StringIO()
-    with p.progress_on(Console(file=out, force_terminal=True, width=100)) as shown:
-        shown.begin("estimating", [Job("a", 0, "viscous")] * 100)
-        for _ in range(40):
-            shown.advance()
-        shown._bar.refresh()
-    assert "estimating" in out.getvalue()
-    assert "40/100" in out.getvalue()
-
-
 def test_every_job_of_a_study_has_words() -> None:
     study = load_study(shipped_folder() / "quickstart.toml")
     words = {job.part: p.words_of(study, [job]) for job in jobs_of(study)}

@@ -70,12 +70,6 @@ def test_read_again(run: bd.Run, tmp_path: Path) -> None:
         bd.Run.load(tmp_path)
 
 
-def test_a_second_time_nothing_is_computed(run: bd.Run) -> None:
-    before = {p: p.stat().st_mtime_ns for p in (run.folder / "cells").rglob("*.npz")}
-    bd.run_study(STUDY, run.folder)
-    assert before == {p: p.stat().st_mtime_ns for p in (run.folder / "cells").rglob("*.npz")}
-
-
 def test_misuse_is_one_line_and_nothing_is_written(run: bd.Run, tmp_path: Path) -> None:
     out = tmp_path / "new"
     wrong: list[tuple[Callable[[], object], str]] = [

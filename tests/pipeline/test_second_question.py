@@ -5,24 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store import Store, read_table
+from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
 
-STUDY = """
-version = 1
-name = "two"
-seed = 3
-system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
-estimators = { use = ["least_squares"], stages = ["initial"] }
-models = { compare = ["viscous", "quadratic"] }
-posterior = { samplers = [] }
-evidence = { methods = ["laplace"], referee = "never" }
-[[signal]]
-name = "rig"
-simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
-"""
+STUDY = study_text(
+    ESTIMATED, COMPARED, WEIGHED, simulate="viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003"
+)
 
 
 def modes(run: RunFolder) -> set[str]:
@@ -31,13 +21,12 @@ def modes(run: RunFolder) -> set[str]:
 
 def test_the_first_question_does_not_show(tmp_path, monkeypatch):
     monkeypatch.setattr("bayesdamp.report.render", lambda *_: None)
-    out, file = tmp_path / "out", tmp_path / "two.toml"
-    file.write_text(STUDY, encoding="utf-8")
-    assert run_study(load_study(file), out, workers=1) == 0
+    out = tmp_path / "out"
+    assert run_study(write_study(tmp_path, STUDY), out, workers=1) == 0
     assert modes(RunFolder(out)) == {"viscous", "quadratic"}
     first = Store(out).names()
-    file.write_text(STUDY.replace('"viscous", "quadratic"', '"viscous"'), encoding="utf-8")
-    assert run_study(load_study(file), out, workers=1) == 0
+    other = write_study(tmp_path, STUDY.replace('"viscous", "quadratic"', '"viscous"'))
+    assert run_study(other, out, workers=1) == 0
     assert Store(out).names() == first  # they are there still, and do not show
     assert modes(RunFolder(out)) == {"viscous"}
     assert not any("quadratic" in n for n in json.loads((out / "run.json").read_text())["seconds"])
@@ -45,8 +34,7 @@ def test_the_first_question_does_not_show(tmp_path, monkeypatch):
     # what the first had computed is not computed again
     hidden = [n for n in first if "quadratic" in n]
     stamps = {n: (out / "cells" / f"{n}.npz").stat().st_mtime_ns for n in hidden}
-    file.write_text(STUDY, encoding="utf-8")
-    assert run_study(load_study(file), out, workers=1) == 0
+    assert run_study(write_study(tmp_path, STUDY), out, workers=1) == 0
     assert {n: (out / "cells" / f"{n}.npz").stat().st_mtime_ns for n in hidden} == stamps
     assert modes(RunFolder(out)) == {"viscous", "quadratic"}
     # Nor does a cell of the same name under another key, as of a fit to another record.

@@ -64,13 +64,6 @@ def test_cells_are_listed(tmp_path):
     assert "joint/c" not in names
 
 
-def test_a_study_without_specimens_has_none_of_this(tmp_path):
-    text = (HEAD + signals(RECORDS[:2]) + REST).replace('specimen = "a"\n', "")
-    (tmp_path / "s.toml").write_text(text, encoding="utf-8")
-    study = load_study(tmp_path / "s.toml")
-    assert not any(c.startswith(("joint/", "population/")) for c in cells(study))
-
-
 WRONG = [
     ('specimen = "a"', "specimen = 3", "it must be a name in quotes"),
     ("theta0 = 0.25", 'theta0 = 0.25, unit = "m"', "in m and rad"),

@@ -20,39 +20,27 @@ from bayesdamp.pipeline import cells, run_study
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.posteriors import weighted_curves
 from bayesdamp.store import Store, read_table
+from tests.studies import COMPARED, WEIGHED, signal_text, study_text, write_study
 
-SMALL = """
-version = 1
-name = "small"
-seed = 3
-system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
-estimators = { use = ["least_squares"] }
-models = { compare = ["viscous", "quadratic"] }
-posterior = { warmup = 200, draws = 500 }
-[[signal]]
-name = "noisy"
-simulate = { viscous = 0.05, duration = 10.0, samples = 400, noise_sd = 0.003 }
-[[signal]]
-name = "clean"
-simulate = { viscous = 0.05, duration = 10.0, samples = 400, noise_sd = 0.0 }
-"""
+SIMULATE = "viscous = 0.05, duration = 10.0, samples = 400, noise_sd ="
+SMALL = study_text(
+    'estimators = { use = ["least_squares"] }',
+    COMPARED,
+    "posterior = { warmup = 200, draws = 500 }",
+    simulate=f"{SIMULATE} 0.003",
+    name="noisy",
+)
+BOTH = SMALL + signal_text("clean", f"{SIMULATE} 0.0")
 
 
-WEIGHED = "samplers = [] }\nevidence = { methods = ['laplace'], referee = 'never' }"
-QUICK = SMALL.replace("warmup = 200, draws = 500 }", WEIGHED)
-
-
-def write(folder: Path, text: str = SMALL) -> Path:
-    file = folder / "small.toml"
-    file.write_text(text, encoding="utf-8")
-    return file
+QUICK = BOTH.replace("posterior = { warmup = 200, draws = 500 }", WEIGHED)
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> Path:
     """The small study, run once in this process. Not to be changed by a test."""
     folder = tmp_path_factory.mktemp("study")
-    status = run_study(load_study(write(folder)), folder / "out", workers=1)
+    status = run_study(write_study(folder, BOTH), folder / "out", workers=1)
     assert status == 0
     return folder / "out"
 
@@ -93,7 +81,7 @@ def test_truth_is_inside_and_the_right_model_first(run):
 def test_weighted_draws_give_the_curves_that_sampling_gives(run, tmp_path):
     """Of a candidate that was not sampled its evidence has the draws. Medians of a thousand draws and of more, and the
     widths of their bands: four standard errors are 0.2 sds and 12 %. Negative control: weights of another posterior."""
-    study = load_study(run.parent / "small.toml")
+    study = load_study(run.parent / "study.toml")
     spec = next(s for s in study.signals if s.name == "noisy")
     sampled = Store(run).read("posterior/noisy/0/viscous/nuts").arrays["spread/equivalent_ratio"]
     sd = sampled.std(axis=0)
@@ -115,18 +103,6 @@ def test_weighted_draws_give_the_curves_that_sampling_gives(run, tmp_path):
     assert apart(other)[0] > 1.0
     other.write(replace(cell, outcome="not to be trusted"))
     assert weighted_curves(Branch(study, spec, 0, "viscous", other), 5) == {}
-    assert weighted_curves(Branch(study, spec, 0, "coulomb", other), 5) == {}
-
-
-def test_samplers_agree_within_monte_carlo_error(run):
-    rows = noisy_rows(run)
-    for name in ("zeta", "noise_sd"):
-        a, b = (
-            next(r for r in rows if r["sampler"] == s and r["parameter"] == name) for s in ("nuts", "emcee")
-        )
-        error = math.hypot(a["sd"] / math.sqrt(a["ess_bulk"]), b["sd"] / math.sqrt(b["ess_bulk"]))
-        # four Monte Carlo errors: a false alarm once in 16,000 seeds for each parameter
-        assert abs(a["mean"] - b["mean"]) < 4 * error
 
 
 def test_a_record_without_noise_has_no_posterior_and_is_no_failure(run):
@@ -138,16 +114,8 @@ def test_a_record_without_noise_has_no_posterior_and_is_no_failure(run):
     assert 0 < len(errors) == sum(e < 1e-4 for e in errors)
 
 
-def test_step_errors_are_within_the_budget(run):
-    store = Store(run)
-    for model in ("viscous", "quadratic"):
-        budget = store.read(f"mode/noisy/0/{model}").meta["error_budget"]
-        assert 0 <= budget["log_likelihood_change"] < 0.01
-    assert json.loads((run / "run.json").read_text())["error_budget"]["noisy"]["viscous"]
-
-
 def test_cells_are_listed_without_running(run, tmp_path):
-    listed = set(cells(load_study(write(tmp_path))))
+    listed = set(cells(write_study(tmp_path, BOTH)))
     assert listed == set(Store(run).names())
     assert not (tmp_path / "cells").exists()
 
@@ -175,7 +143,7 @@ def test_same_seed_same_tables_also_after_losing_some_cells(run, tmp_path):
         (out / "cells" / f"{name}.npz").unlink()
     cut = out / "cells" / "evidence" / "noisy" / "0" / "viscous" / "importance.npz"
     cut.write_bytes(cut.read_bytes()[:100])
-    run_study(load_study(write(tmp_path)), out, workers=1)
+    run_study(write_study(tmp_path, BOTH), out, workers=1)
     assert (out / "cells" / "signal" / "noisy" / "0.npz").stat().st_mtime_ns == kept
     for name, rows in _without_seconds(run).items():
         again = _without_seconds(out)[name]
@@ -185,9 +153,9 @@ def test_same_seed_same_tables_also_after_losing_some_cells(run, tmp_path):
 
 
 def test_killed_in_the_middle_it_resumes(tmp_path):
-    file = write(tmp_path, QUICK.replace('"least_squares"', '"least_squares", "envelope"'))
-    out = str(tmp_path / "out")
-    command = [sys.executable, "-m", "bayesdamp", "study", str(file), "--out", out, "--workers", "1"]
+    study = write_study(tmp_path, QUICK.replace('"least_squares"', '"least_squares", "envelope"'))
+    words = ["study", str(tmp_path / "study.toml"), "--out", str(tmp_path / "out"), "--workers", "1"]
+    command = [sys.executable, "-m", "bayesdamp", *words]
     first = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 300
     while not list((tmp_path / "out").glob("cells/mode/noisy/0/*.npz")) and first.poll() is None:
@@ -197,7 +165,7 @@ def test_killed_in_the_middle_it_resumes(tmp_path):
     first.wait()
     stamps = {p: p.stat().st_mtime_ns for p in (tmp_path / "out").glob("cells/**/*.npz")}
     assert stamps
-    assert run_study(load_study(file), tmp_path / "out", workers=1) == 0
+    assert run_study(study, tmp_path / "out", workers=1) == 0
     assert all(p.stat().st_mtime_ns == at for p, at in stamps.items())
     assert (tmp_path / "out" / "report.html").exists()
 
@@ -210,7 +178,7 @@ def test_a_simulated_record_without_an_oscillation_is_refused_and_the_rest_goes_
     text = text.replace("samplers = []", 'samplers = ["laplace"]').replace(
         '"viscous", "quadratic"', '"viscous"'
     )
-    assert run_study(load_study(write(tmp_path, text)), tmp_path / "out", workers=1) == 0
+    assert run_study(write_study(tmp_path, text), tmp_path / "out", workers=1) == 0
     for table in ("estimates.csv", "posteriors.csv", "evidence.csv"):
         rows = read_table(tmp_path / "out" / table)
         refused = [r for r in rows if r["signal"] == "short"]
@@ -237,9 +205,9 @@ print(sorted({name.partition(".")[0] for name in sys.modules} & {"torch", "pysin
 
 
 def test_a_study_imports_what_its_methods_need_and_no_more(tmp_path):
-    file = write(
+    write_study(
         tmp_path, QUICK.replace('"least_squares"', '"least_squares", "sindy"').replace("['laplace']", "[]")
     )
-    command = [sys.executable, "-c", IMPORTS, str(file), str(tmp_path / "out")]
+    command = [sys.executable, "-c", IMPORTS, str(tmp_path / "study.toml"), str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "['pysindy']"

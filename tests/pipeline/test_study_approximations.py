@@ -6,25 +6,21 @@ import math
 
 import pytest
 
-from bayesdamp.config import load_study
 from bayesdamp.inference.samplers import SAMPLERS, Sampler
 from bayesdamp.pipeline import run_study
 from bayesdamp.store import Store, read_table
 from bayesdamp.types import Refusal
+from tests.studies import SYSTEM, study_text, write_study
 
-STUDY = """
-version = 1
-name = "fast"
-seed = 5
-system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0, inertia = 0.7 }
-estimators = { use = ["least_squares"] }
-models = { compare = ["viscous"] }
-posterior = { samplers = ["laplace", "kalman", "refusing"], draws = 500 }
-evidence = { methods = [] }
-[[signal]]
-name = "noisy"
-simulate = { viscous = 0.05, duration = 10.0, samples = 200, noise_sd = 0.003 }
-"""
+STUDY = study_text(
+    'estimators = { use = ["least_squares"] }',
+    'models = { compare = ["viscous"] }',
+    'posterior = { samplers = ["laplace", "kalman", "refusing"], draws = 500 }',
+    "evidence = { methods = [] }",
+    simulate="viscous = 0.05, duration = 10.0, samples = 200, noise_sd = 0.003",
+    name="noisy",
+    system=f"{SYSTEM}, inertia = 0.7",
+)
 
 
 class Refusing(Sampler):
@@ -42,9 +38,7 @@ def refusing():
 
 
 def test_rows_refusals_and_the_running_estimate(tmp_path, refusing):
-    file = tmp_path / "fast.toml"
-    file.write_text(STUDY, encoding="utf-8")
-    assert run_study(load_study(file), tmp_path / "out", workers=1) == 0
+    assert run_study(write_study(tmp_path, STUDY), tmp_path / "out", workers=1) == 0
     rows = read_table(tmp_path / "out" / "posteriors.csv")
     for sampler in ("laplace", "kalman"):
         found = {r["parameter"]: r for r in rows if r["sampler"] == sampler and r["model"] == "viscous"}

@@ -11,28 +11,24 @@ from scipy import stats
 
 import bayesdamp as bd
 from bayesdamp.cli import main
-from bayesdamp.config import load_study
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.pipeline import run_study
 from bayesdamp.plugins import read_modules, use
 from bayesdamp.report.sections import SECTIONS
 from bayesdamp.store import read_table
+from tests.studies import SYSTEM, study_text, write_study
 
 PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
-STUDY = """
-version = 1
-name = "extended"
-seed = 3
-plugins = { modules = [FILES] }
-system = { restoring = "soft_spring", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
-estimators = { use = ["half_life"], stages = ["initial"] }
-models = { compare = ["viscous", "cubic_drag", "thinning", "rubbing"] }
-posterior = { samplers = ["at_the_mode"], noise = "logistic" }
-evidence = { methods = ["unit_information"], referee = "never" }
-[[signal]]
-name = "rig"
-simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
-"""
+BLOCKS: list[str] = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+STUDY = study_text(
+    "plugins = { modules = [FILES] }",
+    'estimators = { use = ["half_life"], stages = ["initial"] }',
+    'models = { compare = ["viscous", "cubic_drag", "thinning", "rubbing"] }',
+    'posterior = { samplers = ["at_the_mode"], noise = "logistic" }',
+    'evidence = { methods = ["unit_information"], referee = "never" }',
+    simulate="viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003",
+    system=SYSTEM.replace("linear", "soft_spring"),
+)
 
 
 @pytest.fixture(autouse=True)
@@ -45,7 +41,7 @@ def _nothing_stays():
 def test_a_term_with_a_parameter_of_its_own(tmp_path):
     """Simulated and weighed from one file: found outright, its parameter within the 95 % interval (the record's seed
     was not chosen; a false alarm once in 20)."""
-    first = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[0]
+    first = BLOCKS[0]
     (tmp_path / "own.py").write_text(first, encoding="utf-8")
     use(read_modules([tmp_path / "own.py"]))
     signal = bd.simulate(
@@ -64,8 +60,7 @@ def test_a_term_with_a_parameter_of_its_own(tmp_path):
 def test_a_reader_of_ones_own(tmp_path, capsys):
     """By its content, whatever the file's name; by look, compare and a study's own modules; without it the file is of
     no format."""
-    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    (block,) = [b for b in blocks if "Reader" in b]
+    (block,) = [b for b in BLOCKS if "Reader" in b]
     (tmp_path / "own.py").write_text(block, encoding="utf-8")
     t = np.arange(400) / 50.0
     angles = 300.0 * np.exp(-0.1 * t) * np.cos(4.47 * t) + np.random.default_rng(0).normal(0.0, 1.0, t.size)
@@ -86,8 +81,7 @@ def test_a_reader_of_ones_own(tmp_path, capsys):
 
 def test_a_noise_of_ones_own(tmp_path):
     """Its density is SciPy's, it is drawn from, and the defaults give its slope and a start near the truth."""
-    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    (block,) = [b for b in blocks if "IndependentNoise" in b]
+    (block,) = [b for b in BLOCKS if "IndependentNoise" in b]
     (tmp_path / "own.py").write_text(block, encoding="utf-8")
     use(read_modules([tmp_path / "own.py"]))
     noise, p, gaps = NOISES.get("logistic"), {"noise_sd": 0.02}, np.full(3999, 0.01)
@@ -103,9 +97,7 @@ def test_a_noise_of_ones_own(tmp_path):
 
 def test_each_example_is_a_plug_in(tmp_path):
     """The base class determines the kind, also where it is defined in the `__init__` of its package."""
-    for i, block in enumerate(
-        re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    ):
+    for i, block in enumerate(BLOCKS):
         (tmp_path / f"own{i}.py").write_text(block, encoding="utf-8")
         use(read_modules([tmp_path / f"own{i}.py"]))
     assert "remark" in SECTIONS.added()
@@ -116,14 +108,12 @@ def test_each_example_is_a_plug_in(tmp_path):
 
 @pytest.mark.slow
 def test_all_kinds_in_one_study(tmp_path):
-    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 8
-    for i, block in enumerate(blocks):
+    assert len(BLOCKS) == 8
+    for i, block in enumerate(BLOCKS):
         (tmp_path / f"own{i}.py").write_text(block, encoding="utf-8")
-    files = ", ".join(f'"own{i}.py"' for i in range(len(blocks)))
-    (tmp_path / "s.toml").write_text(STUDY.replace("FILES", files), encoding="utf-8")
+    files = ", ".join(f'"own{i}.py"' for i in range(len(BLOCKS)))
     out = tmp_path / "out"
-    assert run_study(load_study(tmp_path / "s.toml"), out, workers=1) == 0
+    assert run_study(write_study(tmp_path, STUDY.replace("FILES", files)), out, workers=1) == 0
     estimates = {r["model"]: r for r in read_table(out / "estimates.csv")}
     assert estimates["viscous"]["value"] == pytest.approx(0.1, rel=0.1)
     assert estimates["cubic_drag"]["outcome"] == "it knows viscous damping alone"

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.config import load_study
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, others
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline import run_study
@@ -17,23 +16,20 @@ from bayesdamp.report.results.run import RunFolder, coefficients
 from bayesdamp.store import Store, read_table
 from bayesdamp.types import InputError
 from tests.interface.problems import not_refused
+from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
 
 HERE = Path(__file__).parent
 TRUTH = 0.08
-STUDY = """
-version = 1
-name = "own"
-seed = 3
-plugins = { modules = ["cubic_drag.py", "soft_spring.py"] }
-system = { restoring = "soft_spring", stiffness = "free", rest_angle = 0.0, theta0 = 0.6, omega0 = 0.0 }
-estimators = { use = ["least_squares"], stages = ["initial"] }
-models = { compare = ["viscous", "cubic_drag"] }
-posterior = { samplers = [] }
-evidence = { methods = ["laplace"], referee = "never" }
-[[signal]]
-name = "rig"
-simulate = { cubic_drag = 0.08, stiffness = 20.0, duration = 10.0, samples = 300, noise_sd = 0.003 }
-"""
+SOFT = 'restoring = "soft_spring", stiffness = "free", rest_angle = 0.0, theta0 = 0.6, omega0 = 0.0'
+RECORD = "cubic_drag = 0.08, stiffness = 20.0, duration = 10.0, samples = 300, noise_sd = 0.003"
+STUDY = study_text(
+    'plugins = { modules = ["cubic_drag.py", "soft_spring.py"] }',
+    ESTIMATED,
+    'models = { compare = ["viscous", "cubic_drag"] }',
+    WEIGHED,
+    simulate=RECORD,
+    system=SOFT,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -54,8 +50,7 @@ def study_in(folder: Path):
     for name in ("cubic_drag.py", "soft_spring.py"):
         if not (folder / name).exists():
             shutil.copy(HERE / name, folder)
-    (folder / "own.toml").write_text(STUDY, encoding="utf-8")
-    return load_study(folder / "own.toml")
+    return write_study(folder, STUDY)
 
 
 @pytest.fixture(scope="module")
@@ -65,10 +60,6 @@ def run(tmp_path_factory) -> Path:
     assert run_study(study_in(folder), folder / "out", workers=2) == 0
     use(())
     return folder
-
-
-def stamps(out: Path) -> dict[str, int]:
-    return {n: (out / "cells" / f"{n}.npz").stat().st_mtime_ns for n in Store(out).names()}
 
 
 def test_workers_have_them_and_they_win(run):
@@ -98,51 +89,16 @@ def test_tables_have_its_parameter_under_its_own_name_and_unit(run):
     assert found.study["plugins"][0]["file"] == "cubic_drag.py"
 
 
-def test_a_resumed_run_computes_nothing(run, tmp_path):
-    shutil.copytree(run, tmp_path / "copy")
-    out = tmp_path / "copy" / "out"
-    before = stamps(out)
-    assert run_study(study_in(tmp_path / "copy"), out, workers=1) == 0
-    assert stamps(out) == before
-
-
-@pytest.mark.slow
-def test_a_changed_line_is_computed_again_and_nothing_else(run, tmp_path):
-    """The term at half its force: its coefficient doubles. In a process that has compiled the old one."""
-    folder = tmp_path / "copy"
-    shutil.copytree(run, folder)
-    out, file = folder / "out", folder / "cubic_drag.py"
-    record = (folder / "own.toml").read_text()
-    assert run_study(study_in(folder), out, workers=1) == 0  # and the old term is known to this process
-    before = stamps(out)
-    old = Store(out).read("mode/rig/0/cubic_drag").meta["values"]
-    text = file.read_text().replace("1.0 * velocity**3", "0.5 * velocity**3")
-    file.write_text(text.replace("3 / 8 * amp", "3 / 16 * amp"), encoding="utf-8")
-    assert (folder / "own.toml").read_text() == record
-    assert run_study(study_in(folder), out, workers=1) == 0
-    changed = {n for n, at in stamps(out).items() if at != before[n]}
-    # the record was simulated with it, so that all that follows from the record changes too
-    assert changed == set(before)
-    fit = Store(out).read("mode/rig/0/cubic_drag").meta
-    assert fit["values"]["stiffness"] != old["stiffness"]
-    assert abs(fit["values"]["drag3"] - TRUTH) < 4 * fit["sd"]["drag3"]
-
-
 def test_what_does_not_use_it_keeps_its_keys(tmp_path):
     """Of a record that was not made with it: a changed term changes the keys of the answer, which weighs them all, and
     of the candidates, whose noise and width of friction are the answer's; not those of records and estimates."""
     (tmp_path / "r.csv").write_text("t,y\n" + "".join(f"{i / 10},{(-1) ** i}\n" for i in range(50)))
-    text = STUDY.replace(
-        "simulate = { cubic_drag = 0.08, stiffness = 20.0, duration = 10.0, samples = 300, noise_sd = 0.003 }",
-        'file = "r.csv"\ntime = "t"\nangle = "y"',
-    )
+    text = STUDY.replace(f"simulate = {{ {RECORD} }}", 'file = "r.csv"\ntime = "t"\nangle = "y"')
     shutil.copy(HERE / "cubic_drag.py", tmp_path)
     shutil.copy(HERE / "soft_spring.py", tmp_path)
-    (tmp_path / "own.toml").write_text(text, encoding="utf-8")
     keys = []
     for _ in range(2):
-        study = load_study(tmp_path / "own.toml")
-        keys.append(keys_of(study, tmp_path))
+        keys.append(keys_of(write_study(tmp_path, text), tmp_path))
         file = tmp_path / "cubic_drag.py"
         file.write_text(file.read_text().replace("1.0 * velocity**3", "0.5 * velocity**3"), encoding="utf-8")
     changed = {n for n in keys[0] if keys[0][n] != keys[1][n]}
@@ -217,28 +173,21 @@ def test_an_installed_package_is_found_by_its_entry_point(tmp_path, monkeypatch)
         TERMS.__dict__.pop("_entries", None)
 
 
-SHORT = """
-version = 1
-name = "short"
-seed = 3
-plugins = { modules = ["own.py"] }
-system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
-estimators = { use = ["least_squares", "own"], stages = ["initial"] }
-models = { compare = ["viscous", "quadratic"] }
-posterior = { samplers = [] }
-evidence = { methods = [] }
-[[signal]]
-name = "rig"
-simulate = { viscous = 0.05, duration = 10.0, samples = 200, noise_sd = 0.003 }
-"""
+SHORT = study_text(
+    'plugins = { modules = ["killer.py"] }',
+    'estimators = { use = ["least_squares", "killer"], stages = ["initial"] }',
+    COMPARED,
+    "posterior = { samplers = [] }",
+    "evidence = { methods = [] }",
+    simulate="viscous = 0.05, duration = 10.0, samples = 200, noise_sd = 0.003",
+)
 
 
 @pytest.mark.slow
 def test_an_estimator_that_kills_its_process_costs_its_own_tasks(tmp_path, capsys):
     """On two processes: every other task is done, and the run says which were lost and ends with status 3."""
-    (tmp_path / "own.py").write_text((HERE / "killer.py").read_text(), encoding="utf-8")
-    (tmp_path / "s.toml").write_text(SHORT.replace('"own"', '"killer"'), encoding="utf-8")
-    assert run_study(load_study(tmp_path / "s.toml"), tmp_path / "out", workers=2) == 3
+    shutil.copy(HERE / "killer.py", tmp_path)
+    assert run_study(write_study(tmp_path, SHORT), tmp_path / "out", workers=2) == 3
     said = " ".join(capsys.readouterr().err.split())
     outcomes = {n: Store(tmp_path / "out").read(n).outcome for n in Store(tmp_path / "out").names()}
     lost = [f"estimate/rig/0/{model}/killer" for model in ("viscous", "quadratic")]

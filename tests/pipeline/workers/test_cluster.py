@@ -6,6 +6,7 @@ import io
 import threading
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,18 +17,19 @@ from bayesdamp.pipeline.workers import cluster
 from bayesdamp.types import InputError, Posterior
 
 
+def local_cluster(workers: int, folder: Path) -> Any:
+    """A Dask cluster of so many workers within this process."""
+    return pytest.importorskip("distributed").LocalCluster(
+        n_workers=workers, threads_per_worker=1, processes=False, protocol="tcp://", host="127.0.0.1",
+        dashboard_address=":0", local_directory=str(folder),
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("workers", [0, 1])
 def test_that_there_are_no_workers_is_said(workers: int, tmp_path: Path) -> None:
     """Negative control: nothing is said where there is one."""
-    distributed = pytest.importorskip("distributed")
     said: list[str] = []
-    with (
-        distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=False, protocol="tcp://", host="127.0.0.1",
-            dashboard_address=":0", local_directory=str(tmp_path),
-        ) as made,
-        cluster(made.scheduler_address, said.append),
-    ):  # fmt: skip
+    with local_cluster(workers, tmp_path) as made, cluster(made.scheduler_address, said.append):
         pass
     assert len(said) == 1 - workers
     assert all("it has no worker; waiting for one" in line and len(line) < 300 for line in said)
@@ -43,17 +45,12 @@ def test_an_address_that_no_scheduler_answers_is_refused(address: str) -> None:
 
 
 def test_a_run_that_waits_for_workers_can_be_ended(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed")
-
     def interrupted(address: str) -> None:
         with suppress(KeyboardInterrupt), cluster(address, print) as pool:
             pool.submit(abs, -1)
             raise KeyboardInterrupt
 
-    with distributed.LocalCluster(
-        n_workers=0, processes=False, protocol="tcp://", host="127.0.0.1", dashboard_address=":0",
-        local_directory=str(tmp_path),
-    ) as made:  # fmt: skip
+    with local_cluster(0, tmp_path) as made:
         run = threading.Thread(target=interrupted, args=(made.scheduler_address,), daemon=True)
         run.start()
         run.join(30)
@@ -67,14 +64,7 @@ def _draws() -> bytes:
 
 def test_draws_are_written_on_a_worker_as_in_one_process(tmp_path: Path) -> None:
     """xarray asks the cluster for a lock of the file, by its name."""
-    distributed = pytest.importorskip("distributed")
-    with (
-        distributed.LocalCluster(
-            n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://", host="127.0.0.1",
-            dashboard_address=":0", local_directory=str(tmp_path),
-        ) as made,
-        cluster(made.scheduler_address, print) as pool,
-    ):  # fmt: skip
+    with local_cluster(1, tmp_path) as made, cluster(made.scheduler_address, print) as pool:
         found = pool.submit(_draws).result(timeout=120)
     read = xarray.open_datatree(io.BytesIO(found), engine="h5netcdf")
     assert read.posterior["zeta"].values.tolist() == np.arange(100.0).reshape(2, 50).tolist()

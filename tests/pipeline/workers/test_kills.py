@@ -15,31 +15,25 @@ import numpy as np
 import pytest
 
 from bayesdamp.store import read_table
+from tests.studies import SYSTEM, signal_text, study_text
 
 KILLS = int(os.environ.get("KILLS", "50"))
 SEED = int(os.environ.get("KILLS_SEED", "5"))
 DAMAGED = 3
 """Files of a kept result that are overwritten, emptied or cut off."""
-STUDY = """
-version = 1
-name = "killed"
-seed = {seed}
-system = {{ restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0, epsilon = 0.0 }}
-estimators = {{ use = ["least_squares", "envelope"] }}
-models = {{ compare = ["viscous", "quadratic", "viscous+quadratic"] }}
-posterior = {{ samplers = ["nuts", "emcee"], chains = 2, warmup = 200, draws = 400 }}
-[[signal]]
-name = "a"
-simulate = {{ viscous = 0.05, duration = 10.0, samples = 300, noise_sd = 0.003 }}
-[[signal]]
-name = "b"
-simulate = {{ viscous = 0.03, quadratic = 0.04, duration = 10.0, samples = 300, noise_sd = 0.003 }}
-"""
+SIMULATE = "duration = 10.0, samples = 300, noise_sd = 0.003"
+STUDY = study_text(
+    'estimators = { use = ["least_squares", "envelope"] }',
+    'models = { compare = ["viscous", "quadratic", "viscous+quadratic"] }',
+    'posterior = { samplers = ["nuts", "emcee"], chains = 2, warmup = 200, draws = 400 }',
+    simulate=f"viscous = 0.05, {SIMULATE}",
+    system=f"{SYSTEM}, epsilon = 0.0",
+) + signal_text("other", f"viscous = 0.03, quadratic = 0.04, {SIMULATE}")
 
 
 def command(folder: Path, workers: int, seed: int = 1) -> list[str]:
     file = folder / "killed.toml"
-    file.write_text(STUDY.format(seed=seed), encoding="utf-8")
+    file.write_text(STUDY.replace("seed = 3", f"seed = {seed}"), encoding="utf-8")
     options = ("--out", str(folder / "out"), "--workers", str(workers), "--quiet")
     return [sys.executable, "-m", "bayesdamp", "study", str(file), *options]
 

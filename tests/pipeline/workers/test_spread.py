@@ -12,27 +12,20 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.config import load_study
 from bayesdamp.machine.processes import processes
 from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.workers import pool_of, spread
 from bayesdamp.plugins import use
 from bayesdamp.store import Store, read_table
-from bayesdamp.types import InputError
+from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
 
-STUDY = """
-version = 1
-name = "tiny"
-seed = 3
-system = { restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0 }
-estimators = { use = ["least_squares"], stages = ["initial"] }
-models = { compare = ["viscous", "quadratic"] }
-posterior = { samplers = [] }
-evidence = { methods = ["laplace"], referee = "never" }
-[[signal]]
-name = "noisy"
-simulate = { viscous = 0.05, duration = 10.0, samples = 300, noise_sd = 0.003 }
-"""
+STUDY = study_text(
+    ESTIMATED,
+    COMPARED,
+    WEIGHED,
+    simulate="viscous = 0.05, duration = 10.0, samples = 300, noise_sd = 0.003",
+    name="noisy",
+)
 TABLES = ("estimates.csv", "evidence.csv", "fits.csv")
 
 
@@ -44,9 +37,7 @@ def _no_plug_in_stays():
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    file = tmp_path_factory.mktemp("study") / "tiny.toml"
-    file.write_text(STUDY, encoding="utf-8")
-    return load_study(file)
+    return write_study(tmp_path_factory.mktemp("study"), STUDY)
 
 
 def tables(run: Path) -> dict[str, list[str]]:
@@ -95,22 +86,20 @@ def test_dask_workers_have_a_study_s_plug_ins(scheduler, tmp_path):
     """And those of the next study in place of them: the same workers, another source under the same name."""
     source = (Path(__file__).parents[2] / "plugins" / "cubic_drag.py").read_text(encoding="utf-8")
     text = STUDY.replace("system =", 'plugins = { modules = ["own.py"] }\nsystem =')
-    (tmp_path / "s.toml").write_text(text.replace("quadratic", "cubic_drag"), encoding="utf-8")
     found = []
     for factor in (1.0, 0.5):
         (tmp_path / "own.py").write_text(source.replace("1.0 *", f"{factor} *"), encoding="utf-8")
         out = tmp_path / f"out{factor}"
-        assert run_study(load_study(tmp_path / "s.toml"), out, scheduler=scheduler) == 0
+        assert (
+            run_study(
+                write_study(tmp_path, text.replace("quadratic", "cubic_drag")), out, scheduler=scheduler
+            )
+            == 0
+        )
         found.append(Store(out).read("mode/noisy/0/cubic_drag").meta["values"]["drag3"])
     # the same motion, and a coefficient twice as large but for its prior's width
     assert found[1] == pytest.approx(2 * found[0], rel=0.01)
     assert abs(found[1] - found[0]) > 0.5 * found[0]
-
-
-def test_no_scheduler_is_one_line(study, tmp_path):
-    pytest.importorskip("distributed")
-    with pytest.raises(InputError, match=r"--scheduler nowhere://x: no Dask scheduler answers there"):
-        run_study(study, tmp_path / "out", scheduler="nowhere://x")
 
 
 def job(folder: Path, name: str, given_up: Collection[str]) -> list[str]:
