@@ -114,15 +114,12 @@ def trajectory(signal: str, model: str, t: np.ndarray) -> np.ndarray:
 
 
 class RunMaker:
-    """Writes the folder of a run; `cells`, `tables` and `signals` say what of it."""
+    """Writes the folder of a run; `tables`, `signals` and `models` say what of it."""
 
     def __init__(self, folder: Path, signals=("bench", "sim"), repeats=None, models=MODELS) -> None:
-        self.folder = folder
-        self.store = Store(folder)
-        self.signals = list(signals)
+        self.folder, self.store, self.rng = folder, Store(folder), np.random.default_rng(7)
+        self.signals, self.models = list(signals), models
         self.repeats = repeats or {"bench": 1, "sim": 2}
-        self.models = models
-        self.rng = np.random.default_rng(7)
         self.tables: dict[str, list[dict]] = {name: [] for name in TABLES}
 
     def kind(self, signal: str) -> str:
@@ -133,10 +130,12 @@ class RunMaker:
             for repeat in range(self.repeats.get(signal, 1)):
                 t, y = self.signal(signal, repeat)
                 for model in self.models:
-                    self.mode(signal, repeat, model, t, y)
-                    self.estimates(signal, repeat, model)
-                    self.posterior(signal, repeat, model)
-                    self.evidence(signal, repeat, model)
+                    place = {"signal": signal, "repeat": repeat, "model": model}
+                    path, kind = f"{signal}/{repeat}/{model}", self.kind(signal)
+                    self.mode(place, path, kind, t, y)
+                    self.estimates(place, path, kind)
+                    self.posterior(place, path, kind)
+                    self.evidence(place, path, kind)
         for name, rows in self.tables.items():
             write_table(self.folder / name, TABLES[name], rows)
         write_json(self.folder / "run.json", self.info())
@@ -148,117 +147,79 @@ class RunMaker:
     def signal(self, signal: str, repeat: int) -> tuple[np.ndarray, np.ndarray]:
         kind = self.kind(signal)
         t = np.arange(5000) / 260.0 if kind == "bench" else np.linspace(0, 10, 1000)
-        best = "viscous+coulomb" if kind == "bench" else "viscous"
-        noise = np.convolve(self.rng.normal(0, 1.0, t.size + 40), np.exp(-np.arange(41) / 12), "valid")
-        y = trajectory(kind, best, t)
-        y = y + (0.0006 * noise if kind == "bench" else self.rng.normal(0, 0.003, t.size))
+        noise = self.rng.normal(0, 0.003, t.size)
+        y = trajectory(kind, "viscous+coulomb" if kind == "bench" else "viscous", t) + noise
+        period = 0.25 if kind == "bench" else 1.405
+        meta: dict = {"features": asdict(FeaturesSeen(0.0, 0.3, 0.1, 4.5, period, 9.0, 140.0, 0.001))}
         arrays = {"t": t, "y": y}
-        features = FeaturesSeen(
-            rest=0.0,
-            amplitude=0.3,
-            final_amplitude=0.1,
-            frequency=4.5,
-            period=0.25 if kind == "bench" else 1.405,
-            cycles=9.0,
-            samples_per_cycle=140.0,
-            roughness=0.001,
-        )
-        meta: dict = {"features": asdict(features)}
-        if kind == "bench":
-            before, after = np.full(520, y[0]), np.full(1300, 0.0088)
-            raw = np.concatenate([before, y, after])
+        if kind == "bench":  # held before, and at rest at last
+            raw = np.concatenate([np.full(520, y[0]), y, np.full(1300, 0.0088)])
             arrays |= {"raw_t": np.arange(raw.size) / 260.0, "raw_y": raw}
             meta["provenance"] = {"start": 2.0, "stop": 21.23}
         self.put(f"signal/{signal}/{repeat}", meta, arrays)
         return t, y
 
-    def mode(self, signal: str, repeat: int, model: str, t: np.ndarray, y: np.ndarray) -> None:
-        kind = self.kind(signal)
+    def mode(self, place: dict, path: str, kind: str, t: np.ndarray, y: np.ndarray) -> None:
+        model = place["model"]
         fit = trajectory(kind, model, t)
-        residual = y - fit
+        residual, lags = y - fit, np.arange(26)
         size = {n: SIZE[kind][n] for n, _ in (OWN[term] for term in model.split("+"))}
-        lags = np.arange(26)
-        rho = 0.94 if kind == "bench" else 0.0
-        autocorrelation = np.where(lags == 0, 1.0, 0.25 * rho**lags + self.rng.normal(0, 0.02, lags.size))
+        values, sds = ({n: pair[i] for n, pair in size.items()} for i in (0, 1))
+        parts = (("whole", 0, 1), ("first half", 0, 0.5), ("second half", 0.5, 1), ("middle", 0.25, 0.75))
         windows = [
-            {
-                "label": label,
-                "start": start * t[-1],
-                "stop": stop * t[-1],
-                "values": {n: v + (0 if i == 0 else self.rng.normal(0, 3 * s)) for n, (v, s) in size.items()},
-                "sd": {n: s * (1 + 0.4 * i) for n, (_, s) in size.items()},
-            }
-            for i, (label, start, stop) in enumerate(
-                [("whole", 0, 1), ("first half", 0, 0.5), ("second half", 0.5, 1), ("middle", 0.25, 0.75)]
-            )
+            {"label": label, "start": start * t[-1], "stop": stop * t[-1], "values": values, "sd": sds}
+            for label, start, stop in parts
         ]
+        budget = {"step_error": 2e-8, "log_likelihood_change": 0.0021}
         meta = {
-            "values": {n: v for n, (v, _) in size.items()},
-            "sd": {n: s for n, (_, s) in size.items()},
+            "values": values,
+            "sd": sds,
             "log_posterior": 1234.5,
-            "error_budget": {"step_error": 2e-8, "log_likelihood_change": 0.0021},
+            "error_budget": budget,
             "windows": windows,
         }
         arrays = {"t": t, "fit": fit, "residual": residual, "whitened": residual / residual.std()}
-        self.put(f"mode/{signal}/{repeat}/{model}", meta, {**arrays, "autocorrelation": autocorrelation})
+        self.put(f"mode/{path}", meta, arrays | {"autocorrelation": 0.94**lags})
         factor, unit = (180 / math.pi, "deg") if kind == "bench" else (1.0, "rad")
         best = LOG_BAYES[kind][model] > -2
+        fitted = {"rms": residual.std() * factor, "rms_unit": unit, "residual_autocorrelation": 0.235}
+        fitted |= {"window_spread": 4.1 if kind == "bench" else 0.6}
+        fitted |= {"predictive_p": (0.003 if kind == "bench" else 0.41) if best else 0.0}
+        verdict = f"the residual is {'as small as' if best else 'far above'} the noise"
         self.tables["fits.csv"].append(
-            {
-                "signal": signal,
-                "repeat": repeat,
-                "model": model,
-                "restoring": "horizontal_pendulum",
-                "rms": residual.std() * factor,
-                "rms_unit": unit,
-                "residual_autocorrelation": float(autocorrelation[1]),
-                "window_spread": 4.1 if kind == "bench" else 0.6,
-                "predictive_p": (0.003 if kind == "bench" else 0.41) if best else 0.0,
-                "verdict": "the residual is as small as the noise"
-                if best
-                else "the residual is far above the noise",
-            }
+            {**place, "restoring": "horizontal_pendulum", **fitted, "verdict": verdict}
         )
 
-    def estimates(self, signal: str, repeat: int, model: str) -> None:
-        kind = self.kind(signal)
+    def estimates(self, place: dict, path: str, kind: str) -> None:
+        rows, later = self.tables["estimates.csv"], place["repeat"] + 1
         for i, method in enumerate(METHODS):
-            common = {"signal": signal, "repeat": repeat, "model": model, "estimator": method}
-            if method == "envelope" and "+" in model:
+            common = {**place, "estimator": method, "evaluations": 300 * (i + 1) * later}
+            common |= {"seconds": 0.3 * (i + 1) * later}
+            if method == "envelope" and "+" in place["model"]:
                 outcome = "refuses: the envelope of a sum of dampings has no closed form here"
-                self.tables["estimates.csv"].append(
-                    {**common, "stage": "initial", "outcome": outcome, "seconds": 0.0}
+                rows.append(
+                    {**place, "estimator": method, "stage": "initial", "outcome": outcome, "seconds": 0.0}
                 )
                 continue
-            for stage in ("initial", "refined"):
-                rough = [30, 8, 400, 12, 25, 3, 60, 150, 90, 45, 5][i] if stage == "initial" else 0.2
-                for term in model.split("+"):
-                    name, unit = OWN[term]
+            for stage, rough in (("initial", 30), ("refined", 0.2)):
+                for name, unit in (OWN[term] for term in place["model"].split("+")):
                     value, sd = SIZE[kind][name]
-                    value = 0.0 if kind == "sim" and name == "mu_c" and "+" in model else value
+                    value = 0.0 if kind == "sim" and name == "mu_c" and "+" in place["model"] else value
                     value += sd * rough * self.rng.normal()
                     true = TRUTH[name] if kind == "sim" else math.nan
-                    self.tables["estimates.csv"].append(
-                        {
-                            **common,
-                            "stage": stage,
-                            "parameter": name,
-                            "unit": unit,
-                            "value": value,
-                            "stderr": sd if stage == "refined" else math.nan,
-                            "truth": true,
-                            "error_pct": 100 * (value / true - 1) if true else math.nan,
-                            "evaluations": 300 * (i + 1) * (repeat + 1),
-                            "seconds": 0.3 * (i + 1) * (repeat + 1),
-                            "outcome": "ok",
-                        }
-                    )
-            steps = np.arange(200)
-            trace = {"initial/loss": np.exp(-steps / 40) + 1e-4} if method == "pinn" else {}
-            self.put(f"estimate/{signal}/{repeat}/{model}/{method}", {"stages": stages(method)}, trace)
+                    error = 100 * (value / true - 1) if true else math.nan
+                    known = {
+                        "stderr": sd if stage == "refined" else math.nan,
+                        "truth": true,
+                        "error_pct": error,
+                    }
+                    at = {"stage": stage, "parameter": name, "unit": unit, "value": value, "outcome": "ok"}
+                    rows.append({**common, **at, **known})
+            trace = {"initial/loss": np.exp(-np.arange(200) / 40)} if method == "pinn" else {}
+            self.put(f"estimate/{path}/{method}", {"stages": stages(method)}, trace)
 
-    def posterior(self, signal: str, repeat: int, model: str) -> None:
-        kind = self.kind(signal)
+    def posterior(self, place: dict, path: str, kind: str) -> None:
+        model = place["model"]
         size = [(*OWN[term], *SIZE[kind][OWN[term][0]]) for term in model.split("+")]
         size += [(n, u, v, s) for n, (v, s, u) in SHARED[kind].items()]
         names, units = [s[0] for s in size], [s[1] for s in size]
@@ -267,140 +228,72 @@ class RunMaker:
             mean[names.index("mu_c")] = 0.0
         for sampler in ("nuts", "emcee"):
             draws = mean + sd * self.rng.normal(size=(4, 1000, len(names)))
-            if "+" in model and mean[1]:
-                tilt = 0.9 * sd[1] / sd[0] * (draws[..., 0] - mean[0])
-                draws[..., 1] = mean[1] - tilt + 0.44 * (draws[..., 1] - mean[1])
             own = [n in TRUTH for n in names]
             draws[..., own] = np.abs(draws[..., own])
             slow = sampler == "emcee" and model == "quadratic"
             outcome = "not converged: R̂ of stiffness is 1.034, above 1.01" if slow else "ok"
-            self.put(
-                f"posterior/{signal}/{repeat}/{model}/{sampler}",
-                {
-                    "posterior": {"sampler": sampler, "names": names, "draws": [], "log_likelihood": []},
-                    "units": dict(zip(names, units)),
-                },
-                {"draws": draws},
-                outcome,
-            )
+            stored = {"sampler": sampler, "names": names, "draws": [], "log_likelihood": []}
+            meta = {"posterior": stored, "units": dict(zip(names, units))}
+            self.put(f"posterior/{path}/{sampler}", meta, {"draws": draws}, outcome)
             flat = draws.reshape(-1, len(names))
-            derived = [("natural_frequency", "rad/s", np.sqrt(20 + 0.001 * self.rng.normal(size=len(flat))))]
-            columns = [*((n, u, flat[:, i]) for i, (n, u) in enumerate(zip(names, units))), *derived]
-            for name, unit, x in columns:
-                q = dict(
-                    zip(
-                        ("q2.5", "q25", "median", "q75", "q97.5"),
-                        np.quantile(x, [0.025, 0.25, 0.5, 0.75, 0.975]),
-                    )
-                )
-                self.tables["posteriors.csv"].append(
-                    {
-                        "signal": signal,
-                        "repeat": repeat,
-                        "model": model,
-                        "sampler": sampler,
-                        "parameter": name,
-                        "unit": unit,
-                        "mean": x.mean(),
-                        "sd": x.std(),
-                        **q,
-                        "hdi_low": q["q2.5"],
-                        "hdi_high": q["q97.5"],
-                        "ess_bulk": 3900.0 if sampler == "nuts" else 1200.0,
-                        "ess_tail": 2800.0,
-                        "rhat": 1.034 if slow and name == "stiffness" else 1.001,
-                        "divergences": 0 if sampler == "nuts" else None,
-                        "seconds": 4.0,
-                        "outcome": outcome,
-                    }
-                )
+            derived = ("natural_frequency", "rad/s", np.sqrt(20 + 0.001 * self.rng.normal(size=len(flat))))
+            for name, unit, x in (
+                *((n, u, flat[:, i]) for i, (n, u) in enumerate(zip(names, units))),
+                derived,
+            ):
+                levels = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
+                row = {q: np.quantile(x, level) for q, level in levels.items()}
+                row |= {"mean": x.mean(), "sd": x.std(), "hdi_low": row["q2.5"], "hdi_high": row["q97.5"]}
+                row |= {
+                    "ess_bulk": 3900.0 if sampler == "nuts" else 1200.0,
+                    "ess_tail": 2800.0,
+                    "seconds": 4.0,
+                }
+                row |= {"rhat": 1.034 if slow and name == "stiffness" else 1.001, "outcome": outcome}
+                row |= {"sampler": sampler, "parameter": name, "unit": unit}
+                divergences = 0 if sampler == "nuts" else None
+                self.tables["posteriors.csv"].append({**place, **row, "divergences": divergences})
 
-    def evidence(self, signal: str, repeat: int, model: str) -> None:
-        kind = self.kind(signal)
+    def evidence(self, place: dict, path: str, kind: str) -> None:
         logs = {m: LOG_BAYES[kind][m] for m in self.models}
-        total = sum(math.exp(v) for v in logs.values())
-        for method in ("importance", "bridge"):
-            poor = method == "importance" and model == "viscous+coulomb" and kind == "sim"
-            row = {
-                "signal": signal,
-                "repeat": repeat,
-                "model": model,
-                "restoring": "horizontal_pendulum",
-                "method": method,
-                "log_evidence": 29362.41 + logs[model] + (0.02 if method == "bridge" else 0.0),
-                "stderr": 0.008,
-                "log_bayes_factor": logs[model] - max(logs.values()),
-                "probability": math.exp(logs[model]) / total,
-                "diagnostic": "Pareto k 0.81: poor"
-                if poor
-                else "Pareto k 0.21"
-                if method == "importance"
-                else "",
-                "outcome": "ok",
-            }
-            self.tables["evidence.csv"].append(row)
-            self.put(f"evidence/{signal}/{repeat}/{model}/{method}", {}, {})
+        own, total = logs[place["model"]], sum(math.exp(v) for v in logs.values())
+        for method, shift, diagnostic in (("importance", 0.0, "Pareto k 0.21"), ("bridge", 0.02, "")):
+            row = {"method": method, "log_evidence": 29362.41 + own + shift, "stderr": 0.008, "outcome": "ok"}
+            row |= {"log_bayes_factor": own - max(logs.values()), "probability": math.exp(own) / total}
+            row |= {"restoring": "horizontal_pendulum", "diagnostic": diagnostic}
+            self.tables["evidence.csv"].append({**place, **row})
+            self.put(f"evidence/{path}/{method}", {}, {})
 
     def info(self) -> dict:
+        note = {"epsilon_note": "ε was not given: 2 % of the peak velocity, 0.25 rad/s."}
         about = {
-            "bench": {
-                "notes": [
-                    "94 % of the time stamps repeat: the clock was rebuilt as index × mean step (260.0 Hz).",
-                    "The first 2.00 s, before the release, and all after 21.23 s, at rest, were cut off.",
-                    "Recording step 0.088 deg.",
-                ],
-                "unit": "deg",
-                "quantity": "angle",
-                "simulated": False,
-                "epsilon_note": "ε was not given: 2 % of the peak velocity, 0.25 rad/s.",
-            },
+            "bench": {"notes": ["Cut."], "unit": "deg", "quantity": "angle", "simulated": False, **note},
             "sim": {"notes": ["Simulated."], "unit": "rad", "quantity": "angle", "simulated": True},
         }
-        priors = {
-            model: {
-                **{OWN[term][0]: "halfnormal(scale 0.45)" for term in model.split("+")},
-                "stiffness": "lognormal(median 630, sigma 0.5)",
-                "noise_sd": "lognormal(median 0.0021, sigma 1)",
-            }
-            for model in self.models
+        system = {
+            "restoring": "horizontal_pendulum",
+            "known": {"stiffness": 20.0},
+            "free": {"noise_sd": None},
         }
-        seconds = {name: self.store.read(name).seconds for name in self.store.names()}
+        study = {
+            "signals": [{"name": name, "system": system} for name in self.signals],
+            "estimators": {"use": list(METHODS), "stages": ["initial", "refined"]},
+            "models": {"compare": list(self.models)},
+            "posterior": {"samplers": ["nuts", "emcee"], "noise": "correlated"},
+            "evidence": {"methods": ["importance", "bridge"], "referee": "auto"},
+        }
+        priors = {m: {OWN[term][0]: "halfnormal(scale 0.45)" for term in m.split("+")} for m in self.models}
         return {
             "name": "two pendulums",
-            "description": "One measured and one simulated decay",
-            "study": {
-                "version": 1,
-                "name": "two pendulums",
-                "seed": 20260101,
-                "signals": [
-                    {
-                        "name": name,
-                        "system": {
-                            "restoring": "horizontal_pendulum",
-                            "known": {"stiffness": 20.0, "epsilon": 0.1},
-                            "free": {"noise_sd": None},
-                        },
-                    }
-                    for name in self.signals
-                ],
-                "estimators": {"use": list(METHODS), "stages": ["initial", "refined"]},
-                "models": {"compare": list(self.models)},
-                "posterior": {"samplers": ["nuts", "emcee"], "noise": "correlated"},
-                "evidence": {"methods": ["importance", "bridge"], "referee": "auto"},
-            },
+            "study": study,
             "seed": 20260101,
-            "versions": {"numpy": "2.1.0", "jax": "0.5.0"},
-            "revision": "0123456789abcdef",
-            "machine": {"system": "Linux", "processor": "a processor", "cpus": 2, "python": "3.11.9"},
+            "versions": {"numpy": "2.1.0"},
+            "machine": {"system": "Linux", "cpus": 2},
             "inputs": {"bench.txt": "ab" * 32},
-            "seconds": seconds,
+            "seconds": {name: self.store.read(name).seconds for name in self.store.names()},
             "signals": {name: about[self.kind(name)] for name in self.signals},
-            "priors": {name: priors for name in self.signals},
+            "priors": dict.fromkeys(self.signals, priors),
             "models": list(self.models),
-            "error_budget": {
-                name: {model: {"step_error": 2e-8, "log_likelihood_change": 0.0021} for model in self.models}
-                for name in self.signals
-            },
         }
 
 

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.odds import FURTHER_TERM
-from bayesdamp.report.results.checks import Checks, sampled
+from bayesdamp.report.results.checks import Checks
 from bayesdamp.report.results.run import RunFolder, over_odds, ranking
-from bayesdamp.report.results.run import truth as truth_of
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.units import UNITS
@@ -86,16 +85,6 @@ def checked(run: RunFolder) -> tuple[list[str], list[str]]:
     """The sentences of the checks that pass, and of those that fail."""
     result = Checks(run, "a").all()
     return [c.text for c in result if not c.fails], [c.text for c in result if c.fails]
-
-
-def test_what_linear_models_gave_is_in_the_unit_of_the_record() -> None:
-    other = verdict("viscous+stribeck"), verdict("viscous+coulomb")
-    (check,) = sampled(run_of(unit="deg", cells=dict(zip(("answer", "sampled"), other, strict=True))), "a")
-    assert "linear approximations alone gave" in check.text
-    assert f"at {math.degrees(0.2):.2g} deg" in check.text
-    assert "rad" not in check.text
-    (same,) = sampled(run_of(cells={"answer": verdict(), "sampled": verdict()}), "a")
-    assert same.text.startswith("MCMC sampling gives this result and confirms that of linear approximations")
 
 
 def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
@@ -171,15 +160,6 @@ def test_the_damping_ratio_of_chains_confirms_or_contradicts() -> None:
     assert "gives an interval 0.5 times as wide: 1.000 % (0.950 to 1.050) at 0.2 rad" in ratios(0.01, 0.0005)
 
 
-def test_no_law_is_compared_where_none_is_the_answer() -> None:
-    tables = {"posteriors": chain(), "evidence": evidence(viscous=0.99, coulomb=0.01)}
-    run = run_of(verdict(law_free=True), **tables)
-    passed, failed = checked(run)
-    assert failed == []
-    assert [sentence.startswith("No damping law describes this record") for sentence in passed] == [True]
-    assert Checks(run, "a").table() is None
-
-
 def test_evidence_that_is_not_to_be_trusted_fails() -> None:
     rows = evidence(viscous=0.99, coulomb=math.nan)
     rows[1]["outcome"] = "the posterior has no curvature at its mode."
@@ -229,13 +209,3 @@ def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     single = ranking(run_of(evidence=evidence(viscous=0.6, coulomb=0.4)), "a", 0)
     assert single is not None
     assert over_odds(single) == {}  # all have as many terms
-
-
-def test_the_truth_of_the_noise_is_that_of_the_simulation() -> None:
-    """Estimators do not estimate the noise, so that no row of their table has its true value."""
-    run = run_of(truth="viscous", estimates=[fitted()])
-    simulation = {**run.simulation("a"), "truth": {"noise_sd": 0.003}}
-    with_noise = run_of(truth="viscous", estimates=[fitted()], simulation=lambda _: simulation)
-    assert truth_of(with_noise, "a", "noise_sd") == 0.003
-    assert truth_of(with_noise, "a", "zeta") == 0.05
-    assert math.isnan(truth_of(run_of(simulation=lambda _: simulation), "a", "noise_sd"))  # control: measured

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from bayesdamp.report.drawing import Drawings
@@ -12,7 +11,6 @@ from bayesdamp.report.figures.answer import answer
 from bayesdamp.report.figures.curves import contours
 from bayesdamp.report.figures.posterior import marginals
 from bayesdamp.report.figures.record import thinned
-from bayesdamp.report.style import colour, dash, looks
 
 
 def test_thinning_keeps_the_extremes():
@@ -36,21 +34,6 @@ def test_the_record_of_an_acceleration_is_labelled_as_one() -> None:
     assert [ax.get_ylabel() for ax in answer(arrays, "m", "viscous").axes][::2] == ["m", "m"]
 
 
-def test_no_law_is_drawn_where_none_is_the_answer() -> None:
-    """Only what is measured: the record, the damping ratio and the energy that is lost, as `free/*` have them."""
-    t = np.linspace(0.0, 1.0, 50)
-    arrays = {"t": t, "record": np.cos(t), "amplitude": 1 + t}
-    arrays |= {f"free/{name}": 1 + t for name in ("amplitude", "ratio", "ratio_low", "ratio_high", "lost")}
-    for narrow in (False, True):
-        record, ratio, energy = answer(arrays, "m", "viscous", narrow=narrow).axes
-        assert [ax.get_title(loc="left") or ax.get_title() for ax in (record, ratio, energy)] == [
-            "Record",
-            "Equivalent damping ratio, measured without a law",
-            "Energy lost in a cycle, without a law",
-        ]
-        assert [len(ax.lines) for ax in (record, ratio, energy)] == [1, 1, 1]
-
-
 def test_contours_enclose_their_mass():
     """20,000 normal pairs: the share within a level's smooth contour is within 0.03 of it."""
     x, y = np.random.default_rng(4).normal(size=(2, 20_000))
@@ -65,20 +48,6 @@ def _draw() -> Figure:
     figure = Figure(figsize=(3, 2))
     figure.add_subplot().plot([0, 1], [0, 1])
     return figure
-
-
-def test_one_sum_under_several_laws_is_told_apart():
-    """The first has the sum's own colour, the others are ever paler; another sum is not touched. Negative control:
-    colours of the sums alone are one."""
-    names = ["coulomb@pendulum", "viscous@linear", "coulomb@linear", "coulomb@duffing"]
-    styles = [looks(names)[name] for name in names]
-    assert styles[0] == (colour("coulomb").lower(), dash("coulomb"))
-    assert styles[1][0] == colour("viscous").lower()
-    first, _, second, third = (np.array(to_rgb(shade)) for shade, _ in styles)
-    assert np.all(second - first > -0.01)
-    assert np.sum(second - first) > 0.3
-    assert np.sum(third - second) > 0.2
-    assert len({colour(n) for n in names if n.startswith("coulomb")}) == 1
 
 
 def test_a_figure_is_the_same_in_every_report(tmp_path):

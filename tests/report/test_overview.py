@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -79,16 +78,6 @@ def test_the_terminal_has_a_line_a_record_and_the_specimen(folder: Path) -> None
     )
     assert text.index("rig: Viscous damping") < text.index("record "), "what they say together comes first"
     assert "at 7" in text.replace("\n", " "), "at an amplitude that all pass"
-
-
-def test_a_first_record_without_a_damping_ratio_has_its_line(folder: Path) -> None:
-    store, name = Store(folder), "answer/rig_run_1/0"
-    none = replace(verdict("rig_run_1", 0.01), grade=Grade.NO_FREE_DECAY, damping="", damping_ratio=())
-    store.write(CellResult(name, "key", {**store.read(name).meta, "verdict": none.to_dict()}, {}))
-    out = io.StringIO()
-    conclude(folder, Console(file=out, width=120))
-    assert re.search(r"^ *1 +not a free decay", out.getvalue(), re.MULTILINE), out.getvalue()
-    assert "7.02 deg" in out.getvalue().replace("\n", " "), "in the unit of those that have one"
 
 
 def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Path) -> None:

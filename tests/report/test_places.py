@@ -34,15 +34,6 @@ def test_the_same_method_is_seldom_ahead_of_itself(count: int):
     assert share < 0.05
 
 
-def test_pairs_tell_apart_what_intervals_do_not():
-    """Two methods that are off alike, one always by a tenth more."""
-    errors_a = errors(1.0, 50)
-    errors_b = {i: 1.1 * e for i, e in errors_a.items()}
-    assert interval(errors_a)[1] > interval(errors_b)[0]
-    assert ahead(errors_a, errors_b)
-    assert not ahead(errors_b, errors_a)
-
-
 def test_places_are_ranges():
     """As many ahead of a method as repeats tell, and no more: the second and third are of one size."""
     some = (1.0, 1.1, 0.9, 1.05, 0.95)

@@ -107,27 +107,6 @@ def test_contract_of_a_section(whole_run, tmp_path, sketchy):
     assert len({section.order for section in sections}) == len(sections)
 
 
-class Extra(Section):
-    order, name, title = 15, "extra", "An extra section"
-
-    def applies(self, run):
-        return True
-
-    def render(self, run):
-        return "<p>said by a plug-in</p>"
-
-
-def test_a_section_is_one_class(tmp_path):
-    claim(tmp_path)
-    write_json(tmp_path / "run.json", {})
-    SECTIONS.add("extra", Extra())
-    try:
-        assert "said by a plug-in" in render(tmp_path).read_text()
-    finally:
-        SECTIONS.remove("extra")
-    assert "said by a plug-in" not in render(tmp_path).read_text()
-
-
 def test_text_of_the_user_is_escaped(maker):
     folder = maker.make()
     info = json.loads((folder / "run.json").read_text())
