@@ -146,26 +146,14 @@ def test_no_import_goes_backward() -> None:
 
 def test_a_backward_import_is_seen() -> None:
     cases = [
-        ("bayesdamp.physics.oscillator", "from bayesdamp.records.oscillation.features import features"),
         ("bayesdamp.physics.oscillator", "def f():\n    import bayesdamp.pipeline"),
         ("bayesdamp.records.read", "from bayesdamp import estimators"),
-        ("bayesdamp.estimators.refine", "from bayesdamp.inference.model.target import make_target"),
-        ("bayesdamp.inference.model.target", "from bayesdamp.estimators import ESTIMATORS"),
         ("bayesdamp.estimators.methods.pinn", "from ...inference import target"),
-        ("bayesdamp.report.render", "from bayesdamp.physics.oscillator import Oscillator"),
         ("bayesdamp.report.render", "if TYPE_CHECKING:\n    from bayesdamp.config import Study"),
-        ("bayesdamp.store", "from bayesdamp.report import render"),
         ("bayesdamp.config.load", "from bayesdamp.estimators.methods.pinn import PLUGIN"),
-        ("bayesdamp.config.load", "from bayesdamp.records.read import read_record"),
-        ("bayesdamp.types", "from bayesdamp.physics.damping import TERMS"),
         ("validation.truth.records", "from bayesdamp.physics.trajectories import simulate"),
-        ("validation.truth.records", "from validation.scoring import scores"),
-        ("validation.misfit.scoring", "from bayesdamp.physics.damping import TERMS"),
         ("bayesdamp.calibrate.run", "from validation.truth.records import case"),
-        ("bayesdamp.interface.answer", "from validation import truth"),
-        ("bayesdamp.interface.fit", "from bayesdamp.pipeline.run import run_study"),
         ("bayesdamp.cli.commands.claims", "def f():\n    import validation.reports"),
-        ("bayesdamp.inference.model.target", "from bayesdamp.interface.model import Model"),
     ]
     for module, source in cases:
         assert len(backward(source, module)) == 1, (module, source)
@@ -175,7 +163,6 @@ def test_a_forward_import_passes() -> None:
     cases = [
         ("bayesdamp.pipeline", "from bayesdamp.inference.model.target import make_target"),
         ("bayesdamp.config.load", "from bayesdamp.estimators import ESTIMATORS"),
-        ("validation.run", "from bayesdamp.machine.processes import processes"),
         ("bayesdamp.estimators.methods.pinn", "from ..shared import known"),
         ("bayesdamp.inference.model.target", "from bayesdamp import __version__\nimport numpy"),
     ]

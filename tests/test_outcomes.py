@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bayesdamp.outcomes import Fitting, Status, fitting_of, following, reason_of, status_of
+from bayesdamp.outcomes import Status, following, reason_of, status_of
 
 
 def test_an_outcome_reads_back() -> None:
@@ -28,14 +28,3 @@ def test_what_depends_on_a_failure_says_which() -> None:
     assert following("mode/a/0/viscous", failed) == "not computed: mode/a/0/viscous failed: ValueError: x"
     assert status_of(following("mode/a/0/viscous", failed)) is Status.NOT_COMPUTED
     assert following("mode/a/0/viscous", "no oscillation") == "no oscillation"
-
-
-def test_whether_a_model_fits() -> None:
-    cases = [
-        ("fits", Fitting.FITS),
-        ("fits, with correlated noise", Fitting.FITS),
-        (Fitting.DOES_NOT_FIT.because("outliers"), Fitting.DOES_NOT_FIT),
-        ("", None),
-    ]
-    for said, fitting in cases:
-        assert fitting_of(said) is fitting

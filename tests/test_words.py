@@ -100,11 +100,3 @@ def test_own_words_are_seen() -> None:
     ]
     for text, count in cases:
         assert len(own_words(text)) == count
-
-
-def test_prose_is_told_from_docstrings() -> None:
-    source = (
-        '"""A candidate."""\n\n\ndef f(n):\n    """Of a referee."""\n    return f"{n} candidates are left"\n'
-    )
-    assert [text for _, text in said(source) if own_words(text)] == ["{} candidates are left"]
-    assert len([text for _, text in said(source, True) if own_words(text)]) == 3

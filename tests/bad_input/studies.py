@@ -77,24 +77,14 @@ BEYOND = [
 
 OTHERS = {
     "2,000 levels": f"version = 1\nx = {LEVELS}\n",
-    "2,000 levels of names": "version = 1\n" + ".".join("a" * 2000) + " = 1\n",
     "an integer of 5,000 digits": "version = 1\nseed = " + "9" * 5000 + "\n",
-    "an exponent of 5,000 digits": "version = 1\nseed = 1e" + "9" * 5000 + "\n",
     "a key of 100,000 letters": "version = 1\n" + "k" * 100000 + " = 1\n",
-    "a text of 100,000 letters in a name": f'version = 1\nname = "{"n" * 100000}"\n',
-    "no value": "version =\n",
     "a day that is none": "version = 1\nseed = 2024-02-30\n",
-    "a control": 'version = 1\nname = "\x01"\n',
-    "a return alone": "version = 1\rname = 2\n",
     "a table that is a list": "version = 1\n[signal]\n[[signal]]\n",
-    "a sweep of 400 digits": GOOD + f'[[sweep]]\nkey = "simulate.noise_sd"\nvalues = [{"9" * 400}]\n',
     "an escaping published file": 'published = "../../../etc/passwd"\n' + GOOD,
     "a published device": 'published = "/dev/zero"\n' + GOOD,
-    "a published name too long": f'published = "{"p" * 5000}"\n' + GOOD,
-    "a published name of a zero": 'published = "a\\u0000b"\n' + GOOD,
     "a plug-in that is a device": GOOD + '[plugins]\nmodules = ["/dev/zero"]\n',
     "a plug-in that is not there": GOOD + '[plugins]\nmodules = ["none.py"]\n',
-    "a plug-in with a name too long": GOOD + f'[plugins]\nmodules = ["{"p" * 5000}.py"]\n',
     "a plug-in that is no Python": GOOD + '[plugins]\nmodules = ["a.toml"]\n',
 }
 
@@ -113,9 +103,7 @@ GROUPS = {
     "studies": [
         *BEYOND, *FILES, *(study(content, name) for name, content in OTHERS.items()),
         Case("a study of random bytes", ("check", "FILE"), "a.toml", raw(bytes(range(256)) * 9), "text in UTF-8"),
-        Case("a study of UTF-16", ("check", "FILE"), "a.toml", raw("version = 1".encode("utf-16"))),
         Case("a study of blanks", ("check", "FILE"), "a.toml", raw(b"\n \n" * 99), "is empty"),
-        Case("a study of zeros", ("study", "FILE"), "a.toml", raw(bytes(500))),
     ],
 }  # fmt: skip
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,13 +13,6 @@ from tests.config.studies import GOOD, fault, write
 VARIANT = (
     '[estimators]\nuse = ["sindy", "by_sign"]\n[estimators.by_sign]\nvariant_of = "sindy"\nswitch = "sign"\n'
 )
-LOADS = """
-import sys
-from bayesdamp.config import load_study
-study = load_study(sys.argv[1])
-study.estimator_options("least_squares")
-print(sorted({name.partition(".")[0] for name in sys.modules} & {"torch", "pysindy", "sklearn", "gudhi"}))
-"""
 
 
 def test_options_of_an_estimator_are_checked_when_asked_for(tmp_path: Path) -> None:
@@ -67,11 +58,3 @@ def test_a_method_runs_on_so_many_repeats_at_most(tmp_path: Path) -> None:
     assert fault(tmp_path, wrong).startswith(
         "estimators.repeats.envelop: unknown key; did you mean 'envelope'?"
     )
-
-
-def test_reading_a_study_imports_no_method_it_does_not_use(tmp_path: Path) -> None:
-    """Negative control: a heavy module that is loaded is seen."""
-    path = write(tmp_path, GOOD + '[estimators]\nuse = ["least_squares"]\n')
-    for extra, loaded in (("", "[]"), ("import sklearn\n", "['sklearn']")):
-        code = [sys.executable, "-c", extra + LOADS, str(path)]
-        assert subprocess.run(code, capture_output=True, text=True, check=True).stdout.strip() == loaded

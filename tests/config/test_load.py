@@ -51,12 +51,6 @@ def test_a_study_is_frozen_and_writes_itself_as_json(tmp_path: Path) -> None:
     assert study.models.prior["viscous"] == HalfNormal(scale=0.2)
 
 
-def test_what_a_study_comes_to_is_its_meaning(tmp_path: Path) -> None:
-    resolved = load_study(write(tmp_path, GOOD)).resolved()
-    assert load_study(write(tmp_path, "# the same\n" + GOOD)).resolved() == resolved
-    assert load_study(write(tmp_path, GOOD.replace("0.05", "0.06"))).resolved() != resolved
-
-
 def test_system_values_are_known_free_or_with_a_prior(tmp_path: Path) -> None:
     text = "version = 1\n" + SYSTEM.replace("omega0 = 0.0", 'omega0 = "free"') + FILE_SIGNAL
     text += (

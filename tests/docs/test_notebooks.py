@@ -84,12 +84,6 @@ def test_a_plot_is_shown_below_its_cell(backend: str, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.slow
-def test_what_the_notebook_itself_chose_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The negative control: so do figures look that are not shown."""
-    assert shown([DRAWN, 'matplotlib.use("svg")', "signal.plot();"], monkeypatch) == [0, 0, 0]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_every_notebook_shows_its_figures(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     code = cells(NOTEBOOKS / f"{name}.ipynb")

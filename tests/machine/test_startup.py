@@ -42,10 +42,6 @@ def test_a_study_is_checked_without_a_compiler() -> None:
     assert loaded(command("check", "studies/quickstart.toml")) == set()
 
 
-def test_help_needs_no_method() -> None:
-    assert loaded(command("--help"), ("torch", "numpyro", "matplotlib", "scipy", "numpy")) == set()
-
-
 def test_a_worker_begins_without_a_compiler_or_a_terminal() -> None:
     assert loaded("import bayesdamp.pipeline", (*HEAVY, "rich", "typer", "arviz_stats", "xarray")) == set()
 
@@ -80,8 +76,3 @@ def test_a_rough_frequency_is_that_of_the_law() -> None:
     }.items():
         one = Oscillator(tuple(TERMS.names())[:1], law)
         assert one.rough_frequency(values, 0.3) == pytest.approx(one.natural_frequency(values, 0.3), rel=3e-3)
-
-
-def test_a_law_without_a_rest_has_no_rough_frequency() -> None:
-    with pytest.raises(ValueError, match="no stable equilibrium"):
-        Oscillator(("viscous",), "linear").rough_frequency({"stiffness": -20.0, "rest_angle": 0.0}, 0.3)
