@@ -145,7 +145,6 @@ def test_init_writes_a_study_that_checks_and_reads(tmp_path, capsys) -> None:
     study = load_study(out)
     assert [s.specimen for s in study.signals] == ["my_rig"] * 2
     for spec, size in zip(study.signals, (40, 30), strict=True):
-        assert isinstance(spec.source, Recording)
         assert spec.source.unit == "deg"
         np.testing.assert_allclose(recorded(spec.source).y, size * Y, atol=1e-6)
     assert main(["check", str(out)]) == 0

@@ -11,8 +11,6 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.config.load import record_question, shipped_folder, study_file
-from bayesdamp.pipeline import run_study
-from bayesdamp.store import read_table
 from bayesdamp.types import InputError
 
 STUDY = """
@@ -104,20 +102,6 @@ def test_a_missing_plugin_is_told(study: Path, tmp_path: Path) -> None:
     path.write_text(json.dumps(run), encoding="utf-8")
     with pytest.raises(InputError, match=r"plug-in mine\.py"):
         load_study(path)
-
-
-@pytest.mark.slow
-def test_the_same_tables(study: Path, tmp_path: Path) -> None:
-    first, second = tmp_path / "first", tmp_path / "second"
-    assert run_study(load_study(study), first, workers=1) == 0
-    assert run_study(load_study(first / "run.json"), second, workers=1) == 0
-    for name in ("estimates.csv", "evidence.csv", "fits.csv", "posteriors.csv"):
-        one, other = (
-            [{k: v for k, v in row.items() if k != "seconds"} for row in read_table(folder / name)]
-            for folder in (first, second)
-        )
-        assert repr(one) == repr(other)
-    assert read_table(first / "estimates.csv")
 
 
 def test_shipped_studies_go_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

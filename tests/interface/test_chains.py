@@ -18,7 +18,6 @@ GRID = np.linspace(0.040, 0.060, 201)
 
 
 def density(of: bd.Fit) -> Likelihood:
-    assert of.law is not None
     return of.law.mode.likelihood
 
 
@@ -30,7 +29,6 @@ def folded(of: Likelihood, z: np.ndarray) -> np.ndarray:
 def without_deviations(of: Likelihood) -> Likelihood:
     """The same with deviations held at the mode's, and without their effect."""
     deviation = of.target.deviation
-    assert deviation is not None
     k = deviation.maps.shape[1]
     nothing = np.zeros((1, k, k))
     alone = replace(deviation, log_prior=np.zeros(1), maps=nothing, effects=nothing, probabilities=np.ones(1))

@@ -66,7 +66,6 @@ def by_quadrature(scale: float, exact: bool = False) -> float:
     the deviations' slopes by finite differences, and a sum over ζ."""
     n, d = KNOTS.size, 1e-4
     centre = one_parameter().law
-    assert centre is not None
     g, h = (x[0] for x in centre.deviations(centre.best))
     zetas = np.linspace(0.040, 0.060, 41)
     at = motion(0.05, g, h)
@@ -140,7 +139,6 @@ def test_evidence_is_that_of_dense_normal_distributions(method: str) -> None:
 def test_a_drift_is_seen_and_widens_what_is_quoted() -> None:
     """Damping off by 15 % at both ends, 7.5 % in the mean."""
     one = one_parameter()
-    assert one.deviation is not None
     assert one.deviation.low < 0.075 < one.deviation.high
     assert one.sd_law["zeta"] > one.sd_noise["zeta"]
     low, high = one.intervals["zeta"]
@@ -165,7 +163,6 @@ def test_pointwise_densities_are_normal_ones() -> None:
     data, post = posterior().data, posterior()
     sd = fit().known["noise_sd"]
     law = fit().law
-    assert law is not None
     assert law.weighing.inflation == 1.0
     sizes = [data["posterior"][f"{n}_deviation_size"].values[0] for n in ("damping", "frequency")]
     exact = np.flatnonzero(sizes[0] + sizes[1] == 0)[0]

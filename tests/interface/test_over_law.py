@@ -27,7 +27,6 @@ def verdict_on(second: float) -> Verdict:
 def test_a_damping_that_is_another_late_is_said_with_its_size() -> None:
     """The law's own is the mean over the energy, of which the later part has 5 %."""
     found = verdict_on(0.04)
-    assert found.over_law is not None
     expected = (0.04 / FIRST) ** 0.95
     assert found.over_law.low < expected < found.over_law.high
     assert found.over_law.amplitude < np.exp(-OMEGA * FIRST * 10)

@@ -43,7 +43,6 @@ def test_a_run_that_is_killed_leaves_no_process_and_no_complaint(tmp_path: Path)
     (tmp_path / "run.py").write_text(SCRIPT, encoding="utf-8")
     pipe = subprocess.PIPE
     run = subprocess.Popen([sys.executable, str(tmp_path / "run.py")], stdout=pipe, stderr=pipe, text=True)
-    assert run.stdout is not None
     workers = [int(pid) for pid in run.stdout.readline().split()]
     assert workers
     assert all(map(alive, workers))

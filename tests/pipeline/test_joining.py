@@ -55,19 +55,6 @@ def test_probabilities_and_spread_are_those_of_the_verdict(monkeypatch: pytest.M
     assert arrays["viscous/spread"] == pytest.approx(whole.repeats[V].spreads)
 
 
-def test_each_record_alone_is_what_it_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Within four Monte Carlo errors of 4,000 draws; log(x) prior: shifts by sd²/x, a fiftieth of an sd. Control:
-    the specimen's own interval is wider, as it has the spread."""
-    content = compute_joint(
-        specimen(monkeypatch, weighed_run(0.05, 0.001), weighed_run(0.053, 0.001))
-    ).content
-    for label, place in (("r0", 0.05), ("r1", 0.053)):
-        one = content.alone[label].summary["zeta"]
-        assert one["mean"] == pytest.approx(place, abs=(4 / np.sqrt(4000) + 0.02) * 0.001)
-        assert one["sd"] == pytest.approx(0.001, rel=0.06)
-    assert content.candidates["viscous"].summary["zeta"]["sd"] > 0.002
-
-
 @pytest.mark.parametrize(
     ("places", "sd", "differ", "agree", "said"),
     [

@@ -45,6 +45,8 @@ def test_rows_refusals_and_the_running_estimate(tmp_path, refusing):
         zeta = found["zeta"]
         # four posterior sds: a false alarm once in 16,000 seeds
         assert abs(zeta["mean"] - 0.05) < 4 * zeta["sd"]
+        assert zeta["q2.5"] == pytest.approx(zeta["mean"] - 1.96 * zeta["sd"], abs=0.4 * zeta["sd"])
+        assert zeta["q97.5"] == pytest.approx(zeta["mean"] + 1.96 * zeta["sd"], abs=0.4 * zeta["sd"])
         assert (zeta["outcome"], zeta["divergences"]) == ("ok", 0)
         assert zeta["ess_bulk"] > 1000
         assert math.isnan(zeta["rhat"])

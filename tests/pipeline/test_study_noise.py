@@ -44,6 +44,7 @@ def test_one_noise_is_chosen_and_shown(tmp_path):
         Seed("prior 2", drawn=True),
     ]
     assert all(c.mode == 0 for c in searches[:3])
+    assert "noise_dof" not in store.read("mode/noisy/0/viscous").meta["sd"], "it has the answer's noise"
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert 'id="noise"' in report
     assert "The answer uses the noise model" in report

@@ -14,7 +14,6 @@ from bayesdamp.pipeline import run_study
 from bayesdamp.plugins import read_modules, use
 from bayesdamp.report.results.run import RunFolder, coefficients
 from bayesdamp.store import Store, read_table
-from bayesdamp.types import InputError
 from tests.interface.problems import not_refused
 from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
 
@@ -36,14 +35,6 @@ STUDY = study_text(
 def _nothing_stays():
     yield
     use(())
-
-
-def test_what_ships_is_not_replaced():
-    shipped = TERMS.get("cubic")
-    with pytest.raises(InputError, match="a damping term 'cubic' ships already; give it another name"):
-        TERMS.add("cubic", shipped)
-    assert TERMS.get("cubic") is shipped
-    assert "cubic" not in TERMS.added()
 
 
 def study_in(folder: Path):

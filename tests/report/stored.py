@@ -123,7 +123,6 @@ def of_answer_table(f: Folder, signal: str, i: int, cells: dict[str, str]) -> di
     name = PARAMETER[cells.get("parameter") or cells["coefficient"]]
     own = next((a for a in v["coefficients"] if a["name"] == name), None)
     if "parameter" in cells:
-        assert own is not None
         sds = {f"sd from {a}": {"": own[b]} for a, b in (("noise", "sd_noise"), ("the law", "sd_law"))}
         return {"value (95 %)": sized(own), **sds, "unit": own["unit"]}
     at = {"signal": signal, "repeat": 0, "model": v["damping"], "parameter": name}

@@ -105,7 +105,6 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
         "Truth: the record was simulated with viscous damping, as the answer says.",
     ]
     table = Checks(run_of(verdict(), truth="viscous", **tables), "a").table()
-    assert table is not None
     assert list(table.lines[0]) == [
         "ζ", "1/s", "0.0500 (0.0480 to 0.0520)", *["0.0500 (0.0480 to 0.0520)"] * 2, "0.0500000 (2)", "0.05",
     ]  # fmt: skip

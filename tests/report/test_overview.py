@@ -100,12 +100,10 @@ def test_records_are_compared_at_an_amplitude_that_all_pass(folder: Path) -> Non
     assert shared == pytest.approx(np.degrees(np.sqrt(0.05 * 0.3)))
     rising = replace(records[0], arrays={**records[0].arrays, "ratio": 0.1 * records[0].arrays["amplitude"]})
     at = ratio_of(rising, shared)
-    assert at is not None
     assert at.value == pytest.approx(0.1 * shared, rel=0.02), (
         "read off the curve, not the record's own middle"
     )
     far = replace(records[1], arrays={**records[1].arrays, "amplitude": 100 * records[1].arrays["amplitude"]})
     assert common_amplitude([records[0], far]) is None
     own = ratio_of(records[0], None)
-    assert own is not None
     assert own.amplitude == pytest.approx(np.degrees(0.2))

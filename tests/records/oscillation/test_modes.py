@@ -29,7 +29,6 @@ def test_modes_have_the_frequencies_and_ratios_they_were_made_with() -> None:
     """Within five standard errors: false alarm 1e-5."""
     t, y = sum_of((0.3, 1.0, 0.01), (0.1, 1.12, 0.02))
     found = damped_modes(t, y, 2)
-    assert found is not None
     omega = 2 * np.pi * found.frequencies
     rates = np.array([0.01, 0.02 * 1.12]) * OMEGA
     assert omega == pytest.approx(OMEGA * np.array([1.0, 1.12]), rel=1e-3)
@@ -51,7 +50,6 @@ def test_what_is_seen_has_its_name() -> None:
         ):
             with failures.of((seen, *parts)):
                 found = find_other_motion(*sum_of(*parts), 2 * np.pi / OMEGA)
-                assert found is not None
                 assert found.kind == seen
                 if seen in ("beats", "steady"):  # a window was once cut at the first beat
                     cleaned = clean(RawRecord(*sum_of(*parts)), name=seen)
@@ -68,7 +66,6 @@ def test_a_drive_less_than_a_beat_apart_is_seen_where_the_amplitude_stays() -> N
     """And is not where what is beside it decays, too."""
     period = 2 * np.pi / OMEGA
     found = find_other_motion(*sum_of((0.3, 1.0, 0.05), (0.05, 1.01, 0.0)), period)
-    assert found is not None
     assert found.kind == "driven"
     assert found.modes.ratios[0] == pytest.approx(0.05, rel=0.02)
     assert find_other_motion(*sum_of((0.3, 1.0, 0.05), (0.05, 1.01, 0.003)), period) is None
@@ -98,7 +95,6 @@ def test_of_a_long_record_two_modes_are_two_and_one_is_one() -> None:
     y = first + np.random.default_rng(4).normal(0, 0.02, t.size)
     assert find_other_motion(t, y, 0.2) is None
     found = find_other_motion(t, y + 0.2 * second, 0.2)
-    assert found is not None
     assert found.kind == "two modes"
     assert found.modes.frequencies == pytest.approx([5.0, 7.3], abs=1e-4)
     assert found.modes.rates * 800 == pytest.approx([2.0, 1.0], abs=0.1)
@@ -130,7 +126,6 @@ def test_an_oscillator_under_random_forces_is_excited_all_along(ratio: float) ->
     """12 of 12 with other seeds were, when thresholds were set."""
     t, y = shaken(ratio, 200, 8)
     found = find_other_motion(t, y, 1.0)
-    assert found is not None
     assert found.kind == "excited"
     assert clean(RawRecord(t, y), name="ambient").t.size == t.size
 

@@ -27,7 +27,6 @@ def xlsx(path: Path, t: np.ndarray, unit: str) -> None:
     import openpyxl
 
     book = openpyxl.Workbook()
-    assert book.active is not None
     for row in [(f"time ({unit})", "angle"), *zip(t.tolist(), Y.tolist(), strict=True)]:
         book.active.append(row)
     book.save(path)

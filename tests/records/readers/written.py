@@ -90,7 +90,6 @@ def excel(path: Path) -> None:
     book = openpyxl.Workbook()
     for i, y in enumerate((Y, Z)):
         sheet = book.active if i == 0 else book.create_sheet("Second")
-        assert sheet is not None
         sheet.title = ("First", "Second")[i]
         sheet.append(["Time (s)", "Angle (deg)"])
         for row in zip(T.tolist(), y.tolist()):
