@@ -17,22 +17,10 @@ from bayesdamp.cli import main
 from bayesdamp.cli.runs import compilation_notice
 from bayesdamp.types import InputError, Refusal
 from tests.failures import Failures
+from tests.studies import study_text
 
-STUDY = """
-version = 1
-name = "small"
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
-[[signal]]
-name = "one"
-simulate = { viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003 }
-[estimators]
-use = ["least_squares"]
-"""
+RECORD = "viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003"
+STUDY = study_text(simulate=RECORD, name="one") + '[estimators]\nuse = ["least_squares"]\n'
 LAW = ["--restoring", "horizontal_pendulum", "--duration", "10"]
 SET = [*LAW, "--set", "stiffness=20,gravity=1,theta0=0.3", "--set", "spring_angle=0"]
 

@@ -11,37 +11,20 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.config.load import record_question, shipped_folder, study_file
+from bayesdamp.store import provenance
 from bayesdamp.types import InputError
+from tests.studies import WEIGHED, study_text
 
-STUDY = """
-version = 1
-name = "small"
-seed = 5
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-noise_sd = "free"
-[[signal]]
-name = "made"
-simulate = { viscous = 0.1, theta0 = 0.3, omega0 = 0.0, duration = 8.0, samples = 160, noise_sd = 0.003 }
-system = { theta0 = "free", omega0 = "free" }
-[[signal]]
-name = "read"
-file = "rig.csv"
-time = 1
-angle = 2
-system = { theta0 = "free", omega0 = "free" }
-[estimators]
-use = ["least_squares"]
-[models]
-compare = ["viscous"]
-[posterior]
-samplers = []
-deviation = "none"
-[evidence]
-methods = ["laplace"]
-"""
+FREE = 'system = { theta0 = "free", omega0 = "free" }\n'
+STUDY = study_text(
+    'estimators = { use = ["least_squares"] }',
+    'models = { compare = ["viscous"] }',
+    WEIGHED,
+    simulate="viscous = 0.1, theta0 = 0.3, omega0 = 0.0, duration = 8.0, samples = 160, noise_sd = 0.003",
+    name="made",
+    system='restoring = "linear", stiffness = 20.0, rest_angle = 0.0, noise_sd = "free"',
+)
+STUDY += f'{FREE}[[signal]]\nname = "read"\nfile = "rig.csv"\ntime = 1\nangle = 2\n{FREE}'
 
 
 @pytest.fixture
@@ -59,8 +42,6 @@ def study(tmp_path: Path) -> Path:
 def remembered(study: Path, out: Path) -> Path:
     """A run.json with what it says of its question, without the run."""
     loaded = load_study(study)
-    from bayesdamp.store import provenance
-
     inputs = provenance({"rig.csv": study.with_name("rig.csv")})["inputs"]
     out.mkdir()
     path = out / "run.json"

@@ -81,24 +81,16 @@ def test_tables_say_which_law_and_the_report_tells_them_apart(tmp_path) -> None:
 def test_a_candidate_that_cannot_be_weighed_leaves_the_others_theirs(tmp_path, monkeypatch) -> None:
     """Odds of e² among the two that were weighed, one pruned with nothing; a method that is still to come to a
     candidate gives nobody a share (negative control)."""
-    study = load(tmp_path)
+    study, nan = load(tmp_path), math.nan
+    names = study.compare(study.signals[0])
 
-    def of(method: str, *logs: float, said: str = "ok") -> dict[str, Evidence]:
-        names = study.compare(study.signals[0])
-        return {
-            name: Evidence(name, method, log, 0.01, outcome="ok" if math.isfinite(log) else said)
-            for name, log in zip(names, logs)
-        }
+    def of(method: str, *logs: float) -> dict[str, Evidence]:
+        said = ["ok" if math.isfinite(log) else "the posterior has no curvature at its mode" for log in logs]
+        weighed = {n: Evidence(n, method, log, 0.01, outcome=o) for n, log, o in zip(names, logs, said)}
+        return weighed | {names[3]: Evidence(names[3], method, outcome="pruned: far behind")}
 
-    nan = math.nan
-    found = {
-        "importance": of(
-            "importance", -5.0, -7.0, nan, nan, said="the posterior has no curvature at its mode"
-        ),
-        "bridge": of("bridge", -5.0, nan, nan, nan, said="no draws"),
-    }
-    for method in found.values():
-        method["coulomb@duffing"] = Evidence("coulomb@duffing", "any", outcome="pruned: far behind")
+    found = {"importance": of("importance", -5.0, -7.0, nan), "bridge": of("bridge", -5.0, nan, nan)}
+    found["bridge"][names[1]] = Evidence(names[1], "bridge", outcome="no draws")
     monkeypatch.setattr(tables, "evidence_by_method", lambda *_: found)
     rows = list(tables._evidence(study, Store(tmp_path / "run")))
     shares = {(r["method"], r["model"], r["restoring"]): r["probability"] for r in rows}
