@@ -151,7 +151,7 @@ def answered(record: Record, sample: bool) -> dict[str, Any]:
     verdict = found.verdict
     logs = {
         f"{c.damping}@{c.restoring}": c.exact if c.log_evidence is None else c.log_evidence
-        for c in (*found.candidates, *found.rivals)
+        for c in (*found.content.candidates, *found.content.rivals)
         if np.isfinite(c.exact)
     }
     top = max(logs.values(), default=0.0)

@@ -185,9 +185,9 @@ def row_of(decade: float, number: int) -> dict[str, object]:
 
 def log_weights(result: Answer) -> dict[str, float]:
     """Return log evidence plus log odds of every damping under exact laws, relative to the best."""
-    others = len({r.damping for r in result.rivals})
+    others = len({r.damping for r in result.content.rivals})
     logs: dict[str, float] = {}
-    for rows, count in ((result.candidates, 0), (result.rivals, others)):
+    for rows, count in ((result.content.candidates, 0), (result.content.rivals, others)):
         for r in rows:
             if math.isfinite(r.exact):
                 own = r.exact + math.log(odds(r.damping.split("+"), count))

@@ -50,12 +50,12 @@ NUGGET = 1e-3
 POWERS = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Powers of the amplitude (0: its log) that may be a straight line in time: drag makes the first one, viscous damping
 the middle one, dry friction the last (Box and Cox 1964)."""
-WALKS = np.concatenate([[0.0], np.geomspace(10.0, 1e8, 8)])
-"""Variances of the random walk over the whole record, relative to those of the amplitudes' errors: none, and from the
-smallest one that changes the curve by about its error."""
+WALKS = np.concatenate([[0.0], np.geomspace(1.0, 1e8, 9)])
+"""Variances of the random walk over the whole record, relative to those of the amplitudes' errors: none, and as
+much as the errors or more."""
 KNOWN = 4.0
 """Number of amplitudes that the noise within the windows is worth, in addition to their scatter (conventional)."""
-STEADY = 0.05
+STEADY = 0.2
 """Prior probability that there is no walk; its sizes share the rest. No power of a sum of dampings is a straight
 line, so that with 0.5 the intervals at the ends of a record were too narrow (of 104 records, one by a factor of 7)."""
 SYSTEMATIC = 5e-4
