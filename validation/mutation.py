@@ -47,12 +47,16 @@ PARTS = {
     ),
     "deviation": Part(
         (
-            "inference/deviation/gaussian/*.py",
+            "inference/deviation/linear.py",
+            "inference/deviation/repeats.py",
+            "inference/deviation/tempered.py",
             "inference/deviation/sampling.py",
             "inference/deviation/ridge.py",
         ),
         (
-            "tests/inference/deviation/gaussian",
+            "tests/inference/deviation/test_hyperparameters.py",
+            "tests/inference/deviation/test_linear.py",
+            "tests/inference/deviation/test_tempered.py",
             "tests/inference/deviation/test_ridge.py",
             "tests/inference/deviation/test_straight.py",
         ),

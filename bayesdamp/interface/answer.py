@@ -9,10 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from bayesdamp.config.sections import DEVIATIONS
-from bayesdamp.inference.deviation.findings import SENSOR, Findings, findings, posterior_of
-from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
-from bayesdamp.inference.deviation.numbers.rivals import place_of
-from bayesdamp.inference.deviation.picture import picture
+from bayesdamp.inference.deviation.findings import SENSOR, Findings, findings, picture, posterior_of
+from bayesdamp.inference.deviation.forms import place_of
+from bayesdamp.inference.deviation.linear import DampingLikelihood
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.sampling import with_samples
@@ -57,7 +56,7 @@ class Answer:
     content
         The answer as plain values.
     arrays
-        The arrays of its picture, as in `inference.deviation.picture`; for one of several records also
+        The arrays of its picture, as in `inference.deviation.findings`; for one of several records also
         `run/DAMPING@RESTORING/...`.
     further
         Draws of the candidates that were sampled, `draws/DAMPING@RESTORING`, and arrays of the laws of `content`,
@@ -207,8 +206,8 @@ def answer(
         weighings[WEIGHED] = weighing
     wanted = in_base(amplitudes, weighing, unit or UNITS[signal.unit])
     if sample:
-        weighing = with_samples(weighing, approximate, seed)
-    numbers = findings(weighing, wanted, approximate=approximate, sensor=sensor, seed=seed)
+        weighing = with_samples(weighing, seed)
+    numbers = findings(weighing, wanted, sensor=sensor, seed=seed)
     first = signal.provenance.start
     averaging = weighing.averaging
     remarks = [*notes, *filter(None, [remark_on(signal), _noise_remark(weighing.noise)])]
@@ -236,7 +235,7 @@ def answer(
         left_out = OF_LAW if verdict.contradicted else BY_LAW
         arrays = {n: a for n, a in arrays.items() if not n.startswith(left_out)} | measured_curve(signal)
     if repeated:
-        arrays |= _runs(weighing, numbers, approximate)
+        arrays |= _runs(weighing, numbers)
     return _store(weighing, verdict, arrays)
 
 
@@ -260,10 +259,10 @@ def _store(weighing: Weighing, verdict: Verdict, arrays: Mapping[str, np.ndarray
     refused = [
         WeighedCandidate("+".join(c.damping), c.restoring, outcome=why) for c, why in weighing.refused.items()
     ]
-    rivals = [r for r in weighing.forms if _counts(weighing, r)]
+    rivals = [r for r in weighing.forms if weighing.compares(r)]
     content = {
         "verdict": verdict.to_dict(),
-        "candidates": [*(_row(weighing, r) for r in weighing.results if _counts(weighing, r)), *refused],
+        "candidates": [*(_row(weighing, r) for r in weighing.results if weighing.compares(r)), *refused],
         "rivals": [replace(_row(weighing, r), place="+".join(place_of(r.candidate.damping))) for r in rivals],
         "fits": fits,
         "priors": priors,
@@ -357,7 +356,7 @@ def _noise_remark(noise: SampleNoise) -> str:
             return f"The noise model is {noise.name}, which {ahead}."
 
 
-def _runs(weighing: Weighing, numbers: Findings, approximate: bool) -> dict[str, np.ndarray]:
+def _runs(weighing: Weighing, numbers: Findings) -> dict[str, np.ndarray]:
     """Return the arrays that a verdict on several records needs.
 
     They are each candidate's likelihood of its damping, and the deviation of the damping from its law along the curve.
@@ -366,11 +365,11 @@ def _runs(weighing: Weighing, numbers: Findings, approximate: bool) -> dict[str,
     arrays = {f"{RUN}reference": np.array([weighing.reference.amplitude, weighing.reference.frequency])}
     if numbers.over_curve:
         arrays["over"], arrays["over_sd"] = map(np.array, zip(*numbers.over_curve, strict=True))
-    compared = [r for r in (*weighing.results, *weighing.forms) if _counts(weighing, r)]
+    compared = [r for r in (*weighing.results, *weighing.forms) if weighing.compares(r)]
     top = max(r.log_evidence for r in compared)
     for r in compared:
         needed = r in weighing.results or r.log_evidence > top - JOINABLE
-        run = damping_run(weighing, r, amplitudes, approximate) if needed else None
+        run = damping_run(r, amplitudes) if needed else None
         if run is None:
             continue
         own = {n: getattr(run, n) for n in ("coefficients", "mode", "per_unit", "growth")}
@@ -378,11 +377,6 @@ def _runs(weighing: Weighing, numbers: Findings, approximate: bool) -> dict[str,
         for part, values in (own | vars(run.likelihood)).items():
             arrays[f"{name}/{part}"] = np.asarray(values, float)
     return arrays
-
-
-def _counts(weighing: Weighing, result: CandidateResult) -> bool:
-    """Return whether a candidate is compared: under approximate laws only where it could be linearised."""
-    return weighing.results[0].weighed is None or result.weighed is not None
 
 
 def _row(weighing: Weighing, result: CandidateResult) -> WeighedCandidate:

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from bayesdamp import types
 from bayesdamp.formatting import compact
 from bayesdamp.inference.checks.checks import laplace_draws
+from bayesdamp.inference.deviation.draws import Quantity, quantity
 from bayesdamp.inference.deviation.findings import default_amplitudes
-from bayesdamp.inference.deviation.numbers.draws import Quantity, quantity
 from bayesdamp.inference.deviation.single import Found, Single, put_together
 from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode, value_intervals, value_sds
 from bayesdamp.inference.model.target import Target

@@ -16,13 +16,13 @@ from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.config.signals import canonical_model
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, has_noise, start_parameters
-from bayesdamp.inference.deviation.candidate import MotionCandidate
+from bayesdamp.inference.deviation.candidate import START, MotionCandidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.quick import MOST_CYCLES, averaging_of
 from bayesdamp.inference.deviation.sample_noise import noises_of, prepared_for
 from bayesdamp.inference.deviation.single import Single, single
-from bayesdamp.inference.deviation.weighing import START, weigh_all
+from bayesdamp.inference.deviation.weighing import weigh_all
 from bayesdamp.inference.fit.mode import Mode, restore_mode
 from bayesdamp.inference.fit.search import find_mode, prior_starts
 from bayesdamp.inference.model.target import Target, build_target

@@ -11,7 +11,7 @@ import numpy as np
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.curves.population import Sample, population
 from bayesdamp.inference.curves.weighted import summarise
-from bayesdamp.inference.deviation.gaussian.repeats import Repeats
+from bayesdamp.inference.deviation.repeats import Repeats
 from bayesdamp.inference.deviation.specimen import (
     Model,
     WeighedRun,

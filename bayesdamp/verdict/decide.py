@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isfinite, log
 
+from bayesdamp.inference.deviation.draws import Quantity
 from bayesdamp.inference.deviation.findings import Findings
-from bayesdamp.inference.deviation.numbers.draws import Quantity
 from bayesdamp.physics.damping import TERMS, twins_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_unit

@@ -10,10 +10,9 @@ from typing import TypeVar
 import numpy as np
 
 from bayesdamp.inference.curves.weighted import shares
-from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
-from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
-from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
-from bayesdamp.inference.deviation.numbers.draws import quantity
+from bayesdamp.inference.deviation.draws import quantity
+from bayesdamp.inference.deviation.linear import DampingLikelihood, grid_of
+from bayesdamp.inference.deviation.repeats import RunLikelihood, joined
 from bayesdamp.inference.deviation.specimen import WeighedSpecimen
 from bayesdamp.inference.envelope.candidates import KNOTS, EnvelopeCandidate
 from bayesdamp.inference.envelope.decay import Curve, Decay

@@ -42,7 +42,7 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
 
 
 def picture_in_unit(arrays: Mapping[str, np.ndarray], unit: Unit) -> dict[str, np.ndarray]:
-    """Return the arrays of `inference.deviation.picture` with lengths and energies in a record's own unit."""
+    """Return the arrays of `inference.deviation.findings` with lengths and energies in a record's own unit."""
     scale = unit.displacement.scale
 
     changed = dict(arrays)

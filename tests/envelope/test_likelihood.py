@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.linear import grid_of
 from bayesdamp.inference.envelope.candidates import KNOTS
 from bayesdamp.interface.answer import Answer
 from bayesdamp.interface.envelopes import analyse, answer_envelope, specimen_of_envelopes

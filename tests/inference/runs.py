@@ -9,8 +9,8 @@ import numpy as np
 from scipy.special import ndtr
 from scipy.stats import halfnorm
 
-from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
-from bayesdamp.inference.deviation.gaussian.repeats import SPREAD, RunLikelihood
+from bayesdamp.inference.deviation.linear import DampingLikelihood
+from bayesdamp.inference.deviation.repeats import SPREAD, RunLikelihood
 
 NODES, MASSES = np.polynomial.legendre.leggauss(60)
 LARGEST = 0.6

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import norm
 
 from bayesdamp.inference.curves.weighted import summarise
-from bayesdamp.inference.deviation.gaussian.repeats import Repeats, RunLikelihood, joined
+from bayesdamp.inference.deviation.repeats import Repeats, RunLikelihood, joined
 from bayesdamp.priors import SHARED_SCALES, HalfNormal, Normal, Prior, SharedHalfNormal
 from tests.inference.runs import Summed, by_quadrature, run_of
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import logsumexp
 
 import bayesdamp as bd
-from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.linear import grid_of
 from tests.interface.problems import NOISE, TRUTH, closed_form, record
 
 MODEL = bd.Model("viscous", "linear", deviation="law")

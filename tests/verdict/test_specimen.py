@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
+from bayesdamp.inference.deviation.linear import LEAST_KNOTS, grid_of
 from bayesdamp.inference.deviation.specimen import (
     FAR,
     DampingRun,

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.integrate import quad
 
-from bayesdamp.inference.deviation.numbers.draws import probabilities
+from bayesdamp.inference.deviation.draws import probabilities
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.interface.answer import WEIGHED, answer
 from bayesdamp.physics.damping import all_sums

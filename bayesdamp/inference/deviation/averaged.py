@@ -107,21 +107,6 @@ class _Curves:
     log_size: BSpline
 
 
-@dataclass(frozen=True)
-class _BlockFit:
-    """One block against the curves.
-
-    z: complex amplitude; midline; share: the amplitude's noise variance relative to a sample's; left: residuals of the
-    values, (m,); freedom: their degrees of freedom.
-    """
-
-    z: complex
-    midline: float
-    share: float
-    left: np.ndarray
-    freedom: int
-
-
 def average_of(
     t: np.ndarray, y: np.ndarray, features: Features, first: float, noise: FittedNoise | None = None
 ) -> Averaged | None:
@@ -177,11 +162,31 @@ def _least_squares(t: np.ndarray, y: np.ndarray, features: Features, first: floa
     parts = list(pairwise(places))
     middles = np.array([t[a:b].mean() for a, b in parts])
     for number in range(PASSES):
-        blocks = [_fit_block(t[a:b], y[a:b], at, curves) for (a, b), at in zip(parts, middles, strict=True)]
-        z, midline = np.array([b.z for b in blocks]), np.array([b.midline for b in blocks])
-        left = np.concatenate([b.left for b in blocks])
-        variance = float(left @ left) / sum(b.freedom for b in blocks)
-        sd = np.sqrt(variance * np.array([b.share for b in blocks]))
+        fits, lefts, freedom = [], [], 0
+        for (a, b), at in zip(parts, middles, strict=True):
+            # The oscillation and a quarter period before it, both with an amplitude that grows along the block.
+            own, phase = t[a:b], curves.phase(t[a:b])
+            turned = np.exp(curves.log_size(own) - float(curves.log_size(at))) * np.exp(1j * phase)
+            since = (own - at) / (0.5 * (own[-1] - own[0]))
+            columns = [
+                turned.real,
+                -turned.imag,
+                np.ones_like(own),
+                since * turned.real,
+                -since * turned.imag,
+            ]
+            for k in range(2, OVERTONES + 1):
+                columns += [np.cos(k * phase), np.sin(k * phase)]
+            rows = np.column_stack(columns)
+            inverse = np.linalg.inv(rows.T @ rows)
+            c = inverse @ (rows.T @ y[a:b])
+            fits.append((complex(c[0], c[1]), float(c[2]), float(inverse[0, 0])))
+            lefts.append(y[a:b] - rows @ c)
+            freedom += own.size - c.size
+        z, midline, share = map(np.array, zip(*fits, strict=True))
+        left = np.concatenate(lefts)
+        variance = float(left @ left) / freedom
+        sd = np.sqrt(variance * share)
         weight = np.abs(z) / sd
         off, log = np.angle(z), np.log(np.abs(z)) - curves.log_size(middles)
         bent = max(_bend(off, weight), _bend(log, weight))
@@ -236,21 +241,6 @@ def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, end: float) -
     """Fit a cubic spline of `PIECES` equal pieces from 0 to `end` by least squares to values at times t, (m,)."""
     knots = np.concatenate([[0.0] * 3, np.linspace(0.0, end, PIECES + 1), [end] * 3])
     return scipy.interpolate.make_lsq_spline(t, values, knots, 3, w=weight / weight.max())
-
-
-def _fit_block(t: np.ndarray, y: np.ndarray, at: float, curves: _Curves) -> _BlockFit:
-    """Fit the values of a block, against the curves at time `at`."""
-    phase, base = curves.phase(t), float(curves.log_size(at))
-    size = np.exp(curves.log_size(t) - base)
-    turned = size * np.exp(1j * phase)
-    since = (t - at) / (0.5 * (t[-1] - t[0]))
-    columns = [turned.real, -turned.imag, np.ones_like(t), since * turned.real, -since * turned.imag]
-    for k in range(2, OVERTONES + 1):
-        columns += [np.cos(k * phase), np.sin(k * phase)]
-    rows = np.column_stack(columns)
-    inverse = np.linalg.inv(rows.T @ rows)
-    c = inverse @ (rows.T @ y)
-    return _BlockFit(complex(c[0], c[1]), float(c[2]), float(inverse[0, 0]), y - rows @ c, t.size - c.size)
 
 
 def _bend(values: np.ndarray, weight: np.ndarray) -> float:

@@ -9,9 +9,8 @@ from itertools import product
 import numpy as np
 
 from bayesdamp.inference.deviation.data import Data
-from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
-from bayesdamp.inference.deviation.gaussian.linear import LinearModel, condensed, normals
 from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit, fit, nonnegative
+from bayesdamp.inference.deviation.linear import Grid, LinearModel, condensed, grid_of, normals
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.model.target import default_prior
 from bayesdamp.physics.damping import TERMS
@@ -22,6 +21,8 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.types import Reference, candidate_name
 
+START = ("theta0", "omega0")
+"""Names of the displacement and the velocity at the first sample."""
 STARTS = (-1.0, 0.0, 1.0)
 """Scores of a term's own parameter from which searches start."""
 RELINEARISED = 8
@@ -107,6 +108,10 @@ class Linearised:
         degrees = max(self.left.size - self.u.size, 1)
         return data.least_variance + float(self.left @ self.left) / degrees
 
+    def grid(self, coarse: bool) -> Grid:
+        """Return the hyperparameters of the deviations."""
+        return grid_of(self.knots, coarse=coarse, absorbed=self.fit.parameters.absorbs)
+
     def distance(self, u: np.ndarray, variance: float) -> float:
         """Return how far the motion at u is from this one, in standard deviations of the whole record's noise."""
         return float(np.linalg.norm(self.model.root @ (self.u - u))) / np.sqrt(variance)
@@ -123,11 +128,10 @@ def parameters_of(
     """Return the parameters: given priors, default priors for what is neither known nor given one, known values."""
     osc = Oscillator(candidate.damping, candidate.restoring)
     inferred: dict[str, Prior] = {}
-    for name in solver.names:
-        if name not in osc.parameters or (name in known and name not in osc.coefficients):
-            continue
-        given = priors.get(name)
-        inferred[name] = given or default_prior(name, osc, "gaussian", reference, data.features)
+    for name in osc.parameters:
+        if name in solver.names and (name not in known or name in osc.coefficients):
+            given = priors.get(name)
+            inferred[name] = given or default_prior(name, osc, "gaussian", reference, data.features)
     return Parameters(solver.names, inferred, {k: v for k, v in known.items() if k not in inferred})
 
 
@@ -140,8 +144,8 @@ def first_values(candidate: MotionCandidate, data: Data, known: Mapping[str, flo
     terms = [TERMS.get(t) for t in candidate.damping]
     coefficients = {t.parameter: ratio / t.ratio_per_unit(middle, data.frequency) for t in terms}
     given = {k: v for k, v in known.items() if k in law.parameters}
-    start = {"theta0": data.start[0], "omega0": data.start[1]}
-    return {**coefficients, **law.start(data.frequency, data.rest, given), **start}
+    start = law.start(data.frequency, data.rest, given)
+    return {**coefficients, **start, **dict(zip(START, data.start, strict=True))}
 
 
 def starts_of(candidate: MotionCandidate, parameters: Parameters) -> list[dict[str, float]]:
@@ -252,8 +256,7 @@ def relinearise(
     at = start or linearise(solver, data, fit)
     if at is None:
         return None
-    d, grid = fit.z.size, grid_of(solver.knots.size, coarse=True, absorbed=fit.parameters.absorbs)
-    first = 0
+    d, grid, first = fit.z.size, at.grid(coarse=True), 0
     for _ in range(RELINEARISED):
         used = variance if variance is not None else at.variance(data)
         new = None
@@ -294,11 +297,8 @@ def mode_of(
         How firmly they are held there (Marquardt's parameter, in units of the prior's information).
     """
     top = int(np.argmax(normals(model, grid, variance, model.count).log))
-    d, total = model.positive.size, model.root.shape[1]
-    root = np.zeros((total, total))
-    root[:d, :d] = np.eye(d)
-    root[d:, d:] = grid.factors[top]
-    sd = np.sqrt(variance)
+    d, total, sd = model.positive.size, model.root.shape[1], np.sqrt(variance)
+    root = grid.roots(d)[top]
     stacked = np.concatenate([model.root @ root / sd, np.eye(total)])
     aim = np.concatenate([model.target / sd, np.zeros(total)])
     positive = np.concatenate([model.positive, np.zeros(total - d, bool)])

@@ -198,7 +198,12 @@ def prepared(signal: Signal, average: bool = True, noise_model: SampleNoise | No
         rows = firsts[:, None] + np.arange(thinned)
         windows = Windows.of(t[rows])
         t, y = t[rows].mean(axis=1), y[rows].mean(axis=1)
-    stop = _count_large(t, shape, signal.t[0])
+    # Until the amplitude has fallen to `LEAST`, and a few cycles at least.
+    stop, sizes = t.size, shape.turning_amplitudes
+    small = np.flatnonzero(sizes < LEAST * sizes[0])
+    if small.size and small[0]:
+        until = float(shape.turning_times[small[0] - 1] - signal.t[0])
+        stop = int(np.searchsorted(t, max(until, FEWEST_CYCLES * shape.period))) + 1
     t, y = t[:stop], y[:stop]
     if windows is not None and rows is not None:
         windows, rows = windows.first(stop), rows[:stop]
@@ -220,16 +225,6 @@ def prepared(signal: Signal, average: bool = True, noise_model: SampleNoise | No
         t, y, signal.quantity, shape.amplitude, final_amplitude, shape.frequency, shape.rest, cycles, noise, start,
         thinned, shape, averaged, windows, record, rows, noise_model=noise_model or SampleNoise(),
     )  # fmt: skip
-
-
-def _count_large(t: np.ndarray, shape: Features, first: float) -> int:
-    """Return the number of samples until the amplitude has fallen to `LEAST`, and a few cycles at least."""
-    sizes = shape.turning_amplitudes
-    small = np.flatnonzero(sizes < LEAST * sizes[0])
-    if small.size == 0 or small[0] == 0:
-        return t.size
-    until = max(float(shape.turning_times[small[0] - 1] - first), FEWEST_CYCLES * shape.period)
-    return int(np.searchsorted(t, until)) + 1
 
 
 def _start(t: np.ndarray, y: np.ndarray, quantity: str, shape: Features) -> tuple[float, float]:

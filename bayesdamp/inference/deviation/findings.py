@@ -1,4 +1,4 @@
-"""The numbers that a verdict is made of, from a weighing."""
+"""The numbers that a verdict is made of, the summary of a posterior, and the arrays of a picture, from a weighing."""
 
 from __future__ import annotations
 
@@ -9,25 +9,22 @@ from itertools import combinations
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
-from bayesdamp.inference.deviation.gaussian.tempered import Sampled
-from bayesdamp.inference.deviation.numbers.bounds import bounds_of_others
-from bayesdamp.inference.deviation.numbers.curves import (
+from bayesdamp.inference.deviation.curves import (
     at_share,
     balanced_frequency,
-    natural_frequency,
-    orbit_of,
-    ratio_at,
-    share_of_time,
-)
-from bayesdamp.inference.deviation.numbers.deviations import (
     left_over,
     midline_drift,
+    natural_frequency,
     off_laws,
+    orbit_of,
     over_laws,
+    ratio_at,
+    share_of_time,
     size_of,
     unnamed_share,
+    works_on,
 )
-from bayesdamp.inference.deviation.numbers.draws import (
+from bayesdamp.inference.deviation.draws import (
     DRAWS,
     CandidateDraws,
     Quantity,
@@ -38,8 +35,10 @@ from bayesdamp.inference.deviation.numbers.draws import (
     quantity,
     shares_of,
 )
-from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
-from bayesdamp.inference.deviation.numbers.rivals import LEAST_EXPONENT, MOST_EXPONENT
+from bayesdamp.inference.deviation.exponent import LEAST_EXPONENT, MOST_EXPONENT
+from bayesdamp.inference.deviation.forms import bounds_of_others
+from bayesdamp.inference.deviation.free import FreeCurve, free_curve
+from bayesdamp.inference.deviation.tempered import Sampled
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
@@ -61,6 +60,8 @@ TIED, LOOSE = 0.98, 0.2
 their value (conventional)."""
 INSIDE = 0.95
 """Share of the draws in the shortest interval."""
+POINTS = 3000
+"""Samples of a record that a picture shows, thinned to the extremes of each stretch."""
 QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
 
 
@@ -161,12 +162,7 @@ def default_amplitudes(weighing: Weighing) -> tuple[float, float, float]:
 
 
 def findings(
-    weighing: Weighing,
-    amplitudes: Sequence[float] | None = None,
-    *,
-    approximate: bool = True,
-    sensor: float = SENSOR,
-    seed: int = 0,
+    weighing: Weighing, amplitudes: Sequence[float] | None = None, *, sensor: float = SENSOR, seed: int = 0
 ) -> Findings:
     """Compute the numbers of a weighing.
 
@@ -176,76 +172,69 @@ def findings(
         Of all candidates.
     amplitudes : sequence of float, optional
         At which the damping ratio is given, in rad or m; by default three of the record.
-    approximate : bool
-        Under laws that hold approximately, with the sensor's floor; else exactly, without it.
     sensor : float
-        Relative sd of the sensor.
+        Relative sd of the sensor, which is included where laws may hold approximately.
     seed : int
         Of the random streams.
     """
-    rng, data, terms = np.random.default_rng(seed), weighing.data, weighing.terms
-    exact_all = probabilities(weighing, True)
-    everything = probabilities(weighing, False) if approximate else exact_all
+    data, approximate, rng = weighing.data, weighing.approximate, np.random.default_rng(seed)
+    exact = probabilities(weighing, exact=True)
+    everything = probabilities(weighing, exact=not approximate)
+    chosen = probabilities(weighing, exact=not approximate, forms=False)
     compared = {r.candidate for r in weighing.results}
     exotic = {c: p for c, p in everything.items() if c not in compared}
-    chosen = probabilities(weighing, not approximate, forms=False)
     wanted = tuple(amplitudes) if amplitudes is not None else default_amplitudes(weighing)
     along = tuple(map(float, np.geomspace(data.amplitude, data.final_amplitude, CURVE)))
-    drawn = drawn_from(weighing, chosen, approximate, rng)
+    drawn = drawn_from(weighing, chosen, rng)
     # Rates, frequencies and deviations are those of all candidates, other forms of damping included.
-    every = drawn_from(weighing, everything, approximate, rng) if sum(exotic.values()) > RARE else drawn
-    best = max(chosen, key=lambda c: chosen[c])
+    every = drawn_from(weighing, everything, rng) if sum(exotic.values()) > RARE else drawn
+    best, leading = (weighing.result(max(each, key=lambda c: each[c])) for each in (chosen, everything))
     shares = shares_of(weighing, drawn)
-    absent = _bounds(weighing, best, approximate, rng)
-    forms = bounds_of_others(weighing, weighing.result(best), approximate, np.random.default_rng([seed, 1]))
+    absent = _bounds(weighing, best, rng)
+    forms = bounds_of_others(weighing, best, np.random.default_rng([seed, 1]))
     size_g = np.concatenate([size_of(d.result, d.g) for d in every])
     size_h = np.concatenate([size_of(d.result, d.h) for d in every])
     floor = sensor if approximate else 0.0
     curve = tuple(ratio_at(weighing, every, a, floor, rng) for a in along)
     ratios = tuple(ratio_at(weighing, every, a, floor, rng) for a in wanted)
-    over, over_curve, unnamed = (), (), None
-    if approximate:
-        over = over_laws(every, wanted, np.random.default_rng([seed, 3]))
-        over_curve = off_laws(every, along, np.random.default_rng([seed, 4]))
-        unnamed = unnamed_share(drawn, along)
-    of_best = next((d for d in drawn if d.result.candidate == best), None)
+    of_best = next((d for d in drawn if d.result is best), None)
     exponent = quantity(np.array(weighing.exponents)) if weighing.exponents else None
-    untold = _undetermined(of_best) if of_best is not None else ()
+    coefficients, untold, tied = ({}, (), ()) if of_best is None else _parameters(weighing, of_best)
     if exponent and exponent.high - exponent.low > 0.95 * AS_WIDE * (MOST_EXPONENT - LEAST_EXPONENT):
         untold = (*untold, "exponent")
-    likeliest = max(everything, key=lambda c: everything[c])
-    leading = weighing.result(likeliest)
     unexplained, noise = left_over(leading)
+    frequency = _frequency(every, None)
+    assert frequency is not None
     return Findings(
         damping={n: p * (1 - sum(exotic.values())) for n, p in _summed(chosen).items()},
-        exact=_summed({c: p for c, p in exact_all.items() if c in compared}),
+        exact=_summed({c: p for c, p in exact.items() if c in compared}),
         exotic=_summed(exotic),
         exponent=exponent,
         restoring=_summed(chosen, 1),
-        term={t: sum(p for c, p in everything.items() if t in c.damping) for t in terms},
+        term={t: sum(p for c, p in everything.items() if t in c.damping) for t in weighing.terms},
         ratios=ratios,
         curve=curve,
-        frequency=_frequency(every),
-        energy={t: quantity(shares[:, i]) for i, t in enumerate(terms)},
+        frequency=frequency,
+        energy={t: quantity(shares[:, i]) for i, t in enumerate(weighing.terms)},
         bound=forms | absent,
         deviation=quantity(size_g),
         restoring_deviation=quantity(size_h),
         other=float(np.quantile(size_g, 0.95)),
-        coefficients=_coefficients(weighing, of_best) if of_best is not None else {},
-        best=best,
+        coefficients=coefficients,
+        best=best.candidate,
         unexplained=unexplained,
         noise=noise,
         amplitudes=(data.amplitude, data.final_amplitude),
         cycles=data.cycles,
-        free=free_curve(weighing, best.restoring, curve, np.random.default_rng([seed, 2])),
-        unnamed=unnamed,
+        free=free_curve(weighing, best.candidate.restoring, curve, np.random.default_rng([seed, 2])),
+        unnamed=unnamed_share(drawn, along) if approximate else None,
         untold=untold,
-        tied=_inseparable(of_best) if of_best is not None else (),
+        tied=tied,
         exponents=weighing.exponents,
         midline=midline_drift(leading),
-        frequency_at=_frequency_at(every, wanted[-1]) if wanted else None,
-        over_laws=over,
-        over_curve=over_curve,
+        frequency_at=_frequency(every, wanted[-1]) if wanted else None,
+        over_laws=over_laws(every, wanted, np.random.default_rng([seed, 3])) if approximate else (),
+        over_curve=off_laws(every, along, np.random.default_rng([seed, 4])) if approximate else (),
     )
 
 
@@ -254,38 +243,29 @@ def _summed(each: Mapping[MotionCandidate, float], part: int = 0) -> dict[str, f
     return summed({c.name: p for c, p in each.items()}, part)
 
 
-def _frequency(drawn: Sequence[CandidateDraws]) -> Quantity:
-    """Return the frequency of small oscillations in Hz: the restoring law's, with the deviation at the record's end."""
+def _frequency(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quantity | None:
+    """Return the frequency in Hz at an amplitude of the record, deviation included; None where no orbit has it.
+
+    Without an amplitude, that of small oscillations with the deviation at the record's end.
+    """
     values = []
     for d in drawn:
-        name = d.result.candidate.restoring
-        for row, h in zip(_thinned(d.law), _thinned(d.h[:, -1]), strict=True):
-            at = _rest_of_draw(d.result, row)
-            values.append(natural_frequency(name, row, at, d.result.data.amplitude) * (1 + h) / (2 * np.pi))
-    return quantity(np.array(values))
-
-
-def _frequency_at(drawn: Sequence[CandidateDraws], amplitude: float) -> Quantity | None:
-    """Return the frequency in Hz at an amplitude of the record, deviation included; None where no orbit has it."""
-    values = []
-    for d in drawn:
-        orbit = orbit_of(d.result, amplitude)
-        if orbit is None:
-            continue
-        name, centre = d.result.candidate.restoring, d.result.law
-        at = _rest_of_draw(d.result, centre)
-        # The error of the first harmonic is that at the mode.
-        scale = orbit.frequency / max(balanced_frequency(name, centre, at, amplitude), 1e-300)
-        share = share_of_time(d.result, amplitude)
-        for row, h in zip(_thinned(d.law), _thinned(at_share(d.h, share)), strict=True):
-            at = _rest_of_draw(d.result, row)
-            values.append(scale * balanced_frequency(name, row, at, amplitude) * (1 + h) / (2 * np.pi))
+        name, h, scale = d.result.candidate.restoring, d.h[:, -1], 1.0
+        frequency, size = natural_frequency, d.result.data.amplitude
+        if amplitude is not None:
+            orbit = orbit_of(d.result, amplitude)
+            if orbit is None:
+                continue
+            frequency, size, law = balanced_frequency, amplitude, d.result.law
+            # The error of the first harmonic is that at the mode.
+            scale = orbit.frequency / max(frequency(name, law, _rest_of_draw(d.result, law), size), 1e-300)
+            h = at_share(d.h, share_of_time(d.result, amplitude))
+        # Draws are in the order of their hyperparameters: some of each.
+        step = max(1, len(h) // FEW)
+        for law, shift in zip(d.law[::step], h[::step], strict=True):
+            rest = _rest_of_draw(d.result, law)
+            values.append(scale * frequency(name, law, rest, size) * (1 + shift) / (2 * np.pi))
     return quantity(np.array(values)) if values else None
-
-
-def _thinned(draws: np.ndarray) -> np.ndarray:
-    """Return about `FEW` of the draws (n, ...), which are in the order of their hyperparameters: some of each."""
-    return draws[:: max(1, len(draws) // FEW)]
 
 
 def _rest_of_draw(result: CandidateResult, law: np.ndarray) -> float:
@@ -299,59 +279,55 @@ def _rest_of_draw(result: CandidateResult, law: np.ndarray) -> float:
     return result.data.rest_under(result.candidate.restoring, law)
 
 
-def _bounds(
-    weighing: Weighing, best: MotionCandidate, approximate: bool, rng: np.random.Generator
-) -> dict[str, float]:
+def _bounds(weighing: Weighing, best: CandidateResult, rng: np.random.Generator) -> dict[str, float]:
     """Return 95 % upper limits of the share of each term that the likeliest sum lacks, if it were added to that sum."""
-    same_law = [r for r in weighing.results if r.candidate.restoring == best.restoring]
+    restoring, damping = best.candidate.restoring, best.candidate.damping
+    by_terms = {
+        frozenset(r.candidate.damping): r
+        for r in weighing.results
+        if r.candidate.restoring == restoring and weighing.compares(r)
+    }
     bounds = {}
     for i, term in enumerate(weighing.terms):
-        larger = [r for r in same_law if set(r.candidate.damping) == {*best.damping, term}]
-        if term in best.damping or not larger or (approximate and larger[0].weighed is None):
-            continue
-        shares = shares_of(weighing, [draws_of(larger[0], DRAWS // 4, approximate, rng)])
-        bounds[term] = float(np.quantile(shares[:, i], 0.95))
+        larger = by_terms.get(frozenset((*damping, term)))
+        if term not in damping and larger is not None:
+            shares = shares_of(weighing, [draws_of(larger, DRAWS // 4, rng)])
+            bounds[term] = float(np.quantile(shares[:, i], 0.95))
     return bounds
 
 
-def _coefficients(weighing: Weighing, d: CandidateDraws) -> dict[str, Quantity]:
-    """Return the inferred parameters of a candidate's damping and restoring law."""
-    sds = noise_sds(weighing, d.result).tolist()
-    by_name = dict(zip(d.result.fit.parameters.free_names, sds, strict=True))
-    values = np.column_stack([d.coefficients, d.further, d.law])
-    names = d.result.solver.names[: values.shape[1]]
-    return {name: quantity(values[:, i], by_name[name]) for i, name in enumerate(names) if name in by_name}
+def _parameters(
+    weighing: Weighing, d: CandidateDraws
+) -> tuple[dict[str, Quantity], tuple[str, ...], tuple[tuple[str, str], ...]]:
+    """Return the inferred parameters of a candidate's damping and restoring law, and what is not determined.
 
-
-def _undetermined(d: CandidateDraws) -> tuple[str, ...]:
-    """Return the terms' own parameters whose interval is as wide as that of their prior."""
-    priors, solver, names = d.result.fit.parameters.priors, d.result.solver, []
-    for i, name in enumerate(solver.further):
-        if name in solver.inferred and name in priors:
-            low, high = np.quantile(d.further[:, i], (0.025, 0.975))
-            if as_wide(priors[name], float(low), float(high)):
-                names.append(name)
-    return tuple(names)
+    The latter are the names of the terms' own parameters whose interval is as wide as that of their prior, and pairs
+    of coefficients and own parameters of which the record determines only a combination.
+    """
+    solver, priors = d.result.solver, d.result.fit.parameters.priors
+    values = np.column_stack([d.coefficients, d.further, d.law]).T
+    drawn = {name: own for name, own in zip(solver.names, values) if name in priors}
+    noise = dict(zip(priors, noise_sds(weighing, d.result).tolist(), strict=True))
+    quantities = {name: quantity(own, noise[name]) for name, own in drawn.items()}
+    own = [name for name in solver.further if name in drawn]
+    loose = [
+        name
+        for name in (*solver.names[: len(solver.terms)], *own)
+        if name in drawn and 1.96 * drawn[name].std() > LOOSE * abs(drawn[name].mean())
+    ]
+    tied = [(a, b) for a, b in combinations(loose, 2) if abs(np.corrcoef(drawn[a], drawn[b])[0, 1]) > TIED]
+    untold = [
+        name
+        for name in own
+        if name in solver.inferred and as_wide(priors[name], quantities[name].low, quantities[name].high)
+    ]
+    return quantities, tuple(untold), tuple(tied)
 
 
 def as_wide(prior: Prior, low: float, high: float) -> bool:
     """Return whether an interval is nearly as wide as the prior's own, in the prior's scores."""
     whole = 2.24 - 0.03 if prior.reflected else 2 * 1.96
     return float(prior.score(high) - prior.score(low)) > AS_WIDE * whole
-
-
-def _inseparable(d: CandidateDraws) -> tuple[tuple[str, str], ...]:
-    """Return pairs of a candidate's coefficients and own parameters of which the record determines a combination."""
-    priors, solver = d.result.fit.parameters.priors, d.result.solver
-    names = (*solver.names[: len(solver.terms)], *solver.further)
-    values = np.column_stack([d.coefficients, d.further])
-    free = [i for i, name in enumerate(names) if name in priors and values[:, i].std() > 0]
-    pairs = []
-    for i, j in combinations(free, 2):
-        loose = all(1.96 * values[:, k].std() > LOOSE * abs(values[:, k].mean()) for k in (i, j))
-        if loose and abs(np.corrcoef(values[:, i], values[:, j])[0, 1]) > TIED:
-            pairs.append((names[i], names[j]))
-    return tuple(pairs)
 
 
 def posterior_of(
@@ -369,13 +345,27 @@ def posterior_of(
     ndarray, shape (n, p)
         The inferred parameters of each draw.
     """
-    parameters = result.fit.parameters
+    parameters, u = result.fit.parameters, sampled.draws
     d, n = parameters.free.size, result.solver.knots.size
-    values = parameters.values(sampled.draws[:, :d])[:, parameters.free]
-    rows = zip(parameters.free_names, values.T, noise_sds(weighing, result), strict=True)
-    sizes = size_of(result, sampled.draws[:, d : d + n]) if sampled.draws.shape[1] > d else np.zeros(1)
+    values = parameters.values(u[:, :d])[:, parameters.free]
+    sizes = size_of(result, u[:, d : d + n]) if u.shape[1] > d else np.zeros(1)
+    inside, summaries = int(np.ceil(INSIDE * len(values))), {}
+    sds = noise_sds(weighing, result).tolist()
+    for name, own, noise_sd in zip(parameters.free_names, values.T, sds, strict=True):
+        sd, ordered = float(np.std(own, ddof=1)), np.sort(own)
+        noise = min(noise_sd, sd)
+        first = int(np.argmin(ordered[inside - 1 :] - ordered[: own.size - inside + 1]))
+        summaries[name] = {
+            "mean": float(np.mean(own)),
+            "sd": sd,
+            "sd_noise": noise,
+            "sd_law": float(np.sqrt(sd**2 - noise**2)),
+            **{q: float(np.quantile(own, level)) for q, level in QUANTILES.items()},
+            "hdi_low": float(ordered[first]),
+            "hdi_high": float(ordered[first + inside - 1]),
+        }
     summary = {
-        "parameters": {name: _summary(own, float(noise)) for name, own, noise in rows},
+        "parameters": summaries,
         "deviation": np.quantile(sizes, (0.025, 0.5, 0.975)).tolist(),
         "unexplained": left_over(result)[0],
         "log_evidence": sampled.log_evidence,
@@ -386,20 +376,45 @@ def posterior_of(
     return summary, values
 
 
-def _summary(values: np.ndarray, noise: float) -> dict[str, float]:
-    """Return mean, sd and its parts, quantiles and the shortest interval of draws (n,)."""
-    sd = float(np.std(values, ddof=1))
-    noise = min(noise, sd)
-    ordered = np.sort(values)
-    inside = int(np.ceil(INSIDE * values.size))
-    widths = ordered[inside - 1 :] - ordered[: values.size - inside + 1]
-    first = int(np.argmin(widths))
-    return {
-        "mean": float(np.mean(values)),
-        "sd": sd,
-        "sd_noise": noise,
-        "sd_law": float(np.sqrt(sd**2 - noise**2)),
-        **{name: float(np.quantile(values, q)) for name, q in QUANTILES.items()},
-        "hdi_low": float(ordered[first]),
-        "hdi_high": float(ordered[first + inside - 1]),
-    }
+def picture(weighing: Weighing, numbers: Findings) -> Mapping[str, np.ndarray]:
+    """Return the arrays of a picture by name.
+
+    t, record, fit, residual: thinned, (p,); amplitudes, where the record is taken as such. amplitude, ratio, low, high:
+    of the answer, (a,). free/*: the curve without a law and the energy lost in a cycle under it. law/SUM: the ratio of
+    each sum's own fit under exact laws. work/TERM: the energy lost in a cycle by each term, per unit of inertia.
+    """
+    data = weighing.data
+    best = weighing.result(numbers.best)
+    t, y, fitted = (data.of_amplitude(values) for values in (data.times, data.recorded, best.motion.y))
+    # The least and the largest value in each stretch, and the ends.
+    rows, size = np.arange(y.size), -(-y.size // (POINTS // 2))
+    if size > 2:
+        stretches = np.split(rows, range(size, y.size, size))
+        extremes = [s[at] for s in stretches for at in (y[s].argmin(), y[s].argmax())]
+        rows = np.unique([0, *extremes, y.size - 1])
+    arrays = {"t": t[rows], "record": y[rows], "fit": fitted[rows], "residual": (y - fitted)[rows]}
+    for name, of in (("amplitude", "amplitude"), ("ratio", "value"), ("low", "low"), ("high", "high")):
+        arrays[name] = np.array([getattr(r, of) for r in numbers.curve])
+    amplitude = arrays["amplitude"]
+    if numbers.exponents:
+        arrays["exponent"] = np.array(numbers.exponents)
+    if numbers.free is not None:
+        arrays["free/amplitude"] = numbers.free.amplitude
+        for name, values in (("ratio", numbers.free.ratio), ("lost", numbers.free.lost)):
+            for end, column in zip(("", "_low", "_high"), values.T, strict=True):
+                arrays[f"free/{name}{end}"] = column
+    terms, solver = weighing.terms, weighing.solvers[numbers.best.restoring]
+    orbits = [orbit_of(best, float(a)) for a in amplitude]
+    energy = np.array([np.nan if o is None else o.energy for o in orbits])
+    none = np.full(len(terms), np.nan)
+    for r in weighing.results:
+        if r.candidate.restoring != numbers.best.restoring:
+            continue
+        values = r.fit.values
+        further = values[None, len(terms) : solver.law_places.start]
+        works = [none if o is None else works_on(o, solver, further, r.fit.active)[0] for o in orbits]
+        work = values[: len(terms)] * np.array(works)
+        arrays[f"law/{'+'.join(r.candidate.damping)}"] = work.sum(axis=1) / (4 * np.pi * energy)
+        if r is best:
+            arrays |= {f"work/{t}": work[:, i] for i, t in enumerate(terms) if t in r.candidate.damping}
+    return arrays

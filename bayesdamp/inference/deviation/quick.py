@@ -10,12 +10,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.deviation.averaged import Averaging
-from bayesdamp.inference.deviation.candidate import MotionCandidate, refit
+from bayesdamp.inference.deviation.candidate import START, MotionCandidate, refit
 from bayesdamp.inference.deviation.data import prepared
-from bayesdamp.inference.deviation.numbers.bounds import columns_of
-from bayesdamp.inference.deviation.numbers.rivals import exponents_of, with_rivals
+from bayesdamp.inference.deviation.exponent import exponents_of
+from bayesdamp.inference.deviation.forms import columns_of, with_rivals
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, prepared_for
-from bayesdamp.inference.deviation.weighing import START, CandidateResult, Known, Weighing, weigh_all
+from bayesdamp.inference.deviation.weighing import CandidateResult, Known, Weighing, weigh_all
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.physics.kernel.averaged import AveragedSolver
@@ -81,17 +81,17 @@ def weighing_of(
         data = prepared_for(signal, noises, known_under[0], priors or {}, average=not start_known)
         weighing = weigh(data)
         if data.averaged is not None and weighing.results:
-            weighing = _corrected(weighing, approximate)
+            weighing = _corrected(weighing)
             averaging = averaging_of(weighing)
             if averaging is None or averaging.close or data.cycles > MOST_CYCLES:
                 weighing = replace(weighing, averaging=averaging)
             else:
                 weighing = weigh(prepared(signal, average=False))
-        weighing = with_rivals(weighing, approximate)
-        return replace(weighing, exponents=exponents_of(weighing, approximate))
+        weighing = with_rivals(weighing)
+        return replace(weighing, exponents=exponents_of(weighing))
 
 
-def _corrected(weighing: Weighing, approximate: bool) -> Weighing:
+def _corrected(weighing: Weighing) -> Weighing:
     """Return the weighing with the candidates that count corrected by the ODE at their modes, deviations included."""
     top = weighing.best.log_evidence
 
@@ -103,7 +103,7 @@ def _corrected(weighing: Weighing, approximate: bool) -> Weighing:
         fit = None if solver is None else refit(solver, weighing.data, r.fit)
         if solver is None or fit is None:
             return r
-        return weighing.result_of(r.candidate, solver, fit, approximate)
+        return weighing.weigh(r.candidate, solver, fit)
 
     weighing = replace(weighing, results=tuple(at_once(correct, weighing.results)))
     best = weighing.best
@@ -117,15 +117,14 @@ def averaging_of(weighing: Weighing) -> Averaging | None:
     result, cycles = weighing.best, weighing.data.cycles
     assert isinstance(result.solver, AveragedSolver)
     off = result.solver.error(result.values, result.fit.active, *result.deviations)
-    base = columns_of(result, result.about is not None)
+    base = columns_of(result)
     if off is None or base is None:
         return Averaging(cycles, float("inf"))
-    weighed = result.exact_weighed if result.weighed is None else result.weighed
-    variance = result.exact_variance if result.weighed is None else weighing.variance
+    weighed = result.posterior
     moved, spread = np.zeros(weighed.means.shape[1]), np.zeros(weighed.means.shape[1])
     # Over the hyperparameters: a parameter that some of them determine well may be loose under others.
     for weight, factor in zip(weighed.weights, weighed.factors, strict=True):
-        shift, sd = factor @ (factor.T @ (base[0].T @ off)) / variance, np.linalg.norm(factor, axis=1)
+        shift, sd = factor @ (factor.T @ (base[0].T @ off)) / result.variance, np.linalg.norm(factor, axis=1)
         moved, spread = moved + weight * shift, spread + weight * sd**2
     rows = [i for i, name in enumerate(result.fit.parameters.free_names) if name not in START]
     error = float(np.max(np.abs(moved[rows]) / np.sqrt(spread[rows]), initial=0.0))

@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.inference.deviation.gaussian.linear import LinearModel, Weighed
+from bayesdamp.inference.deviation.linear import LinearModel, Weighed
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
+from bayesdamp.inference.deviation.weighing import CandidateResult
 from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import log_prior_of
 
@@ -129,14 +129,7 @@ class Ridge:
         return np.where(np.all(z[..., self.base.positive] >= 0, axis=-1), log_ratio, -np.inf)
 
 
-def ridge_of(
-    weighing: Weighing,
-    result: CandidateResult,
-    approximate: bool,
-    base: Parameters,
-    model: LinearModel,
-    weighed: Weighed,
-) -> Ridge | None:
+def ridge_of(result: CandidateResult, base: Parameters, model: LinearModel, weighed: Weighed) -> Ridge | None:
     """Return the ridge along that parameter of the damping terms which the record determines least.
 
     None where the terms have no parameters of their own, where one is best at zero, and where no motion stays in phase
@@ -153,13 +146,12 @@ def ridge_of(
     stays = base.positive & ~own & (mode < CLEAR * sds)
     stays[lead] = True
     moved, fixed = np.flatnonzero(~stays), np.flatnonzero(stays)
-    variance = weighing.variance if approximate else result.exact_variance
-    square = model.root[:, :d].T @ model.root[:, :d] / variance + np.diag(base.prior_precision(mode))
+    square = model.root[:, :d].T @ model.root[:, :d] / result.variance + np.diag(base.prior_precision(mode))
     covariance = np.linalg.inv(square)
     tangent = covariance[lead] / covariance[lead, lead]
     inner = square[np.ix_(moved, moved)]
     across = -np.linalg.solve(inner, square[np.ix_(moved, fixed)])
-    search = _Search(weighing, result, approximate, base, variance, moved)
+    search = _Search(result, base, moved)
 
     def start(a: float) -> np.ndarray:
         z = mode + tangent * (a - mode[lead])
@@ -202,11 +194,8 @@ class _Node:
 class _Search:
     """The mode of the scores at `moved`, where the others and the deviations from the laws are fixed."""
 
-    weighing: Weighing
     result: CandidateResult
-    approximate: bool
     base: Parameters
-    variance: float
     moved: np.ndarray
 
     def node(self, z: np.ndarray) -> _Node | None:
@@ -232,16 +221,17 @@ class _Search:
 
     def _at(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray] | None:
         """Return nats below a perfect fit, their slope downwards, (m,), and curvature, (m, m)."""
-        p, result = self.base.values(z), self.result
+        p, result, variance = self.base.values(z), self.result, self.result.variance
         if not np.all(np.isfinite(p)):
             return None
-        deviations = result.deviations if self.approximate else (None, None)
-        motion = result.solver.solve(p, result.fit.active, *deviations, PARAMETERS, tolerance=TOLERANCE)
+        motion = result.solver.solve(
+            p, result.fit.active, *result.deviations, PARAMETERS, tolerance=TOLERANCE
+        )
         if motion is None:
             return None
-        left = self.weighing.data.y - motion.y
+        left = result.data.y - motion.y
         columns = self.base.by_scores(motion.tangents, z)[:, self.moved]
         precision = self.base.prior_precision(z)[self.moved]
-        depth = 0.5 * float(left @ left) / self.variance - float(self.base.log_prior(np.abs(z)))
-        slope = columns.T @ left / self.variance - precision * z[self.moved]
-        return depth, slope, columns.T @ columns / self.variance + np.diag(precision)
+        depth = 0.5 * float(left @ left) / variance - float(self.base.log_prior(np.abs(z)))
+        slope = columns.T @ left / variance - precision * z[self.moved]
+        return depth, slope, columns.T @ columns / variance + np.diag(precision)

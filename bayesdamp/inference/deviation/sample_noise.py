@@ -81,10 +81,13 @@ def prepared_for(
     t = np.asarray(signal.t, float)
     for _ in range(REFITS):
         residual = data.averaged.residual
-        seen = _stretches(residual.size)
-        record = replace(signal, t=t[seen], y=np.asarray(signal.y)[seen])
+        used = np.arange(residual.size)
+        if used.size > SEEN:  # stretches along the record
+            firsts = np.linspace(0, used.size - SEEN // STRETCHES, STRETCHES).astype(int)
+            used = (firsts[:, None] + np.arange(SEEN // STRETCHES)).ravel()
+        record = replace(signal, t=t[used], y=np.asarray(signal.y)[used])
         fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
-        noise = _choose(_fit_all(names, residual[seen], fit_one), predictable(residual[seen]))
+        noise = _choose(names, residual[used], fit_one)[0]
         if noise.name in LEAST_SQUARES:
             return replace(data, noise_model=noise)
         data = prepared(signal, average, noise)
@@ -93,27 +96,31 @@ def prepared_for(
     return data
 
 
-def _stretches(count: int) -> np.ndarray:
-    """Return the places of the samples from which noise is chosen: all of them, or stretches along the record."""
-    if count <= SEEN:
-        return np.arange(count)
-    firsts = np.linspace(0, count - SEEN // STRETCHES, STRETCHES).astype(int)
-    return (firsts[:, None] + np.arange(SEEN // STRETCHES)).ravel()
+def _choose(
+    names: Sequence[str], residual: np.ndarray, fit_one: Callable[[str, np.ndarray], FittedNoise]
+) -> tuple[SampleNoise, float]:
+    """Return the likeliest noise model of residuals (m,), or Gaussian noise where it is not clearly ahead of that.
 
-
-def _choose(weighed: Sequence[FittedNoise], gain: float) -> SampleNoise:
-    """Return the likeliest noise model, or Gaussian noise where it is not clearly ahead of that.
-
-    What can be predicted, by `gain` nats, may not be noise, but a second mode, or the misfit of a law that does not
-    hold.
+    Also the nats by which residuals can be predicted. What can be predicted may not be noise, but a second mode, or
+    the misfit of a law that does not hold. Raises Refusal where none of the noise models applies.
     """
+    weighed: list[FittedNoise] = []
+    refused: list[str] = []
+    for name in names:
+        try:
+            weighed.append(fit_one(name, residual))
+        except Refusal as refusal:
+            refused.append(str(refusal))
+    if not weighed:
+        raise Refusal("; ".join(refused))
+    gain = predictable(residual)
     best = max(weighed, key=lambda model: model.log_evidence)
     plain = next((model for model in weighed if model.name == GAUSSIAN), None)
     if plain is not None and (
         best.name == CORRELATED or best.log_evidence - plain.log_evidence < max(LEAD, gain)
     ):
         best = plain
-    return SampleNoise(best, tuple(weighed))
+    return SampleNoise(best, tuple(weighed)), gain
 
 
 @dataclass(frozen=True)
@@ -180,14 +187,12 @@ def adapt(
     if motion is None:
         return None
     fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
-    weighed = _fit_all(names, record.y - motion, fit_one)
-    gaps, gain = np.diff(record.t), predictable(record.y - motion)
-    chosen = _choose(weighed, gain)
-    noise = chosen.fitted
+    chosen, gain = _choose(names, record.y - motion, fit_one)
+    gaps, noise = np.diff(record.t), chosen.fitted
     if noise.name == GAUSSIAN:
         # What can be predicted is left to the power of the residual near the oscillation (`inflation`), which is at
         # least that of correlated noise where this explains as much as any autoregression.
-        other = next((model for model in weighed if model.name == CORRELATED), noise)
+        other = next((model for model in chosen.weighed if model.name == CORRELATED), noise)
         if other.log_evidence - noise.log_evidence > max(LEAD, gain - LEAD):
             variance = other.variance(record.y - motion, motion - motion.mean(), gaps) / data.thinned
         return Adapted(data, chosen, variance)
@@ -195,7 +200,13 @@ def adapt(
         residual = record.y - motion
         variance = noise.variance(residual, motion - motion.mean(), gaps)
         data = data.working(noise.working_residuals(residual, gaps, variance) - residual)
-        new = _mode(at, solver, data, approximate)
+        # The candidate about its mode on the changed values.
+        fit, new = refit(solver, data, at.fit), None
+        if fit is not None and approximate:
+            about = relinearise(solver, data, fit, None)
+            new = None if about is None else about[0]
+        elif fit is not None:
+            new = linearise(solver, data, fit)
         if new is None:
             break
         moved = float(np.linalg.norm(new.motion.y - at.motion.y)) * np.sqrt(data.thinned / variance)
@@ -204,18 +215,7 @@ def adapt(
         if motion is None or moved < SETTLED:
             break
         noise = fit_one(noise.name, record.y - motion)
-    return Adapted(data, SampleNoise(noise, weighed), data.least_variance + variance / data.thinned)
-
-
-def _mode(at: Linearised, solver: Solver, data: Data, approximate: bool) -> Linearised | None:
-    """Return the candidate about its mode on changed values; None where no motion follows them."""
-    new = refit(solver, data, at.fit)
-    if new is None:
-        return None
-    if not approximate:
-        return linearise(solver, data, new)
-    about = relinearise(solver, data, new, None)
-    return None if about is None else about[0]
+    return Adapted(data, SampleNoise(noise, chosen.weighed), data.least_variance + variance / data.thinned)
 
 
 def _at_samples(solver: Solver, record: Signal, at: Linearised) -> np.ndarray | None:
@@ -223,22 +223,6 @@ def _at_samples(solver: Solver, record: Signal, at: Linearised) -> np.ndarray | 
     every = solver.at(np.array(record.t, float), solver.quantity)
     motion = every.solve(at.values, at.fit.active, *at.deviations, NONE)
     return None if motion is None else motion.y
-
-
-def _fit_all(
-    names: Sequence[str], residual: np.ndarray, fit_one: Callable[[str, np.ndarray], FittedNoise]
-) -> tuple[FittedNoise, ...]:
-    """Fit each noise model that applies to residuals (m,). Raises Refusal where none does."""
-    models: list[FittedNoise] = []
-    refused: list[str] = []
-    for name in names:
-        try:
-            models.append(fit_one(name, residual))
-        except Refusal as refusal:
-            refused.append(str(refusal))
-    if not models:
-        raise Refusal("; ".join(refused))
-    return tuple(models)
 
 
 def predictable(residual: np.ndarray) -> float:

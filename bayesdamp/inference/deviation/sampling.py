@@ -13,12 +13,11 @@ from zlib import crc32
 
 import numpy as np
 
-from bayesdamp.inference.deviation.candidate import Linearised, exact, linearise, refit, relinearise
-from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
-from bayesdamp.inference.deviation.gaussian.linear import LinearModel, Weighed, weigh
-from bayesdamp.inference.deviation.gaussian.tempered import DRAWS, sample_posterior
-from bayesdamp.inference.deviation.parameters import Parameters, Straight, straight_at
+from bayesdamp.inference.deviation.candidate import exact, linearise, refit, relinearise
+from bayesdamp.inference.deviation.linear import LinearModel, Weighed, weigh
+from bayesdamp.inference.deviation.parameters import Parameters, straight_at
 from bayesdamp.inference.deviation.ridge import Ridge, ridge_of
+from bayesdamp.inference.deviation.tempered import DRAWS, sample_posterior
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.kernel import Solver
@@ -80,21 +79,19 @@ class DrawMotions:
         return None if motion is None else motion.y + self.correction
 
 
-def motions_near(
-    solver: Solver, parameters: Parameters | Ridge, active: np.ndarray, weighed: Weighed, sd: float
-) -> DrawMotions:
+def motions_near(result: CandidateResult, parameters: Parameters | Ridge, weighed: Weighed) -> DrawMotions:
     """Return motions to the loosest tolerance that keeps draws of the linear posterior within `APART`.
 
     Parameters
     ----------
-    solver, parameters, active
+    result : CandidateResult
+        Of the candidate.
+    parameters : Parameters or Ridge
         As of `DrawMotions`.
     weighed : Weighed
-        The linear posterior.
-    sd : float
-        Of the noise that counts, in the record's unit.
+        The linear posterior in the coordinates of `parameters`.
     """
-    usual = DrawMotions(solver, parameters, active)
+    usual, sd = DrawMotions(result.solver, parameters, result.fit.active), np.sqrt(result.variance)
     middle = weighed.means[int(np.argmax(weighed.log_each))]
     rows = [middle, *weighed.draws(parameters.positive, TRIED, np.random.default_rng(0))[0]]
     wanted = [usual.at(row) for row in rows]
@@ -124,92 +121,77 @@ class SamplingStart:
         return scores
 
 
-def reference_of(weighing: Weighing, result: CandidateResult, approximate: bool) -> SamplingStart:
+def reference_of(weighing: Weighing, result: CandidateResult) -> SamplingStart:
     """Return the linear model that a candidate's draws start from.
 
     In straight coordinates, about the mode in them, where there are any; else the model by which it was weighed.
     Along a ridge where there is one.
     """
-    model = exact(result.fit) if not approximate or result.about is None else result.about.model
-    weighed = result.weighed if approximate else result.exact_weighed
-    assert weighed is not None
-    start = _straightened(weighing, result, approximate) or SamplingStart(
-        result.fit.parameters, model, weighed
-    )
+    start = _straightened(weighing, result)
+    if start is None:
+        start = SamplingStart(result.fit.parameters, result.model, result.posterior)
     assert isinstance(start.parameters, Parameters)
-    ridge = ridge_of(weighing, result, approximate, start.parameters, start.model, start.weighed)
+    ridge = ridge_of(result, start.parameters, start.model, start.weighed)
     if ridge is None:
         return start
     model = replace(start.model, positive=ridge.positive)
-    knots = result.solver.knots.size if approximate else 0
-    grid = grid_of(knots, exact=not approximate, absorbed=ridge.base.absorbs)
-    variance = weighing.variance if approximate else result.exact_variance
-    return SamplingStart(ridge, model, weigh(model, grid, variance, weighing.samples))
+    return SamplingStart(ridge, model, weigh(model, result.grid(), result.variance, weighing.samples))
 
 
-def _straightened(weighing: Weighing, result: CandidateResult, approximate: bool) -> SamplingStart | None:
+def _straightened(weighing: Weighing, result: CandidateResult) -> SamplingStart | None:
     """Return the linear model in straight coordinates; None where there are none."""
     data, solver, law = weighing.data, result.solver, result.candidate.restoring
-    z = result.z if approximate else result.fit.z
-    coordinates = straight_at(result.fit.parameters, law, z)
+    coordinates = straight_at(result.fit.parameters, law, result.z)
     if coordinates is None:
         return None
-    if not approximate:
-        fit = refit(solver, data, replace(result.fit, parameters=coordinates))
-        if fit is None:
-            return None
-        model = exact(fit)
-        grid, variance = grid_of(0, exact=True), result.exact_variance
-        return SamplingStart(coordinates, model, weigh(model, grid, variance, weighing.samples))
-
-    def about(coordinates: Straight, z: np.ndarray, u: np.ndarray | None) -> Linearised | None:
-        return linearise(solver, data, replace(result.fit, parameters=coordinates, z=z), u)
-
-    at = about(coordinates, z, None if result.about is None else result.about.u)
-    for _ in range(ANCHORS):
-        mode = None if at is None else relinearise(solver, data, at.fit, weighing.variance, at)
-        if mode is None:
-            return None
-        z, d = mode[0].z, mode[0].z.size
-        plain = mode[0].fit.parameters.plain(z)
-        coordinates = straight_at(result.fit.parameters, law, plain)
-        if coordinates is None:
-            return None
-        at = about(coordinates, plain, np.concatenate([plain, mode[0].u[d:]]))
-        if at is None or np.abs(plain - z).max() < CLOSE:
-            break
-    if at is None:
+    fit = replace(result.fit, parameters=coordinates, z=result.z)
+    if result.about is None:
+        fit = refit(solver, data, fit)
+        model = None if fit is None else exact(fit)
+    else:
+        at = linearise(solver, data, fit, result.about.u)
+        for _ in range(ANCHORS):
+            mode = None if at is None else relinearise(solver, data, at.fit, result.variance, at)
+            if mode is None:
+                return None
+            z, d = mode[0].z, mode[0].z.size
+            plain = mode[0].fit.parameters.plain(z)
+            coordinates = straight_at(result.fit.parameters, law, plain)
+            if coordinates is None:
+                return None
+            fit = replace(result.fit, parameters=coordinates, z=plain)
+            at = linearise(solver, data, fit, np.concatenate([plain, mode[0].u[d:]]))
+            if np.abs(plain - z).max() < CLOSE:
+                break
+        model = None if at is None else at.model
+    if fit is None or model is None:
         return None
-    grid = grid_of(solver.knots.size, absorbed=result.fit.parameters.absorbs)
-    return SamplingStart(
-        at.fit.parameters, at.model, weigh(at.model, grid, weighing.variance, weighing.samples)
-    )
+    weighed = weigh(model, result.grid(), result.variance, weighing.samples)
+    return SamplingStart(fit.parameters, model, weighed)
 
 
-def with_samples(weighing: Weighing, approximate: bool, seed: int = 0) -> Weighing:
+def with_samples(weighing: Weighing, seed: int = 0) -> Weighing:
     """Return the weighing with its likeliest candidates and rivals sampled.
 
     The evidence of the linear models decides which they are.
     """
-    every = [r for r in (*weighing.results, *weighing.forms) if not approximate or r.weighed is not None]
+    every = [r for r in (*weighing.results, *weighing.forms) if weighing.compares(r)]
     if not every:
         return weighing
     best = max(r.log_evidence for r in every)
     close = sorted((r for r in every if r.log_evidence > best - BEHIND), key=lambda r: -r.log_evidence)[:MOST]
-    sampled = {id(r): sampled_result(weighing, r, approximate, seed) for r in close}
+    sampled = {id(r): sampled_result(weighing, r, seed) for r in close}
     results = tuple(sampled.get(id(r), r) for r in weighing.results)
     return replace(weighing, results=results, forms=tuple(sampled.get(id(r), r) for r in weighing.forms))
 
 
 def sampled_result(
-    weighing: Weighing, result: CandidateResult, approximate: bool, seed: int = 0, draws: int = DRAWS
+    weighing: Weighing, result: CandidateResult, seed: int = 0, draws: int = DRAWS
 ) -> CandidateResult:
     """Return a candidate's result with its motions sampled; a seed always gives the same draws of a candidate."""
-    variance = weighing.variance if approximate else result.exact_variance
-    start = reference_of(weighing, result, approximate)
+    start = reference_of(weighing, result)
     parameters, model, y = start.parameters, start.model, weighing.data.y
-    sd, d = float(np.sqrt(variance)), parameters.free.size
-    motions = motions_near(result.solver, parameters, result.fit.active, start.weighed, sd)
+    motions = motions_near(result, parameters, start.weighed)
 
     def squares(row: np.ndarray) -> float:
         motion = motions.at(row)
@@ -219,7 +201,8 @@ def sampled_result(
         """Return the log of the motions' likelihood over the linear model's, of draws (n, K): (n,)."""
         solved = np.array(at_once(squares, u))
         linear = np.sum((u @ model.root.T - model.target) ** 2, axis=1) + model.rest
-        return 0.5 * (linear - solved) / variance + parameters.log_prior_ratio(u[:, :d])
+        prior = parameters.log_prior_ratio(u[:, : parameters.free.size])
+        return 0.5 * (linear - solved) / result.variance + prior
 
     own_seed = crc32(result.candidate.name.encode()) + seed % 2**32
     sampled = sample_posterior(ratio, start.weighed, parameters.positive, draws=draws, seed=own_seed)

@@ -14,12 +14,11 @@ from threadpoolctl import threadpool_limits
 from bayesdamp.inference.checks.checks import Ahead
 from bayesdamp.inference.checks.diagnostics import summarise, verdict
 from bayesdamp.inference.deviation.candidate import MotionCandidate, active_of, linearise, tangents_at
+from bayesdamp.inference.deviation.curves import ratio_at, ratios_drawn, size_of
 from bayesdamp.inference.deviation.data import Data, prepared
-from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
+from bayesdamp.inference.deviation.draws import CandidateDraws, Quantity, noise_sds, quantity
 from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit
-from bayesdamp.inference.deviation.numbers.curves import ratio_at, ratios_drawn
-from bayesdamp.inference.deviation.numbers.deviations import size_of
-from bayesdamp.inference.deviation.numbers.draws import CandidateDraws, Quantity, noise_sds, quantity
+from bayesdamp.inference.deviation.linear import knots_of
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC
 from bayesdamp.inference.deviation.sampling import DrawMotions, motions_near, sampled_result
@@ -150,36 +149,25 @@ class Single:
 
         Raises Refusal where no motion with deviations can be followed.
         """
-        about, data, parameters = self.result.about, self.weighing.data, self.result.fit.parameters
-        if about is None or self.result.weighed is None:
+        weighing, data, result = self.weighing, self.weighing.data, self.result
+        solver, about, parameters, weighed = (
+            result.solver,
+            result.about,
+            result.fit.parameters,
+            result.posterior,
+        )
+        if about is None:
             raise Refusal(ESCAPED)
-        signal = Signal(data.t, data.y, data.quantity)
-        known = {**parameters.known, "epsilon": self.result.solver.epsilon, **self.known}
-        deviation = self._deviation()
-        target = Target(signal, self.oscillator, "gaussian", parameters.priors, known, deviation=deviation)
-        likelihood = Likelihood.near(target, about.z, TOLERANCE * data.recorded_amplitude)
-        scores = self.scores[:, : about.z.size]
-        information = np.linalg.inv(np.atleast_2d(np.cov(scores.T)))
-        linear = LinearPosterior(scores, float(self.result.weighed.log_evidence))
-        return Mode(about.z, likelihood.log_posterior(about.z), information, likelihood, linear=linear)
-
-    def _deviation(self) -> Deviation:
-        """Return the deviations about those of the mode, with the combinations of hyperparameters that count."""
-        weighing, result = self.weighing, self.result
-        fit, solver, about, weighed = result.fit, result.solver, result.about, result.weighed
-        assert about is not None
-        assert weighed is not None
-        d, sd = fit.z.size, float(np.sqrt(weighing.variance))
-        tangents = tangents_at(solver, fit, about.u, SEARCHED)
+        tangents = tangents_at(solver, result.fit, about.u, SEARCHED)
         if tangents is None:
             raise Refusal(ESCAPED)
+        # The deviations about those of the mode, under the combinations of hyperparameters that count.
+        d, grid = about.z.size, result.grid()
         basis, upper = np.linalg.qr(tangents[:, d:])
-        grid = grid_of(solver.knots.size, absorbed=fit.parameters.absorbs)
-        probable = weighed.probable(NEGLIGIBLE)
-        near = motions_near(solver, fit.parameters, fit.active, weighed, sd)
-        probabilities = np.bincount(weighed.combos, weighed.weights, minlength=grid.log_prior.size)[probable]
-        return Deviation(
-            Deviating(near, about.deviations, fit.parameters.known),
+        probability = np.bincount(weighed.combos, weighed.weights, minlength=grid.log_prior.size)
+        probable = np.flatnonzero(probability > NEGLIGIBLE)
+        deviation = Deviation(
+            Deviating(motions_near(result, parameters, weighed), about.deviations, parameters.known),
             weighing.variance,
             weighing.samples,
             basis,
@@ -187,8 +175,16 @@ class Single:
             grid.log_prior[probable],
             grid.factors[probable],
             upper @ grid.factors[probable] / np.sqrt(weighing.variance),
-            probabilities / probabilities.sum(),
+            probability[probable] / probability[probable].sum(),
         )
+        signal = Signal(data.t, data.y, data.quantity)
+        known = {**parameters.known, "epsilon": solver.epsilon, **self.known}
+        target = Target(signal, self.oscillator, "gaussian", parameters.priors, known, deviation=deviation)
+        likelihood = Likelihood.near(target, about.z, TOLERANCE * data.recorded_amplitude)
+        scores = self.scores[:, :d]
+        information = np.linalg.inv(np.atleast_2d(np.cov(scores.T)))
+        linear = LinearPosterior(scores, float(weighed.log_evidence))
+        return Mode(about.z, likelihood.log_posterior(about.z), information, likelihood, linear=linear)
 
     def with_deviations(self, z: Array, seed: int | Sequence[int]) -> Array:
         """Return scores (n, d), each with a draw of log g and h given them, (n, K)."""
@@ -201,9 +197,8 @@ class Single:
     @cached_property
     def scores(self) -> Array:
         """Draws of the linear model: scores, log g and h at the knots, (n, K)."""
-        result = self.result
-        assert result.weighed is not None
-        return result.weighed.draws(result.fit.parameters.positive, DRAWS, np.random.default_rng(0))[0]
+        positive = self.result.fit.parameters.positive
+        return self.result.posterior.draws(positive, DRAWS, np.random.default_rng(0))[0]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -288,11 +283,8 @@ class Single:
     def ratio_draws(self, amplitudes: Array, u: Array, sensor: float) -> Array:
         """Return the same as draws, (n, m); nan at amplitudes that no motion has."""
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
-        none, columns = np.full(len(u), np.nan), []
-        for a in amplitudes:
-            ratios = ratios_drawn(self.weighing, drawn, float(a), sensor, rng)
-            columns.append(none if ratios is None else ratios)
-        return np.column_stack(columns)
+        columns = [ratios_drawn(self.weighing, [drawn], float(a), sensor, rng)[0] for a in amplitudes]
+        return np.column_stack([ratios if ratios.size else np.full(len(u), np.nan) for ratios in columns])
 
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
         """Return motions of draws (n, K) at times t (m,) in s within the knots, (n, m); nan where one escapes.
@@ -341,9 +333,8 @@ class Single:
 
     def prior_draws(self, count: int, seed: int) -> Array:
         """Draw u from the prior, (n, K)."""
-        parameters, rng = self.result.fit.parameters, np.random.default_rng([seed, 1])
-        grid = grid_of(self.knots.size, absorbed=parameters.absorbs)
-        z = parameters.prior_draws(count, rng)
+        grid, rng = self.result.grid(), np.random.default_rng([seed, 1])
+        z = self.result.fit.parameters.prior_draws(count, rng)
         mass = np.exp(grid.log_prior - grid.log_prior.max())
         combos = rng.choice(mass.size, count, p=mass / mass.sum())
         normal = rng.standard_normal((count, 2 * self.knots.size))
@@ -372,9 +363,15 @@ def single(
     """
     asked = MotionCandidate(tuple(damping), restoring)
     whole = MotionCandidate((*PAPER_TERMS, *(t for t in damping if t not in PAPER_TERMS)), restoring)
-    both = dict.fromkeys([whole, asked])
     with threadpool_limits(1, "blas"):
-        weighing = weigh_all(data, both, known=known, priors=priors, reference=reference, noises=noises)
+        weighing = weigh_all(
+            data,
+            dict.fromkeys([whole, asked]),
+            known=known,
+            priors=priors,
+            reference=reference,
+            noises=noises,
+        )
     result = next((r for r in weighing.results if set(r.candidate.damping) == set(damping)), None)
     if result is None:
         raise Refusal(weighing.refused.get(asked, ESCAPED))
@@ -465,13 +462,12 @@ def _rebuild(data: Data, candidate: MotionCandidate, end: Found, knots: np.ndarr
     about = linearise(solver, data, fit, end.u)
     if about is None:
         raise Refusal(ESCAPED)
-    noise = end.variance, end.inflation
-    result = CandidateResult.of(candidate, data, solver, fit, about, end.exact_variance, noise)
     weighing = Weighing(
-        data, end.reference, end.epsilon, end.frictions, {candidate.restoring: solver}, (result,),
-        end.variance, end.inflation, noise=SampleNoise(end.noise),
+        data, end.reference, end.epsilon, end.frictions, {candidate.restoring: solver}, end.variance,
+        end.inflation, SampleNoise(end.noise),
     )  # fmt: skip
-    return Single(weighing, result, end)
+    result = weighing.weigh_about(candidate, solver, fit, about, end.exact_variance)
+    return Single(replace(weighing, results=(result,)), result, end)
 
 
 def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Posterior:
@@ -495,7 +491,7 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
     """
     began, runs, rows = time.perf_counter(), [], []
     for chain in range(chains):
-        run = sampled_result(single.weighing, single.result, True, seed + SEED_STEP * chain, draws).sampled
+        run = sampled_result(single.weighing, single.result, seed + SEED_STEP * chain, draws).sampled
         assert run is not None
         runs.append(run)
         # A run's draws are in the order of their ancestors, which is not an order in time.

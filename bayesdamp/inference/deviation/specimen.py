@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bayesdamp.inference.curves.weighted import summarise
-from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
-from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
-from bayesdamp.inference.deviation.gaussian.repeats import Repeats, RunLikelihood, joined
-from bayesdamp.inference.deviation.numbers.curves import orbit_of, works_on
-from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
+from bayesdamp.inference.deviation.curves import orbit_of, works_on
+from bayesdamp.inference.deviation.linear import LEAST_KNOTS, DampingLikelihood, grid_of
+from bayesdamp.inference.deviation.repeats import Repeats, RunLikelihood, joined
+from bayesdamp.inference.deviation.weighing import CandidateResult
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.odds import odds
 from bayesdamp.physics.damping import TERMS
@@ -45,10 +44,21 @@ class DampingRun(RunLikelihood):
     per_unit: np.ndarray
     growth: np.ndarray
 
-    def ratio(self, row: int, draws: np.ndarray) -> np.ndarray:
-        """Return damping ratios at one of the amplitudes, of parameters (n, k): (n,)."""
-        along = (draws - self.mode) @ self.growth[row]
-        return (draws @ self.per_unit[row]) * np.exp(along)
+    def log_ratio(self, amplitude: float, amplitudes: np.ndarray, draws: np.ndarray) -> np.ndarray:
+        """Return the log of the damping ratio at an amplitude, of parameters (n, k): (n,).
+
+        The amplitudes, (a,), are those of the run's curve.
+        """
+        good = np.all(np.isfinite(self.per_unit), axis=1)
+        order = np.flatnonzero(good)[np.argsort(amplitudes[good])]
+        at = np.interp(np.log(amplitude), np.log(amplitudes[order]), np.arange(order.size))
+        low = min(int(at), max(order.size - 2, 0))
+        high, share = min(low + 1, order.size - 1), at - low
+        ends = []
+        for row in order[[low, high]]:
+            ratio = (draws @ self.per_unit[row]) * np.exp((draws - self.mode) @ self.growth[row])
+            ends.append(np.log(np.maximum(ratio, 1e-300)))
+        return (1 - share) * ends[0] + share * ends[1]
 
     def ordered(self, names: tuple[str, ...]) -> DampingRun:
         """Return the run with its parameters in an order."""
@@ -58,26 +68,19 @@ class DampingRun(RunLikelihood):
         return DampingRun(names, self.coefficients[at], self.mode[at], likelihood, per_unit, growth)
 
 
-def damping_run(
-    weighing: Weighing, result: CandidateResult, amplitudes: np.ndarray, approximate: bool
-) -> DampingRun | None:
-    """Return a candidate's likelihood of its damping.
+def damping_run(result: CandidateResult, amplitudes: np.ndarray) -> DampingRun | None:
+    """Return a candidate's likelihood of its damping; None where no parameter of its damping is inferred.
 
-    None where it was not weighed with the deviations asked for. The amplitudes, (a,), in rad or m, are those of the
-    run's curve.
+    The amplitudes, (a,), in rad or m, are those of the run's curve.
     """
-    weighed = result.weighed if approximate else result.exact_weighed
-    if weighed is None or weighed.damping is None:
+    weighed, parameters, solver = result.posterior, result.fit.parameters, result.solver
+    if weighed.damping is None:
         return None
-    parameters, solver, active = result.fit.parameters, result.solver, result.fit.active
-    z = result.z if approximate else result.fit.z
-    places = np.flatnonzero(parameters.damping)
-    names = [parameters.free_names[i] for i in places]
+    names, active = parameters.damping_names, result.fit.active
     coefficients = [TERMS.get(t).parameter for t in result.candidate.damping]
-    priors = {n: parameters.priors[n] for n in names}
-    run = RunLikelihood.of_scores(priors, coefficients, z[places], weighed.damping)
-    if result.sampled is not None:
-        run = run.shifted(result.log_evidence - weighed.log_evidence)
+    priors, z = {n: parameters.priors[n] for n in names}, result.z[parameters.damping]
+    run = RunLikelihood.of_scores(priors, coefficients, z, weighed.damping)
+    run = run.shifted(result.log_evidence - weighed.log_evidence)
     values, further = result.values[: len(solver.terms)], result.further
     per_unit, growth = np.zeros((amplitudes.size, len(names))), np.zeros((amplitudes.size, len(names)))
     place = {n: i for i, n in enumerate(names)}
@@ -219,30 +222,22 @@ class WeighedSpecimen:
     def ratios(self, amplitude: float, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Draw the specimen's damping ratio at an amplitude, over every damping, and the spread of each draw, (n,)."""
         rng = np.random.default_rng(seed)
-        shares = np.array([self.probability[m] for m in self.probability if m in self.repeats])
         models = [m for m in self.probability if m in self.repeats]
+        shares = np.array([self.probability[m] for m in models])
         numbers = rng.multinomial(count, shares / shares.sum())
         values, spreads = [], []
         for model, number in zip(models, numbers, strict=True):
             if number:
                 repeats = self.repeats[model]
                 rows = rng.choice(len(repeats.draws), number)
-                values.append(self._ratio(model, amplitude, repeats.draws[rows]))
+                # The geometric mean over the runs' own restoring laws.
+                logs = [
+                    run.log_ratio(amplitude, record.amplitudes, repeats.draws[rows])
+                    for record, run in zip(self.records, self.runs[model], strict=True)
+                ]
+                values.append(np.exp(np.mean(logs, axis=0)))
                 spreads.append(repeats.spreads[rows])
         return np.concatenate(values), np.concatenate(spreads)
-
-    def _ratio(self, model: Model, amplitude: float, draws: np.ndarray) -> np.ndarray:
-        """Return the geometric mean over the runs' own restoring laws."""
-        logs = []
-        for record, run in zip(self.records, self.runs[model], strict=True):
-            good = np.all(np.isfinite(run.per_unit), axis=1)
-            order = np.flatnonzero(good)[np.argsort(record.amplitudes[good])]
-            at = np.interp(np.log(amplitude), np.log(record.amplitudes[order]), np.arange(order.size))
-            low = min(int(at), max(order.size - 2, 0))
-            high, share = min(low + 1, order.size - 1), at - low
-            ends = [np.log(np.maximum(run.ratio(int(order[i]), draws), 1e-300)) for i in (low, high)]
-            logs.append((1 - share) * ends[0] + share * ends[1])
-        return np.exp(np.mean(logs, axis=0))
 
 
 def weigh_specimen(
@@ -289,7 +284,13 @@ def weigh_specimen(
             continue
         priors = priors_of(model[0], reference, given)
         known = [run.ordered(tuple(priors)) for run in known]
-        common, log_sizes = _common_sizes(known)
+        # All combinations of the deviations' sizes, or, where a run has none, only that in which laws hold exactly.
+        sizes, common = {run.likelihood.log.size for run in known}, known
+        if len(sizes) > 1:
+            parts = [(run.likelihood.log, run.likelihood.slope, run.likelihood.information) for run in known]
+            exact = [DampingLikelihood(*(values[:1] for values in part)) for part in parts]
+            common = [replace(run, likelihood=x) for run, x in zip(known, exact, strict=True)]
+        log_sizes = np.zeros(1) if len(sizes) > 1 or sizes == {1} else grid_of(LEAST_KNOTS).log_prior
         posterior = joined(common, priors, log_sizes, spread=spread, seed=seed)
         logs[model] = posterior.log_evidence + rest
         best = max(best, logs[model] + prior(model))
@@ -327,21 +328,6 @@ def _largest(run: RunLikelihood) -> float:
     aim = x.slope / scale
     gain = 0.5 * np.sum(aim * np.linalg.solve(part, aim[:, :, None])[:, :, 0], axis=1)
     return float(np.max(x.log + gain))
-
-
-def _common_sizes(runs: Sequence[DampingRun]) -> tuple[list[DampingRun], np.ndarray]:
-    """Return runs with the same combinations of the deviations' sizes, and their log prior probabilities.
-
-    All combinations, or, where a run has none, only that in which laws hold exactly.
-    """
-    sizes = {r.likelihood.log.size for r in runs}
-    if len(sizes) == 1:
-        return list(runs), np.zeros(1) if sizes == {1} else grid_of(LEAST_KNOTS).log_prior
-    parts = ((r, r.likelihood) for r in runs)
-    exact = [
-        replace(r, likelihood=DampingLikelihood(x.log[:1], x.slope[:1], x.information[:1])) for r, x in parts
-    ]
-    return exact, np.zeros(1)
 
 
 def _at_reference(run: DampingRun, damping: str, own: Reference, common: Reference) -> DampingRun:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Self
+from functools import partial
 
 import numpy as np
 
 from bayesdamp.inference.deviation.averaged import Averaging
 from bayesdamp.inference.deviation.candidate import (
+    START,
     Linearised,
     MotionCandidate,
     exact,
@@ -21,10 +22,8 @@ from bayesdamp.inference.deviation.candidate import (
     starts_of,
 )
 from bayesdamp.inference.deviation.data import Data
-from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
-from bayesdamp.inference.deviation.gaussian.linear import Weighed, weigh
-from bayesdamp.inference.deviation.gaussian.tempered import Sampled
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
+from bayesdamp.inference.deviation.linear import EXACT_LAWS, Grid, LinearModel, Weighed, knots_of, weigh
 from bayesdamp.inference.deviation.sample_noise import (
     AUTOMATIC,
     Adapted,
@@ -32,6 +31,7 @@ from bayesdamp.inference.deviation.sample_noise import (
     inflation,
     predictable,
 )
+from bayesdamp.inference.deviation.tempered import Sampled
 from bayesdamp.inference.noise._residuals import GAUSSIAN, SampleNoise
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS
@@ -52,7 +52,6 @@ SHARPER = 0.25
 """Variance of the noise under its own model, relative to that of least squares, below which ε is chosen again with that
 model: values that are rounded to coarse steps hide ε from least squares."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
-START = ("theta0", "omega0")
 ROUNDS = 2
 """Number of rounds that correct the averaged solution with the full equation of motion and refit."""
 REACH = 30.0
@@ -65,16 +64,18 @@ class CandidateResult:
 
     Attributes
     ----------
-    candidate : Candidate
+    candidate : MotionCandidate
         A damping sum under a restoring law.
     data : Data
         The record.
     solver : Solver
         Of its motions.
-    fit : Fit
+    fit : LeastSquaresFit
         Under exact laws.
-    exact_weighed, exact_variance
-        Under exact laws: posterior and evidence of the linear model, and the variance of the noise.
+    variance, exact_variance : float
+        Variance of the noise under the laws asked for, and under exact ones.
+    exact_weighed : Weighed
+        Under exact laws: posterior and evidence of the linear model.
     about, weighed
         Under approximate laws: the linear model about the mode, and its posterior and evidence; None where laws hold
         exactly, or no motion with deviations was found.
@@ -86,46 +87,33 @@ class CandidateResult:
     data: Data
     solver: Solver
     fit: LeastSquaresFit
-    exact_weighed: Weighed
+    variance: float
     exact_variance: float
+    exact_weighed: Weighed
     about: Linearised | None = None
     weighed: Weighed | None = None
     sampled: Sampled | None = None
 
-    @classmethod
-    def of(
-        cls,
-        candidate: MotionCandidate,
-        data: Data,
-        solver: Solver,
-        fit: LeastSquaresFit,
-        about: Linearised | None,
-        exact_variance: float,
-        noise: tuple[float, float],
-    ) -> Self:
-        """Weigh a fit.
+    @property
+    def posterior(self) -> Weighed:
+        """Posterior and evidence of the linear model under the laws asked for."""
+        return self.exact_weighed if self.weighed is None else self.weighed
 
-        Parameters
-        ----------
-        candidate, data, solver, fit, about, exact_variance
-            As the attributes.
-        noise : tuple of float
-            The variance that counts, and the inflation in it.
-        """
-        variance, samples = noise[0], data.y.size / noise[1]
-        weighed = None
-        if about is not None:
-            grid = grid_of(solver.knots.size, absorbed=fit.parameters.absorbs)
-            weighed = weigh(about.model, grid, variance, samples)
-        exact_weighed = weigh(exact(fit), grid_of(0, exact=True), exact_variance, samples)
-        return cls(candidate, data, solver, fit, exact_weighed, exact_variance, about, weighed)
+    @property
+    def model(self) -> LinearModel:
+        """The linear model under the laws asked for."""
+        return exact(self.fit) if self.about is None else self.about.model
+
+    def grid(self, coarse: bool = False) -> Grid:
+        """Return the hyperparameters of the deviations under the laws asked for."""
+        return EXACT_LAWS if self.about is None else self.about.grid(coarse)
 
     @property
     def log_evidence(self) -> float:
         """Under the laws asked for, in nats: of the motions where they were sampled, else of the linear model."""
         if self.sampled is not None and self.sampled.trusted:
             return self.sampled.log_evidence
-        return (self.exact_weighed if self.weighed is None else self.weighed).log_evidence
+        return self.posterior.log_evidence
 
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
@@ -174,24 +162,24 @@ class Weighing:
         Widths of friction and their probabilities; none where the width is known or there is no friction.
     solvers : mapping of str to Solver
         By restoring law.
-    results : tuple of Result
-        Of the candidates.
     variance, inflation : float
         Variance of the noise that counts, and κ: how much larger it is than that of the residuals.
-    refused : mapping of Candidate to str
+    noise : SampleNoise
+        Of the samples.
+    approximate : bool
+        Whether laws may hold approximately.
+    noise_known, epsilon_known : bool
+        Whether the noise's sd and the width of friction were given.
+    refused : mapping of MotionCandidate to str
         Why other candidates were not weighed.
-    forms : tuple of Result
+    results : tuple of CandidateResult
+        Of the candidates.
+    forms : tuple of CandidateResult
         Of other forms of damping.
     exponents : tuple of float
         Quantiles of a power law's exponent; none where it was not asked for.
-    noise_known : bool
-        Whether the noise's sd was given.
     averaging : Averaging, optional
         Of a record that is taken as amplitudes and phases: how far these are from the ODE's.
-    noise : SampleNoise
-        Of the samples.
-    epsilon_known : bool
-        Whether the width of friction was given.
     """
 
     data: Data
@@ -199,16 +187,17 @@ class Weighing:
     epsilon: float
     frictions: tuple[Friction, ...]
     solvers: Mapping[str, Solver]
-    results: tuple[CandidateResult, ...]
     variance: float
     inflation: float
+    noise: SampleNoise
+    approximate: bool = True
+    noise_known: bool = False
+    epsilon_known: bool = False
     refused: Mapping[MotionCandidate, str] = field(default_factory=dict)
+    results: tuple[CandidateResult, ...] = ()
     forms: tuple[CandidateResult, ...] = ()
     exponents: tuple[float, ...] = ()
-    noise_known: bool = False
     averaging: Averaging | None = None
-    noise: SampleNoise = field(default_factory=SampleNoise)
-    epsilon_known: bool = False
 
     @property
     def samples(self) -> float:
@@ -229,12 +218,45 @@ class Weighing:
         """The damping terms that candidates are made of."""
         return next(iter(self.solvers.values())).terms
 
-    def result_of(
-        self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit, approximate: bool
+    def compares(self, result: CandidateResult) -> bool:
+        """Return whether a candidate is compared: under approximate laws only where it could be linearised."""
+        return result.weighed is not None or all(r.weighed is None for r in self.results)
+
+    def known_motion(self) -> dict[str, float]:
+        """Return the known values of the likeliest candidate's start and of its restoring law's parameters."""
+        solver, known = self.best.solver, self.best.fit.parameters.known
+        return {n: v for n, v in known.items() if n in (*solver.names[solver.law_places], *START)}
+
+    def exact_variance(self, fit: LeastSquaresFit) -> float:
+        """Return the variance of the noise, in the record's unit squared, if a fit under exact laws were right."""
+        if self.noise_known:
+            return self.variance
+        degrees = max(self.data.y.size - fit.z.size, 1)
+        return self.data.least_variance + self.inflation * fit.squares / degrees
+
+    def weigh(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:
+        """Weigh a candidate from its fit to the record."""
+        about = relinearise(solver, self.data, fit, self.variance) if self.approximate else None
+        return self.weigh_about(candidate, solver, fit, about and about[0], self.exact_variance(fit))
+
+    def weigh_about(
+        self,
+        candidate: MotionCandidate,
+        solver: Solver,
+        fit: LeastSquaresFit,
+        about: Linearised | None,
+        exact_variance: float,
     ) -> CandidateResult:
-        """Weigh another fit on the same record and under the same noise."""
-        noise = self.variance, self.inflation
-        return _weigh_fit(candidate, self.data, solver, fit, noise, approximate, self.noise_known)
+        """Weigh a candidate from its fit, the linear model about its mode, and the noise if exact laws were right."""
+        exact_weighed = weigh(exact(fit), EXACT_LAWS, exact_variance, self.samples)
+        if about is None:
+            weighed, variance = None, exact_variance
+        else:
+            weighed = weigh(about.model, about.grid(coarse=False), self.variance, self.samples)
+            variance = self.variance
+        return CandidateResult(
+            candidate, self.data, solver, fit, variance, exact_variance, exact_weighed, about, weighed
+        )
 
 
 def weigh_all(
@@ -253,7 +275,7 @@ def weigh_all(
     ----------
     data : Data
         The record.
-    candidates : iterable of Candidate
+    candidates : iterable of MotionCandidate
         Damping sums under restoring laws.
     known : mapping or callable, optional
         Values of parameters, `noise_sd` among them, or a function of a law's name that returns them.
@@ -272,7 +294,14 @@ def weigh_all(
         Where no motion follows the record, or no candidate can be compiled.
     """
     given, priors = list(candidates), dict(priors or {})
-    refused = {c: why for c in given if (why := _why_unsolved(c))}
+    refused: dict[MotionCandidate, str] = {}
+    for c in given:
+        if LAWS.ships(c.restoring) and all(map(TERMS.ships, c.damping)):
+            continue
+        try:  # a user's own term or law
+            source_of(c.damping, (c.restoring,))
+        except Refusal as refusal:
+            refused[c] = str(refusal)
     asked = [c for c in given if c not in refused]
     if not asked:
         raise Refusal(next(iter(refused.values())))
@@ -288,70 +317,64 @@ def weigh_all(
     if not abouts:
         raise Refusal("no motion under any of the laws stays in phase with the record")
     # The noise is that of the sum of all terms under the law that leaves least.
-    noise_sd, whole = stated.get("noise_sd"), fits.whole
-    law = min(abouts, key=lambda name: abouts[name][1])
-    at, known_values = abouts[law][0], fits.known_under(law)
-    adapted = adapt(noises, data, fits.solvers[law], at, known_values, priors, approximate)
-    if adapted is not None and adapted.noise.name != GAUSSIAN:
-        if frictions and adapted.variance < SHARPER * abouts[law][1]:
-            usual, own = fits.epsilon, (adapted.noise.name,)
-            frictions = fits.choose_friction(
-                lambda solver, at: adapt(own, data, solver, at, known_values, priors, approximate)
-            )
+    whole, law = fits.whole, min(abouts, key=lambda name: abouts[name][1])
+    at, variance = abouts[law]
+    adapting = partial(adapt, data=data, known=fits.known_under(law), priors=priors, approximate=approximate)
+    adapted = adapting(noises, solver=fits.solvers[law], at=at)
+    noise, noise_known = data.noise_model if adapted is None else adapted.noise, False
+    if adapted is not None and noise.name != GAUSSIAN:
+        if frictions and adapted.variance < SHARPER * variance:
+            usual, adapting = fits.epsilon, partial(adapting, (noise.name,))
+            frictions = fits.choose_friction(adapting)
             if fits.epsilon != usual:
                 at = fits.about_modes()[law][0]
-                adapted = (
-                    adapt(own, data, fits.solvers[law], at, known_values, priors, approximate) or adapted
-                )
-        data = fits.data = adapted.data
+                adapted = adapting(solver=fits.solvers[law], at=at) or adapted
+                noise = adapted.noise
+        data, noise_known = adapted.data, True
+        fits.data = data
         fits.repeat()
         abouts = fits.about_modes()
         at = abouts[law][0]
         kappa = inflation(data.t, at.left, data.frequency, at.u.size, adapted.variance)
         variance = kappa * adapted.variance
-        noise_sd = float(np.sqrt(adapted.variance))
-    elif noise_sd is None or data.noise_model.name != GAUSSIAN:
-        noise_sd = None
-        variance, kappa = _noise(data, abouts, approximate)
+    elif "noise_sd" in stated and data.noise_model.name == GAUSSIAN:
+        variance, kappa = data.least_variance + stated["noise_sd"] ** 2 / data.thinned, 1.0
+        noise_known = True
+    else:
+        # Amplitudes and phases only have the noise near the oscillation. Where laws hold exactly and the residual
+        # cannot be predicted, the noise is white, and κ, which a short record determines only to a few tens of per
+        # cent, is 1.
+        white = data.averaged is not None or (not approximate and predictable(at.left) == 0.0)
+        kappa = 1.0 if white else inflation(data.t, at.left, data.frequency, at.u.size)
+        variance *= kappa
         if adapted is not None and adapted.variance > variance:
             variance, kappa = adapted.variance, kappa * adapted.variance / variance
-    else:
-        variance, kappa = data.least_variance + noise_sd**2 / data.thinned, 1.0
+    weighing = Weighing(
+        data, reference, fits.epsilon, tuple(frictions), fits.solvers, variance, kappa, noise, approximate,
+        noise_known, "epsilon" in stated,
+    )  # fmt: skip
     # Laws that are far behind with all terms are not weighed any further.
-    logs = {}
-    for name, (at, _) in abouts.items():
-        grid = grid_of(at.knots, coarse=True, absorbed=at.fit.parameters.absorbs)
-        logs[name] = weigh(at.model, grid, variance, data.y.size / kappa).log_evidence
+    logs = {
+        name: weigh(at.model, at.grid(coarse=True), variance, weighing.samples).log_evidence
+        for name, (at, _) in abouts.items()
+    }
     possible = {name for name, log in logs.items() if log > max(logs.values()) - REACH}
     for c in asked:
         if c.restoring not in possible:
             refused.setdefault(c, "its restoring law is out of the question")
 
     def weigh_one(c: MotionCandidate) -> CandidateResult | None:
-        fit, noise = fits.of(c), (variance, kappa)
-        if fit is None:
-            return None
-        return _weigh_fit(c, data, fits.solvers[c.restoring], fit, noise, approximate, noise_sd is not None)
+        fit = fits.of(c)
+        return None if fit is None else weighing.weigh(c, fits.solvers[c.restoring], fit)
 
-    results = [r for r in at_once(weigh_one, [c for c in asked if c.restoring in possible]) if r is not None]
+    results = at_once(weigh_one, [c for c in asked if c.restoring in possible])
     # In an order that does not depend on which thread was first.
     order = dict.fromkeys([*whole, *(MotionCandidate(fits.terms, law) for law in fits.laws), *given])
-    return Weighing(
-        data, reference, fits.epsilon, tuple(frictions), fits.solvers, tuple(results), variance, kappa,
-        {c: refused[c] for c in order if c in refused}, noise_known=noise_sd is not None,
-        noise=data.noise_model if adapted is None else adapted.noise, epsilon_known="epsilon" in stated,
-    )  # fmt: skip
-
-
-def _why_unsolved(candidate: MotionCandidate) -> str:
-    """Return why a user's own term or law cannot be compiled, "" where the candidate can be solved."""
-    if LAWS.ships(candidate.restoring) and all(map(TERMS.ships, candidate.damping)):
-        return ""
-    try:
-        source_of(candidate.damping, (candidate.restoring,))
-    except Refusal as refusal:
-        return str(refusal)
-    return ""
+    return replace(
+        weighing,
+        results=tuple(r for r in results if r is not None),
+        refused={c: refused[c] for c in order if c in refused},
+    )
 
 
 class _CandidateFits:
@@ -380,8 +403,9 @@ class _CandidateFits:
         knots = knots_of(data.end, data.cycles)
         self.solvers = {law: data.solver(self.terms, law, self.epsilon, knots) for law in self.laws}
         self.scales = {law: self._scales(law) for law in self.laws}
-        for solver in self.solvers.values():
-            assert solver.kernel  # compiled before several threads ask for it
+        assert all(
+            solver.kernel for solver in self.solvers.values()
+        )  # compiled before several threads ask for it
 
     def known_under(self, law: str) -> Mapping[str, float]:
         """Return what is known of a law's parameters.
@@ -469,34 +493,17 @@ class _CandidateFits:
         )
         return {c.restoring: about for c, about in zip(whole, abouts, strict=True) if about is not None}
 
-    def choose_friction(
-        self, adapting: Callable[[Solver, Linearised], Adapted | None] | None = None
-    ) -> list[Friction]:
-        """Use the likeliest width of friction if it is clearly ahead of the usual one; return all that were tried.
+    def choose_friction(self, adapting: Callable[..., Adapted | None] | None = None) -> list[Friction]:
+        """Return widths ε of friction and their probabilities, under the best law and all terms; none without friction.
 
-        adapting: adapts the record to the noise model whose evidence weighs the widths, by default to Gaussian noise.
+        From then on, the fits have the likeliest width if it is clearly ahead of the usual one. `adapting` adapts the
+        record to the noise model whose evidence weighs the widths, by default to Gaussian noise.
         """
-        frictions = self._try_widths(adapting)
-        if frictions:
-            cells = _cells(np.log([f.epsilon for f in frictions]))
-            density = np.array([f.weight for f in frictions]) / cells
-            first = int(np.argmax(density))
-            usual = int(np.argmin([abs(f.epsilon - self.epsilon) for f in frictions]))
-            if np.log(density[first] / max(density[usual], 1e-300)) > LEAD:
-                self.epsilon = frictions[first].epsilon
-                self.solvers = {law: replace(s, epsilon=self.epsilon) for law, s in self.solvers.items()}
-                self.repeat()
-        return frictions
-
-    def _try_widths(self, adapting: Callable[[Solver, Linearised], Adapted | None] | None) -> list[Friction]:
-        """Return widths ε and their probabilities, under the best law and all terms; none without friction."""
         switching = [i for i, t in enumerate(self.terms) if TERMS.get(t).switches]
-        if not self.fits or not switching:
+        if not self.fits:
             return []
         best = min(self.fits, key=lambda c: self.fits[c].squares)
         near, solver = self.fits[best], self.solvers[best.restoring]
-        if not any(near.values[i] > 0 for i in switching):
-            return []
         m, peak = len(self.terms), self.reference.peak_velocity
 
         def under(share: float) -> tuple[float, float, np.ndarray] | None:
@@ -508,13 +515,16 @@ class _CandidateFits:
             log = -0.5 * self.data.y.size * np.log(fit.squares)
             if adapting is not None:
                 about = relinearise(own, self.data, fit, None)
-                adapted = None if about is None else adapting(own, about[0])
+                adapted = None if about is None else adapting(solver=own, at=about[0])
                 if adapted is None:
                     return None
                 log = adapted.noise.fitted.log_evidence
             return share * peak, log, fit.values[: solver.law_places.start]
 
-        tried = [width for width in at_once(under, SHARES) if width is not None]
+        shares = SHARES if any(near.values[i] > 0 for i in switching) else ()
+        tried = [width for width in at_once(under, shares) if width is not None]
+        if not tried:
+            return []
         for _ in range(BETWEEN if len(tried) > 2 else 0):
             between = _between(
                 np.log([e / peak for e, _, _ in tried]), np.array([log for _, log, _ in tried])
@@ -524,34 +534,20 @@ class _CandidateFits:
                 break
             tried.append(new)
         tried.sort(key=lambda width: -width[0])
-        logs = np.array([log for _, log, _ in tried])
-        weights = np.exp(logs - logs.max()) * _cells(np.log([e for e, _, _ in tried]))
-        each = zip(tried, (weights / weights.sum()).tolist(), strict=True)
+        widths, logs = np.array([e for e, _, _ in tried]), np.array([log for _, log, _ in tried])
+        # The length of log ε that each of them stands for; ends reach as far outwards.
+        gaps = np.abs(np.diff(np.log(widths)))
+        cells = 0.5 * (np.append(gaps, gaps[-1:]) + np.append(gaps[:1], gaps)) if gaps.size else np.ones(1)
+        weights = np.exp(logs - logs.max()) * cells
+        weights /= weights.sum()
+        density = weights / cells
+        first, usual = int(np.argmax(density)), int(np.argmin(np.abs(widths - self.epsilon)))
+        if np.log(density[first] / max(density[usual], 1e-300)) > LEAD:
+            self.epsilon = float(widths[first])
+            self.solvers = {law: replace(s, epsilon=self.epsilon) for law, s in self.solvers.items()}
+            self.repeat()
+        each = zip(tried, weights.tolist(), strict=True)
         return [Friction(e, w, tuple(p[:m].tolist()), tuple(p[m:].tolist())) for (e, _, p), w in each]
-
-
-def exact_variance(data: Data, fit: LeastSquaresFit, kappa: float) -> float:
-    """Return the variance of the noise, in the record's unit squared, if a fit under exact laws were right."""
-    return data.least_variance + kappa * fit.squares / max(data.y.size - fit.z.size, 1)
-
-
-def _weigh_fit(
-    candidate: MotionCandidate,
-    data: Data,
-    solver: Solver,
-    fit: LeastSquaresFit,
-    noise: tuple[float, float],
-    approximate: bool,
-    stated: bool,
-) -> CandidateResult:
-    """Weigh a candidate's fit.
-
-    `noise` is the variance that counts, and the inflation in it; `stated`: it is known and not estimated from the
-    record, so that it also counts under exact laws.
-    """
-    own = noise[0] if stated else exact_variance(data, fit, noise[1])
-    about = relinearise(solver, data, fit, noise[0]) if approximate else None
-    return CandidateResult.of(candidate, data, solver, fit, about[0] if about else None, own, noise)
 
 
 def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
@@ -573,25 +569,3 @@ def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
         wide = at[i + 1] - at[i] > at[i] - at[i - 1]
         top = min(2 * sd, 0.5 * (at[i + 1] - at[i])) if wide else -min(2 * sd, 0.5 * (at[i] - at[i - 1]))
     return float(at[i] + np.clip(top, 0.75 * (at[i - 1] - at[i]), 0.75 * (at[i + 1] - at[i])))
-
-
-def _cells(at: np.ndarray) -> np.ndarray:
-    """Return the length of a line that each of the points at (k,), in order, stands for; ends reach as far outwards."""
-    if at.size < 2:
-        return np.ones(at.size)
-    gaps = np.abs(np.diff(at))
-    return 0.5 * (np.append(gaps, gaps[-1]) + np.append(gaps[0], gaps))
-
-
-def _noise(
-    data: Data, abouts: Mapping[str, tuple[Linearised, float]], approximate: bool
-) -> tuple[float, float]:
-    """Return the variance that counts, and κ in it, from the sum of all terms under the law that leaves least.
-
-    Amplitudes and phases only have the noise near the oscillation. Where laws hold exactly and the residual cannot be
-    predicted, the noise is white, and κ, which a short record determines only to a few tens of per cent, is 1.
-    """
-    at, variance = min(abouts.values(), key=lambda about: about[1])
-    white = bool(data.averaged) or (not approximate and predictable(at.left) == 0.0)
-    kappa = 1.0 if white else inflation(data.t, at.left, data.frequency, at.u.size)
-    return kappa * variance, kappa

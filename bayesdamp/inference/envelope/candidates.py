@@ -9,17 +9,18 @@ from functools import cached_property
 import numpy as np
 from scipy.special import ndtr
 
-from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
-from bayesdamp.inference.deviation.gaussian.linear import (
+from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit
+from bayesdamp.inference.deviation.linear import (
+    Grid,
     Normals,
     Weighed,
     condensed,
+    grid_of,
     with_priors,
 )
-from bayesdamp.inference.deviation.gaussian.linear import (
+from bayesdamp.inference.deviation.linear import (
     normals as normals_of,
 )
-from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.envelope.noise import Noise, whiten
 from bayesdamp.physics.amplitude import AmplitudeSolver, Law, PowerLaw

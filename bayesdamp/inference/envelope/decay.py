@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from bayesdamp.inference.deviation.gaussian.hyperparameters import smooth_root
+from bayesdamp.inference.deviation.linear import smooth_root
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_rates, solver_of
 from bayesdamp.inference.envelope.noise import SHARES, SLOW, Noise, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit, sums_on

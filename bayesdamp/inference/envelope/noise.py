@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import minimize
 
-from bayesdamp.inference.deviation.gaussian.hyperparameters import MEAN_G, smooth_root
+from bayesdamp.inference.deviation.linear import MEAN_G, smooth_root
 from bayesdamp.records.envelope.decay import SeenFloor
 
 LONGEST_SCATTER = 0.04

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
-from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood, damping_likelihood
+from bayesdamp.inference.deviation.linear import DampingLikelihood, damping_likelihood, grid_of
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, EnvelopeCandidate
 from bayesdamp.physics.amplitude import hats
 

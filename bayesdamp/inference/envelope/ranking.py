@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from bayesdamp.inference.curves.weighted import shares
-from bayesdamp.inference.deviation.numbers.draws import Quantity
+from bayesdamp.inference.deviation.draws import Quantity
 from bayesdamp.inference.envelope.candidates import EnvelopeCandidate, weigh_power
 from bayesdamp.inference.envelope.decay import Decay
 from bayesdamp.inference.envelope.sums import Sum, sums_on, weighed

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from bayesdamp.inference.curves.weighted import effective, shares
-from bayesdamp.inference.deviation.gaussian.hyperparameters import EXACT, MEAN_G
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
+from bayesdamp.inference.deviation.linear import EXACT, MEAN_G
 from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, fit_rates, weigh
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR

@@ -36,7 +36,7 @@ def answer(
     Parameters
     ----------
     arrays
-        As `inference.deviation.picture` returns them.
+        As `inference.deviation.findings` returns them.
     unit
         Of the displacement.
     damping

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.numbers import bounds
-from bayesdamp.inference.deviation.numbers.bounds import bounds_of_others
-from bayesdamp.inference.deviation.numbers.draws import probabilities
+from bayesdamp.inference.deviation import forms as other_forms
+from bayesdamp.inference.deviation.draws import probabilities
+from bayesdamp.inference.deviation.forms import bounds_of_others
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.physics.damping import TERMS, others
@@ -41,8 +41,8 @@ def test_a_tangent_is_the_change_of_the_motion_with_a_little_of_the_form(name: s
         damping=["viscous"], restoring=["linear"], approximate=False,
     )  # fmt: skip
     result, term = weighing.results[0], TERMS.get(name)
-    forms = list(bounds._forms(weighing, result, name))
-    tangents = bounds._tangents(weighing, result, forms, False)
+    forms = list(other_forms._forms(weighing, result, name))
+    tangents = other_forms._tangents(weighing, result, forms)
     assert tangents is not None
     epsilon = weighing.solvers["linear"].epsilon
     for form, tangent in zip(forms, tangents.T, strict=True):

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayesdamp.inference.deviation.curves import between_knots, midline_drift
 from bayesdamp.inference.deviation.findings import findings, probabilities, summed
-from bayesdamp.inference.deviation.numbers.curves import between_knots
-from bayesdamp.inference.deviation.numbers.deviations import midline_drift
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.damping import others

@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 
 import bayesdamp as bd
 from bayesdamp.inference.checks.checks import Ahead
-from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.linear import grid_of
 from bayesdamp.inference.deviation.single import Single, first_half
 from bayesdamp.inference.evidence.methods.importance import Importance
 from bayesdamp.inference.evidence.sensitivity import log_predictive, predict

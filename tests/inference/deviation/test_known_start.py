@@ -14,7 +14,7 @@ from scipy.optimize import root_scalar
 from bayesdamp.inference.deviation import data as preparing
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import Data, prepared
-from bayesdamp.inference.deviation.gaussian.hyperparameters import knots_of
+from bayesdamp.inference.deviation.linear import knots_of
 from bayesdamp.inference.deviation.weighing import weigh_all
 from bayesdamp.interface.answer import WEIGHED, answer
 from bayesdamp.physics.damping import PAPER_TERMS

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
 from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.repeats import RunLikelihood, joined
 from bayesdamp.inference.deviation.specimen import damping_run
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.types import Reference, Signal
@@ -37,7 +37,7 @@ def runs(damping: str) -> tuple[list[RunLikelihood], list[float], Reference]:
             reference=scale, approximate=False,
         )  # fmt: skip
         result = weighing.results[0]
-        run = damping_run(weighing, result, np.array([0.2, 0.1]), False)
+        run = damping_run(result, np.array([0.2, 0.1]))
         assert run is not None
         found.append(run)
         logs.append(result.exact_weighed.log_evidence)

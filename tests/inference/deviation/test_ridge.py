@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -34,9 +35,14 @@ def weighed(**known: float) -> tuple[Weighing, CandidateResult]:
     return weighing, weighing.results[0]
 
 
+def under_exact_laws(result: CandidateResult) -> CandidateResult:
+    return replace(result, about=None, weighed=None, variance=result.exact_variance)
+
+
 @cache
 def started(approximate: bool) -> tuple[Ridge, SamplingStart]:
-    found = reference_of(*weighed(), approximate)
+    weighing, result = weighed()
+    found = reference_of(weighing, result if approximate else under_exact_laws(result))
     assert isinstance(found.parameters, Ridge)
     return found.parameters, found
 
@@ -92,7 +98,7 @@ def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.M
     place = names.index("static_excess")
 
     def drawn() -> tuple[np.ndarray, float]:
-        found = sampling.sampled_result(weighing, result, False).sampled
+        found = sampling.sampled_result(weighing, under_exact_laws(result)).sampled
         assert found is not None
         return found.draws[:, place], found.log_evidence
 

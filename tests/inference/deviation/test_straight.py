@@ -97,7 +97,7 @@ def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyP
     weighing, result = weighed()
     place = result.fit.parameters.free_names.index("gravity")
     prior = result.fit.parameters.priors["gravity"]
-    found = sampling.sampled_result(weighing, result, True).sampled
+    found = sampling.sampled_result(weighing, result).sampled
     assert found is not None
     drawn = prior.value(found.draws[:, place])
     grid = np.linspace(drawn.mean() - 5 * drawn.std(), drawn.mean() + 5 * drawn.std(), 13)
@@ -108,7 +108,7 @@ def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyP
     mean = np.trapezoid(density * grid, grid) / whole
     assert drawn.mean() == pytest.approx(mean, abs=5 * drawn.std() / np.sqrt(found.draws.shape[0] / 2))
     monkeypatch.setattr(sampling, "_straightened", lambda *_: None)
-    plain = sampling.sampled_result(weighing, result, True).sampled
+    plain = sampling.sampled_result(weighing, result).sampled
     assert plain is not None
     assert abs(plain.log_evidence - np.log(whole) - max(logs)) > 1.0
 
@@ -116,9 +116,9 @@ def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyP
 def test_looser_motions_are_as_near_as_they_say() -> None:
     """This holds for other draws than those that were tried; control: without the correction they are further off."""
     weighing, result = weighed()
-    start = reference_of(weighing, result, True)
+    start = reference_of(weighing, result)
     sd = float(np.sqrt(weighing.variance))
-    found = motions_near(result.solver, start.parameters, result.fit.active, start.weighed, sd)
+    found = motions_near(result, start.parameters, start.weighed)
     assert found.tolerance in LOOSER
     rows = start.weighed.draws(start.parameters.positive, 20, np.random.default_rng(9))[0]
     close = DrawMotions(result.solver, start.parameters, result.fit.active, 1e-10)

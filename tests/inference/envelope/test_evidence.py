@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from bayesdamp.inference.deviation.gaussian import linear
+from bayesdamp.inference.deviation import linear
 from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, weigh
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.interface.envelopes import analyse

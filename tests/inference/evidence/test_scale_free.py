@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.candidate import exact
-from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
-from bayesdamp.inference.deviation.gaussian.linear import weigh
+from bayesdamp.inference.deviation.linear import grid_of, weigh
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.fit.search import find_mode

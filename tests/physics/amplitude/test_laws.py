@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.linear import grid_of
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, solver_of
 from bayesdamp.physics.amplitude import (
     NEAR_VISCOUS,

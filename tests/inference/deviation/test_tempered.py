@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from bayesdamp.inference.deviation.gaussian import tempered
-from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid
-from bayesdamp.inference.deviation.gaussian.linear import Weighed, condensed, weigh
-from bayesdamp.inference.deviation.gaussian.tempered import Sampled, sample_posterior
+from bayesdamp.inference.deviation import tempered
+from bayesdamp.inference.deviation.linear import Grid, Weighed, condensed, weigh
+from bayesdamp.inference.deviation.tempered import Sampled, sample_posterior
 
 SD, SIZE = 0.5, 0.4
 X = np.linspace(0.2, 1.0, 12)

@@ -1,4 +1,8 @@
-"""Undamped orbits of an amplitude, the work of damping on them, and the damping ratio at an amplitude from draws."""
+"""What a candidate's draws say at an amplitude and along the record.
+
+Undamped orbits and the work of damping on them, the damping ratio, and how far the record is from the laws: sizes of
+the deviation, what a plain fit leaves, and what no sum of terms explains.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +13,24 @@ from functools import lru_cache
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.inference.deviation.numbers.draws import CandidateDraws, quantity
+from bayesdamp.inference.deviation.draws import CandidateDraws, Quantity, quantity
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.forces import by_kernel, frequency_over
 from bayesdamp.physics.kernel import Motion, Solver
+from bayesdamp.physics.kernel.averaged import NUMBERS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import Ratio
 
+CLEAR = 5.0
+"""Standard deviations from which a drift counts: a false alarm in 400 records with the fewest means, far fewer with
+many."""
+FEWEST = 8
+"""Least number of means for a straight line through them."""
+FEW = 400
+"""Draws, of all candidates together, for the unexplained share."""
 POINTS = 200
+"""Of half a cycle, at which the work of damping is summed."""
 REACHES = (1e-3, 0.03, 0.1, 0.25, 0.5)
 """Half widths, in amplitudes, within which the middle of a cycle is searched about its rest."""
 _PHASE = (np.arange(POINTS) + 0.5) / POINTS * np.pi - 0.5 * np.pi
@@ -178,6 +191,14 @@ def between_knots(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return sd * rng.standard_normal(len(values))
 
 
+def deviations_at(
+    d: CandidateDraws, amplitude: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return log g and h of a candidate's draws at an amplitude, (n,) each, for g also between the knots."""
+    share = share_of_time(d.result, amplitude)
+    return at_share(d.g, share) + between_knots(d.g, rng), at_share(d.h, share)
+
+
 def ratio_at(
     weighing: Weighing,
     drawn: Sequence[CandidateDraws],
@@ -185,7 +206,24 @@ def ratio_at(
     sensor: float,
     rng: np.random.Generator,
 ) -> Ratio:
-    """Return the equivalent damping ratio at an amplitude over all draws.
+    """Return the equivalent damping ratio at an amplitude over all draws. Parameters as of `ratios_drawn`."""
+    ratios, noise = ratios_drawn(weighing, drawn, amplitude, sensor, rng)
+    if not ratios.size:
+        return Ratio(amplitude, *(float("nan"),) * 5)
+    q = quantity(ratios, min(noise, float(np.std(ratios))))
+    return Ratio(amplitude, q.value, q.low, q.high, q.sd_noise, q.sd_law)
+
+
+def ratios_drawn(
+    weighing: Weighing,
+    drawn: Sequence[CandidateDraws],
+    amplitude: float,
+    sensor: float,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, float]:
+    """Return draws of the equivalent damping ratio at an amplitude, (n,), and the part of their sd from noise alone.
+
+    There are no draws where no orbit has the amplitude.
 
     Parameters
     ----------
@@ -205,37 +243,23 @@ def ratio_at(
         per_unit = ratios_per_unit(d, amplitude)
         if per_unit is None:
             continue
-        values.append(_with_deviations(weighing, d, amplitude, per_unit, rng))
-        noises.append(_noise_sd(weighing, d.result, per_unit.mean(axis=0)))
+        ratios = _under_frictions(weighing, d, amplitude, per_unit, rng)
+        g, h = deviations_at(d, amplitude, rng)
+        values.append(ratios * np.exp(g) / (1 + h))
+        # From noise alone, under exact laws.
+        result, mean = d.result, per_unit.mean(axis=0)
+        parameters = result.fit.parameters
+        rates, gradient = parameters.rates(result.fit.z), np.zeros(parameters.free.size)
+        coefficients = parameters.free < mean.size
+        gradient[coefficients] = mean[parameters.free[coefficients]] * rates[coefficients]
+        scale = np.sqrt(weighing.variance / result.exact_variance)
+        noises.append(float(np.linalg.norm(gradient @ result.exact_weighed.factors[0])) * float(scale))
         weights.append(len(d.coefficients))
     if not values:
-        return Ratio(amplitude, *(float("nan"),) * 5)
+        return np.empty(0), float("nan")
     ratios = np.concatenate(values)
     ratios = ratios * (1 + sensor * rng.standard_normal(ratios.size))
-    noise = float(np.average(noises, weights=weights))
-    q = quantity(ratios, min(noise, float(np.std(ratios))))
-    return Ratio(amplitude, q.value, q.low, q.high, q.sd_noise, q.sd_law)
-
-
-def ratios_drawn(
-    weighing: Weighing, d: CandidateDraws, amplitude: float, sensor: float, rng: np.random.Generator
-) -> np.ndarray | None:
-    """Return the draws behind `ratio_at`, (n,), of one candidate; None where no orbit has the amplitude."""
-    per_unit = ratios_per_unit(d, amplitude)
-    if per_unit is None:
-        return None
-    ratios = _with_deviations(weighing, d, amplitude, per_unit, rng)
-    return ratios * (1 + sensor * rng.standard_normal(ratios.size))
-
-
-def _with_deviations(
-    weighing: Weighing, d: CandidateDraws, amplitude: float, per_unit: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
-    """Return ratios of the draws with their deviations, (n,)."""
-    share = share_of_time(d.result, amplitude)
-    ratios = _under_frictions(weighing, d, amplitude, per_unit, rng)
-    g = at_share(d.g, share) + between_knots(d.g, rng)
-    return ratios * np.exp(g) / (1 + at_share(d.h, share))
+    return ratios, float(np.average(noises, weights=weights))
 
 
 def _under_frictions(
@@ -264,11 +288,118 @@ def _under_frictions(
     return ratios * (lost / lost[used])[rng.choice(len(weights), len(ratios), p=weights)]
 
 
-def _noise_sd(weighing: Weighing, result: CandidateResult, per_unit: np.ndarray) -> float:
-    """Return the ratio's standard deviation from noise alone, under exact laws."""
-    parameters = result.fit.parameters
-    rates, gradient = parameters.rates(result.fit.z), np.zeros(parameters.free.size)
-    coefficients = parameters.free < per_unit.size
-    gradient[coefficients] = per_unit[parameters.free[coefficients]] * rates[coefficients]
-    scale = np.sqrt(weighing.variance / result.exact_variance)
-    return float(np.linalg.norm(gradient @ result.exact_weighed.factors[0])) * float(scale)
+def size_of(result: CandidateResult, values: np.ndarray) -> np.ndarray:
+    """Return the energy-weighted mean of |deviation| about its mean over the record, (n,), of draws (n, k)."""
+    weight = _energies(result, values.shape[1])
+    centred = values - (values @ weight)[:, None]
+    return np.abs(centred) @ weight
+
+
+def over_laws(
+    drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
+) -> tuple[Quantity, ...]:
+    """Return the damping over that of the law itself at amplitudes (rad or m).
+
+    The law is that of each draw, times its mean deviation over the record's energy.
+    """
+    means = [d.g @ _energies(d.result, d.g.shape[1]) for d in drawn]
+    factors = []
+    for a in amplitudes:
+        logs = [deviations_at(d, a, rng)[0] - mean for d, mean in zip(drawn, means, strict=True)]
+        factors.append(quantity(np.concatenate([np.exp(log) for log in logs])))
+    return tuple(factors)
+
+
+def off_laws(
+    drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
+) -> tuple[tuple[float, float], ...]:
+    """Return mean and sd of the log of the damping ratio over that of the coefficients alone, at amplitudes."""
+    pairs = []
+    for a in amplitudes:
+        deviations = [deviations_at(d, a, rng) for d in drawn]
+        values = np.concatenate([g - np.log1p(h) for g, h in deviations])
+        pairs.append((float(values.mean()), float(values.std())))
+    return tuple(pairs)
+
+
+def _energies(result: CandidateResult, knots: int) -> np.ndarray:
+    """Return shares of the oscillation's energy at equidistant knots, (k,)."""
+    at, sizes = turning_amplitudes(result.motion)
+    times = np.linspace(0, 1, knots) * result.data.end
+    weight = np.ones(knots) if at.size < 2 else np.interp(times, at, sizes) ** 2
+    return weight / weight.sum()
+
+
+def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) -> Quantity | None:
+    """Return the share of the energy that no sum of the compared terms explains.
+
+    For each draw's own curve, deviation included: its distance from the nearest sum with coefficients that are not
+    negative, weighted by the energy lost. The amplitudes at which it is taken fall.
+    """
+    total = sum(len(d.coefficients) for d in drawn)
+    counts = [max(1, round(FEW * len(d.coefficients) / total)) for d in drawn]
+    each = zip(drawn, counts, strict=True)
+    shares = [share for d, count in each for share in _unexplained(d, amplitudes, count)]
+    return quantity(np.array(shares)) if shares else None
+
+
+def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> list[float]:
+    """Return the share of the energy that no sum explains, of some draws of a candidate."""
+    every = np.unique(np.linspace(0, len(d.coefficients) - 1, count).astype(int))
+    few = CandidateDraws(d.result, *(a[every] for a in (d.coefficients, d.further, d.law, d.g, d.h)))
+    unit, curve, energy = [], [], []
+    for a in amplitudes:
+        per_unit, orbit = ratios_per_unit(few, a, every_term=True), orbit_of(d.result, a)
+        if per_unit is None or orbit is None:
+            return []
+        share = share_of_time(d.result, a)
+        own = np.sum(few.coefficients * per_unit, axis=1)
+        unit.append(np.broadcast_to(per_unit, few.coefficients.shape))
+        curve.append(own * np.exp(at_share(few.g, share)) / (1 + at_share(few.h, share)))
+        energy.append(orbit.energy)
+    weight = np.abs(np.gradient(np.array(energy)))
+    weight /= weight.sum()
+    shares = []
+    for i in range(len(every)):
+        ratio = np.array([c[i] for c in curve])
+        if not np.all(ratio > 0):  # without a loss there is no share of it
+            continue
+        columns = np.array([u[i] for u in unit]) / ratio[:, None]
+        scale = np.maximum(np.abs(columns).max(axis=0), 1e-300)
+        nearest = scipy.optimize.nnls(np.sqrt(weight)[:, None] * columns / scale, np.sqrt(weight))[0]
+        shares.append(float(weight @ np.abs(1 - columns / scale @ nearest)))
+    return shares
+
+
+def midline_drift(result: CandidateResult) -> float:
+    """Return how far the midline moves from a record's start to its end, as a share of its first amplitude.
+
+    From the straight line through the means, cycle by cycle, of what a candidate's plain fit leaves; 0 where this is
+    less than `CLEAR` of the sds that the scatter of these means gives it.
+    """
+    data, left, scale = result.data, result.fit.residual, result.data.recorded_amplitude
+    if data.averaged is None:
+        count = int(data.cycles)
+        parts = np.minimum((data.t / data.end * count).astype(int), max(count - 1, 0))
+        size = np.bincount(parts, minlength=count)
+        means = np.bincount(parts, left, minlength=count) / np.maximum(size, 1)
+    else:
+        means, scale = left[NUMBERS - 1 :: NUMBERS], scale * float(np.sqrt(2.0))
+    if means.size < FEWEST:
+        return 0.0
+    place = (np.arange(means.size) + 0.5) / means.size - 0.5
+    drift = float(place @ means / (place @ place))
+    scatter = float(np.sum((means - means.mean() - drift * place) ** 2)) / (means.size - 2)
+    return drift / scale if abs(drift) > CLEAR * np.sqrt(scatter / (place @ place)) else 0.0
+
+
+def left_over(result: CandidateResult) -> tuple[float, float]:
+    """Return the rms of what a plain fit leaves beyond noise, and of the noise, as shares of the amplitude."""
+    about = result.about
+    left = result.fit.residual if about is None else about.left
+    # Amplitudes alone: a phase that slips over thousands of cycles is a tiny error of the frequency.
+    residual = result.data.of_amplitude(result.fit.residual)
+    clean = float(left @ left) / max(left.size - (0 if about is None else about.u.size), 1)
+    rest = max(float(residual @ residual) / residual.size - clean, 0.0)
+    amplitude, each = result.data.recorded_amplitude, result.data.thinned
+    return float(np.sqrt(rest)) / amplitude, float(np.sqrt(clean * each)) / amplitude

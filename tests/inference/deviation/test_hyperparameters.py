@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import expon
 
-from bayesdamp.inference.deviation.gaussian.hyperparameters import (
+from bayesdamp.inference.deviation.linear import (
     EXACT,
     JITTER,
     LENGTHS,

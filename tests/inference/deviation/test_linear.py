@@ -8,8 +8,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
-from bayesdamp.inference.deviation.gaussian.linear import condensed, weigh
+from bayesdamp.inference.deviation.linear import Grid, condensed, grid_of, weigh
 from bayesdamp.numerics.orthant import draw
 from bayesdamp.priors import SCORE_RATIO
 

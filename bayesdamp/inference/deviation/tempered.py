@@ -16,7 +16,7 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.curves.weighted import effective, resampled
-from bayesdamp.inference.deviation.gaussian.linear import Weighed
+from bayesdamp.inference.deviation.linear import Weighed
 from bayesdamp.numerics.pareto import pareto_k
 
 DRAWS = 300

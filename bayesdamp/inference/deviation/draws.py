@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import accumulate
 from typing import Self
 
 import numpy as np
@@ -11,6 +13,7 @@ import numpy as np
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.odds import odds
+from bayesdamp.physics.kernel.dense import at_times
 
 POINTS = 4000
 """Times over a motion at which the power is taken."""
@@ -99,12 +102,9 @@ def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[M
     logs: dict[MotionCandidate, float] = {}
     others = len({r.candidate.damping for r in weighing.forms})
     for r in (*weighing.results, *(weighing.forms if forms else ())):
-        weighed = r.exact_weighed if exact else r.weighed
-        if weighed is None:
-            continue
-        prior = odds(r.candidate.damping, others if r in weighing.forms else 0)
-        sampled = r.sampled is not None and exact == (r.weighed is None)
-        logs[r.candidate] = (r.log_evidence if sampled else weighed.log_evidence) + np.log(prior)
+        if exact or r.weighed is not None:
+            log = r.log_evidence if r.weighed is None or not exact else r.exact_weighed.log_evidence
+            logs[r.candidate] = log + np.log(odds(r.candidate.damping, others if r in weighing.forms else 0))
     if not logs:  # none could be linearised: only exact laws are left
         return probabilities(weighing, True, forms)
     top = max(logs.values())
@@ -113,59 +113,42 @@ def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[M
 
 
 def drawn_from(
-    weighing: Weighing, chosen: Mapping[MotionCandidate, float], approximate: bool, rng: np.random.Generator
+    weighing: Weighing, chosen: Mapping[MotionCandidate, float], rng: np.random.Generator
 ) -> list[CandidateDraws]:
     """Draw from the candidates that count, from each in proportion to its probability."""
-    likeliest, total = [], 0.0
-    for c, p in sorted(chosen.items(), key=lambda item: -item[1]):
-        likeliest.append((c, p))
-        total += p
-        if total > SHOWN:
-            break
-    drawn = []
-    for c, p in likeliest:
-        count = round(DRAWS * p / total)
-        if count:
-            drawn.append(draws_of(weighing.result(c), count, approximate, rng))
-    return drawn
+    order = sorted(chosen.items(), key=lambda item: -item[1])
+    totals = list(accumulate(p for _, p in order))
+    last = next((i for i, total in enumerate(totals) if total > SHOWN), len(order) - 1)
+    counts = {c: round(DRAWS * p / totals[last]) for c, p in order[: last + 1]}
+    return [draws_of(weighing.result(c), count, rng) for c, count in counts.items() if count]
 
 
-def draws_of(
-    result: CandidateResult, count: int, approximate: bool, rng: np.random.Generator
-) -> CandidateDraws:
+def draws_of(result: CandidateResult, count: int, rng: np.random.Generator) -> CandidateDraws:
     """Draw from one candidate; only `DISTINCT` draws, repeated, where it has inferred parameters of its terms."""
-    weighed = result.weighed if approximate else result.exact_weighed
-    assert weighed is not None
     d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
     few = min(count, DISTINCT) if set(solver.inferred) & set(parameters.free_names) else count
     if result.sampled is None or not result.sampled.trusted:
-        u = weighed.draws(parameters.positive, few, rng)[0]
+        u = result.posterior.draws(parameters.positive, few, rng)[0]
     else:
         own = result.sampled.draws
         u = own[rng.choice(len(own), few, replace=few > len(own))]
     u = u[np.arange(count) * few // count]
-    return CandidateDraws.of(
-        result, u if approximate else np.pad(u[:, :d], ((0, 0), (0, 2 * solver.knots.size)))
-    )
+    if result.about is None:
+        u = np.pad(u[:, :d], ((0, 0), (0, 2 * solver.knots.size)))
+    return CandidateDraws.of(result, u)
 
 
 def shares_of(weighing: Weighing, drawn: Sequence[CandidateDraws]) -> np.ndarray:
-    """Return the share of the dissipated energy by term, (draws, m)."""
+    """Return the share of the dissipated energy by term over the record's own motion, (draws, m)."""
     shares = []
     for d in drawn:
-        lost = d.coefficients * _works(weighing, d)
+        solver, motion = weighing.solvers[d.result.candidate.restoring], d.result.motion
+        times = np.linspace(motion.times[0], motion.times[-1], POINTS)
+        x, v = (at_times(motion.times, motion.states, times, order) for order in (0, 1))
+        power = partial(solver.works, x, v, v / POINTS, active=d.result.fit.active)
+        lost = d.coefficients * d.by_further(power)
         shares.append(lost / np.maximum(lost.sum(axis=1, keepdims=True), 1e-300))
     return np.concatenate(shares)
-
-
-def _works(weighing: Weighing, d: CandidateDraws) -> np.ndarray:
-    """Return the mean power per unit of each coefficient over the record's own motion, (n, m) or (1, m)."""
-    from bayesdamp.physics.kernel.dense import at_times
-
-    solver, motion = weighing.solvers[d.result.candidate.restoring], d.result.motion
-    times = np.linspace(motion.times[0], motion.times[-1], POINTS)
-    x, v = (at_times(motion.times, motion.states, times, order) for order in (0, 1))
-    return d.by_further(lambda rows: solver.works(x, v, v / POINTS, rows, d.result.fit.active))
 
 
 def noise_sds(weighing: Weighing, result: CandidateResult) -> np.ndarray:

@@ -19,7 +19,7 @@ from typing import Self
 import numpy as np
 from scipy.special import erf
 
-from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood, Normals, with_priors
+from bayesdamp.inference.deviation.linear import DampingLikelihood, Normals, with_priors
 from bayesdamp.priors import Prior, SharedHalfNormal
 
 SPREAD = 0.1
@@ -154,7 +154,11 @@ def joined(
         np.stack([getattr(r.likelihood, part) for r in runs]) for part in ("log", "slope", "information")
     )
     problem = _Problem(log, slope, information, offset, slopes, runs[0].coefficients)
-    probable = _probable_combos(problem, log_sizes, spreads)
+    probable = every = np.arange(log_sizes.size)
+    if every.size > 1:  # the combinations of sizes that count at the least or the largest spread
+        ends = {spreads[0], spreads[-1]}
+        logs = np.stack([problem.integrated(every, np.full(every.size, s)).log + log_sizes for s in ends])
+        probable = np.flatnonzero((logs.max(axis=1, keepdims=True) - logs).min(axis=0) < BEHIND)
     combo, at = (a.ravel() for a in np.meshgrid(probable, np.arange(spreads.size), indexing="ij"))
     normals = problem.integrated(combo, spreads[at])
     normals = replace(normals, log=normals.log + log_sizes[combo] + np.log(masses[at]))
@@ -170,18 +174,6 @@ def joined(
         high = np.minimum(high, SPREADS[-1] ** 1.5 / SPREADS[-2] ** 0.5)
         drawn = low + (high - low) * np.random.default_rng([seed, 1]).random(rows.size)
     return Repeats(weighed.log_evidence, runs[0].names, natural, drawn, combo[rows])
-
-
-def _probable_combos(problem: _Problem, log_sizes: np.ndarray, spreads: np.ndarray) -> np.ndarray:
-    """Return the combinations of the deviations' sizes that count at the least or the largest spread."""
-    every = np.arange(log_sizes.size)
-    if every.size == 1:
-        return every
-    logs = np.stack([
-        problem.integrated(every, np.full(every.size, s)).log + log_sizes for s in {spreads[0], spreads[-1]}
-    ])  # fmt: skip
-    behind = logs.max(axis=1, keepdims=True) - logs
-    return np.flatnonzero(behind.min(axis=0) < BEHIND)
 
 
 @dataclass(frozen=True)

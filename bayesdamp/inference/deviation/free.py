@@ -19,10 +19,9 @@ from bayesdamp.inference.deviation.candidate import (
     mode_of,
     parameters_of,
 )
-from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, wide_grid
-from bayesdamp.inference.deviation.gaussian.linear import weigh
+from bayesdamp.inference.deviation.curves import at_share, orbit_at, turning_amplitudes
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
-from bayesdamp.inference.deviation.numbers.curves import at_share, orbit_at, turning_amplitudes
+from bayesdamp.inference.deviation.linear import Grid, weigh, wide_grid
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.kernel import Motion, Solver

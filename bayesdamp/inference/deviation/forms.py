@@ -1,0 +1,284 @@
+"""Forms of damping that are not compared: weighed as rivals of the likeliest sum, and bounded as additions to it.
+
+A rival stands for a term that it may be confused with: a power of the velocity for a whole sum, dry friction that rises
+near rest for plain dry friction, damping that grows with the displacement for damping that grows with the velocity.
+Where a rival is likelier than every sum, the best sum is the nearest law and not the answer.
+
+A bound is that of a form which is added by itself to the likeliest sum. The record's model is linear about that sum's
+mode, and the form is one more column: the tangent of the motion by its coefficient at 0. No motion is solved again and
+nothing is searched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from bayesdamp.inference.deviation.candidate import (
+    MotionCandidate,
+    first_values,
+    parameters_of,
+    search,
+    starts_of,
+    tangents_at,
+)
+from bayesdamp.inference.deviation.exponent import power_solver, power_starts
+from bayesdamp.inference.deviation.linear import condensed, weigh
+from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
+from bayesdamp.machine.threads import at_once
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS, TINY, others
+from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel.solve import PARAMETERS
+from bayesdamp.priors import SCORE_RATIO
+
+PLACES = {"displacement": "quadratic", "stribeck": "coulomb"}
+"""The term that a form stands for: both grow with the amplitude, or are dry friction."""
+ALONE = "power"
+"""The form that stands for a whole sum."""
+BEHIND = 7.0
+"""Nats behind the best sum up to which a rival with parameters of its own is weighed in place of a sum: with the prior
+of a rival, less than 1 in 1,000 is beyond."""
+FEW = 1000
+"""Draws of a bound."""
+SCORES = (-1.0, 1.0)
+"""Scores of a form's parameters at which it is bounded; the larger bound counts."""
+LEAST_WORK = 1e-6
+"""Net work, relative to the sum of its absolute parts, below which a form dissipates no energy."""
+
+
+def place_of(damping: Sequence[str]) -> tuple[str, ...]:
+    """Return the sum that a rival stands for and to which it comes in a limit; empty where there is none."""
+    if not any(TERMS.get(t).inferred and t in PLACES for t in damping):
+        return ()
+    like = {PLACES.get(t, t) for t in damping}
+    return tuple(t for t in PAPER_TERMS if t in like)
+
+
+def with_rivals(weighing: Weighing) -> Weighing:
+    """Return the weighing with its rivals, under the likeliest restoring law."""
+    if not weighing.results:
+        return weighing
+    plain = weighing.solvers[weighing.best.candidate.restoring]
+    rivals: list[CandidateResult] = []
+    for form, like in PLACES.items():
+        if form not in plain.terms and like in plain.terms:
+            solver = replace(plain, terms=(*(t for t in plain.terms if t in PAPER_TERMS), form))
+            rivals += _weigh_rivals(weighing, solver, _sums(weighing, form, like))
+    if ALONE not in plain.terms:
+        # The power of the velocity, starting where it dissipates as the likeliest sum does.
+        ratio = weighing.data.middle.peak_velocity / weighing.reference.peak_velocity
+        starts = [
+            {**start, "c_power": start["c_power"] * ratio ** (1 - start["exponent"])}
+            for start in power_starts(weighing)
+        ]
+        if starts:
+            solver = power_solver(weighing, starts[0]["exponent"])
+            rivals += _weigh_rivals(weighing, solver, [(ALONE,)], starts)
+    return replace(weighing, forms=tuple(rivals))
+
+
+def _sums(weighing: Weighing, form: str, like: str) -> list[tuple[str, ...]]:
+    """Return the sums that contain the form.
+
+    All sums for a form without parameters of its own; else it replaces its term in the sums that count.
+    """
+    best = weighing.best
+    law = best.candidate.restoring
+    paper = [t for t in weighing.solvers[law].terms if t in PAPER_TERMS and t != like]
+    if not TERMS.get(form).inferred:
+        return [(*c, form) for n in range(len(paper) + 1) for c in combinations(paper, n)]
+    close = [r.candidate for r in weighing.results if r.log_evidence > best.log_evidence - BEHIND]
+    near = {frozenset(c.damping) for c in close if c.restoring == law}
+    sums = [s for s in sorted(near, key=lambda s: (len(s), sorted(s))) if like in s and s <= {*paper, like}]
+    return [(*(t for t in paper if t in s), form) for s in sums]
+
+
+def _weigh_rivals(
+    weighing: Weighing,
+    solver: Solver,
+    sums: Sequence[tuple[str, ...]],
+    starts: Sequence[Mapping[str, float]] = (),
+) -> list[CandidateResult]:
+    """Fit and weigh rivals, starting from the likeliest sum's motion.
+
+    `starts` are values of coefficients and parameters; by default, starts are taken from their priors.
+    """
+    data, reference, fit = weighing.data, weighing.reference, weighing.best.fit
+    law, near = weighing.best.candidate.restoring, fit.parameters.named(fit.z)
+    scales = reference.scales(data.rest_under(law, fit.values[weighing.solvers[law].law_places]))
+    fixed = weighing.known_motion()
+
+    def weigh_one(c: MotionCandidate) -> CandidateResult | None:
+        parameters = parameters_of(c, solver, data, reference, {}, {**fixed, **scales})
+        first = first_values(c, data, fixed)
+        begin = {**near, **{n: first[n] for n in (TERMS.get(t).parameter for t in c.damping)}}
+        each = [{**begin, **start} for start in starts or starts_of(c, parameters)]
+        rival = search(solver, data, parameters, each, windows=False)
+        return None if rival is None else weighing.weigh(c, solver, rival)
+
+    assert solver.kernel  # compiled before several threads ask for it
+    rivals = at_once(weigh_one, [MotionCandidate(terms, law) for terms in sums])
+    return [r for r in rivals if r is not None]
+
+
+@dataclass(frozen=True)
+class _Form:
+    """A force per unit of its coefficient.
+
+    Attributes
+    ----------
+    name : str
+        The damping term.
+    values : mapping of str to float
+        Values of the term's further parameters.
+    less : mapping of str to float, optional
+        Values at which the term is a simpler one, whose force is subtracted.
+    signed : bool
+        Whether the coefficient may have either sign.
+    """
+
+    name: str
+    values: Mapping[str, float]
+    less: Mapping[str, float] | None = None
+    signed: bool = False
+
+
+def bounds_of_others(
+    weighing: Weighing, result: CandidateResult, rng: np.random.Generator
+) -> dict[str, float]:
+    """Return 95 % upper limits of the share of the energy of each form that is not in the result's sum, by name.
+
+    Of friction with a parameter of its own, only what it adds to dry friction is bounded.
+    """
+    absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
+    forms = [form for name in absent for form in _forms(weighing, result, name)]
+    base = columns_of(result)
+    more = _tangents(weighing, result, forms) if base is not None and forms else None
+    if base is None or more is None:
+        return {}
+    columns, target = base
+    parameters, solver = result.fit.parameters, weighing.solvers[result.candidate.restoring]
+    times, x, v = _middle(result)
+    weight = v * (np.gradient(times) / (times[-1] - times[0]))
+    # The mean power of the sum's own terms at scores of 1, and of a viscous force 2ω θ̇, whose ratio is 1.
+    works = solver.works(x, v, weight, result.further, result.fit.active)[0]
+    own = np.flatnonzero(parameters.free < len(solver.terms))
+    power = works[parameters.free[own]] * parameters.rates(result.z)[own]
+    viscous = 2 * weighing.data.frequency * float(np.sum(weight * v))
+    right = x > weighing.data.rest_under(result.candidate.restoring, result.law)
+    bounds: dict[str, float] = {}
+    d, shared = result.fit.z.size, np.append(parameters.shared, True)
+    for i, form in enumerate(forms):
+        # The form's mean power on either side of rest.
+        alone = replace(solver, terms=(form.name,))
+        states = [form.values, *([form.less] if form.less else [])]
+        further = np.array([[values[n] for n in alone.further] for values in states])
+        each = [alone.works(x, v, weight * side, further, np.ones(1, bool))[:, 0] for side in (right, ~right)]
+        sides = np.array([part[0] - part[1:].sum() for part in each])
+        work = abs(sides.sum())
+        if work <= LEAST_WORK * np.abs(sides).sum():
+            bounds.setdefault(form.name, 0.0)
+            continue
+        size = SCORE_RATIO * viscous / work
+        whole = np.insert(columns, d, more[:, i] * size, axis=1)
+        model = condensed(whole, target, np.append(parameters.positive, not form.signed), shared)
+        weighed = weigh(model, result.grid(coarse=True), weighing.variance, weighing.samples)
+        u = weighed.draws(model.positive, FEW, rng)[0]
+        lost = np.abs(u[:, d]) * size * work
+        rest = np.maximum(u[:, own] @ power, 0.0)
+        share = float(np.quantile(lost / np.maximum(lost + rest, 1e-300), 0.95))
+        bounds[form.name] = max(bounds.get(form.name, 0.0), share)
+    return bounds
+
+
+def _forms(weighing: Weighing, result: CandidateResult, name: str) -> Iterator[_Form]:
+    """Yield the parts of a term that are bounded: at low and high values of its parameters.
+
+    Of a term that reduces to a simpler one, what it adds to that.
+    """
+    term, reference = TERMS.get(name), weighing.reference
+    scales = reference.scales(weighing.data.rest_under(result.candidate.restoring, result.law))
+    priors = {p.name: p.prior(reference.amplitude, reference.frequency) for p in term.inferred}
+
+    def value(parameter: str, score: float) -> float:
+        prior = priors[parameter]
+        return float(prior.value(np.asarray(abs(score) if prior.reflected else score)))
+
+    simple = dict(term.reduces)
+    free = [p for p in priors if p not in simple]
+    for score in SCORES if free else (0.0,):
+        known = {**scales, **simple, **{p: value(p, score) for p in free}}
+        if not simple:
+            yield _Form(name, known)
+        for parameter in simple:
+            changed = {**known, parameter: value(parameter, 1.0)}
+            yield _Form(name, changed, known, not priors[parameter].reflected)
+
+
+def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the linear model's columns (n, K) and what they are fitted to, (n,)."""
+    fit, about = result.fit, result.about
+    if about is None:
+        return fit.tangents, fit.residual + fit.tangents @ fit.z
+    columns = tangents_at(result.solver, fit, about.u)
+    return None if columns is None else (columns, about.residual + columns @ about.u)
+
+
+def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times (2s − 1,), displacements and velocities at a motion's refined points and half way between them.
+
+    A velocity of 0 at a turning point has the sign of its own side, as exact friction has.
+    """
+    t, states = result.motion.refined
+    step = np.diff(t)
+    between = 0.5 * (states[1:] + states[:-1])
+    between[:, :2] -= step[:, None] / 8 * np.diff(states[:, 1:], axis=0)
+    every = np.empty((2 * t.size - 1, 2))
+    every[::2], every[1::2] = states[:, :2], between[:, :2]
+    times = np.empty(2 * t.size - 1)
+    times[::2], times[1::2] = t, t[:-1] + 0.5 * step
+    v = every[:, 1]
+    still = np.flatnonzero(v == 0)
+    before, after = v[np.maximum(still - 1, 0)], v[np.minimum(still + 1, v.size - 1)]
+    v[still] = TINY * np.sign(np.where(before != 0, before, after))
+    return times, every[:, 0], v
+
+
+def _tangents(weighing: Weighing, result: CandidateResult, forms: list[_Form]) -> np.ndarray | None:
+    """Return the tangents of the record by the forms' coefficients at 0, (n, f); None where the motion escapes.
+
+    The motion is solved with all forms at once, and again for the terms that have further forms.
+    """
+    solver = weighing.solvers[result.candidate.restoring]
+    wider = replace(solver, terms=tuple(dict.fromkeys([*solver.terms, *(form.name for form in forms)])))
+    known = dict(zip(solver.names, result.values.tolist(), strict=True))
+    added = {form.name for form in forms}
+    active = np.array([
+        name in added or (name in solver.terms and bool(result.fit.active[solver.terms.index(name)]))
+        for name in wider.terms
+    ])  # fmt: skip
+    states: dict[str, list[Mapping[str, float]]] = {name: [] for name in added}
+    for form in forms:
+        states[form.name] += [
+            v for v in (form.values, form.less) if v is not None and v not in states[form.name]
+        ]
+    solved: list[np.ndarray] = []
+    for number in range(max(map(len, states.values()))):
+        own = {name: each[min(number, len(each) - 1)] for name, each in states.items()}
+        p = [0.0 if name in added else known[TERMS.get(name).parameter] for name in wider.terms]
+        p += [own.get(name, known)[n] for name in wider.terms for n in TERMS.get(name).further]
+        p += [known[n] for n in wider.names[len(p) :]]
+        motion = wider.solve(np.array(p), active, *result.deviations, PARAMETERS)
+        if motion is None:
+            return None
+        solved.append(motion.tangents)
+
+    def column(name: str, values: Mapping[str, float]) -> np.ndarray:
+        return solved[states[name].index(values)][:, wider.terms.index(name)]
+
+    return np.column_stack([
+        column(f.name, f.values) - (0.0 if f.less is None else column(f.name, f.less)) for f in forms
+    ])  # fmt: skip
