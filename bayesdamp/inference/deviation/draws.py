@@ -151,8 +151,9 @@ def shares_of(weighing: Weighing, drawn: Sequence[CandidateDraws]) -> np.ndarray
     return np.concatenate(shares)
 
 
-def noise_sds(weighing: Weighing, result: CandidateResult) -> np.ndarray:
-    """Return the sd that noise alone would cause in each inferred parameter, (p,), if the laws were exact."""
-    rates = np.abs(result.fit.parameters.rates(result.fit.z))
-    sds = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * rates
-    return sds * np.sqrt(weighing.variance / result.exact_variance)
+def noise_sds(weighing: Weighing, result: CandidateResult) -> dict[str, float]:
+    """Return the sd that noise alone would cause in each inferred parameter, by name, if the laws were exact."""
+    parameters = result.fit.parameters
+    sds = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
+    sds *= np.sqrt(weighing.variance / result.exact_variance)
+    return dict(zip(parameters.free_names, sds.tolist(), strict=True))

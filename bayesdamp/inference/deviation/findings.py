@@ -307,7 +307,7 @@ def _parameters(
     solver, priors = d.result.solver, d.result.fit.parameters.priors
     values = np.column_stack([d.coefficients, d.further, d.law]).T
     drawn = {name: own for name, own in zip(solver.names, values) if name in priors}
-    noise = dict(zip(priors, noise_sds(weighing, d.result).tolist(), strict=True))
+    noise = noise_sds(weighing, d.result)
     quantities = {name: quantity(own, noise[name]) for name, own in drawn.items()}
     own = [name for name in solver.further if name in drawn]
     loose = [
@@ -350,10 +350,10 @@ def posterior_of(
     values = parameters.values(u[:, :d])[:, parameters.free]
     sizes = size_of(result, u[:, d : d + n]) if u.shape[1] > d else np.zeros(1)
     inside, summaries = int(np.ceil(INSIDE * len(values))), {}
-    sds = noise_sds(weighing, result).tolist()
-    for name, own, noise_sd in zip(parameters.free_names, values.T, sds, strict=True):
+    noise_sd = noise_sds(weighing, result)
+    for name, own in zip(parameters.free_names, values.T, strict=True):
         sd, ordered = float(np.std(own, ddof=1)), np.sort(own)
-        noise = min(noise_sd, sd)
+        noise = min(noise_sd[name], sd)
         first = int(np.argmin(ordered[inside - 1 :] - ordered[: own.size - inside + 1]))
         summaries[name] = {
             "mean": float(np.mean(own)),

@@ -61,12 +61,25 @@ def with_rivals(weighing: Weighing) -> Weighing:
     """Return the weighing with its rivals, under the likeliest restoring law."""
     if not weighing.results:
         return weighing
-    plain = weighing.solvers[weighing.best.candidate.restoring]
+    best = weighing.best
+    plain = weighing.solvers[best.candidate.restoring]
+    paper = [t for t in plain.terms if t in PAPER_TERMS]
+    close = {
+        frozenset(r.candidate.damping)
+        for r in weighing.results
+        if r.log_evidence > best.log_evidence - BEHIND and r.candidate.restoring == best.candidate.restoring
+    }
     rivals: list[CandidateResult] = []
     for form, like in PLACES.items():
-        if form not in plain.terms and like in plain.terms:
-            solver = replace(plain, terms=(*(t for t in plain.terms if t in PAPER_TERMS), form))
-            rivals += _weigh_rivals(weighing, solver, _sums(weighing, form, like))
+        if form in plain.terms or like not in plain.terms:
+            continue
+        rest = [t for t in paper if t != like]
+        if TERMS.get(form).inferred:  # it replaces its term in the sums that count
+            near = sorted((s for s in close if like in s <= {*paper}), key=lambda s: (len(s), sorted(s)))
+            sums = [(*(t for t in rest if t in s), form) for s in near]
+        else:
+            sums = [(*c, form) for n in range(len(rest) + 1) for c in combinations(rest, n)]
+        rivals += _weigh_rivals(weighing, replace(plain, terms=(*paper, form)), sums)
     if ALONE not in plain.terms:
         # The power of the velocity, starting where it dissipates as the likeliest sum does.
         ratio = weighing.data.middle.peak_velocity / weighing.reference.peak_velocity
@@ -78,22 +91,6 @@ def with_rivals(weighing: Weighing) -> Weighing:
             solver = power_solver(weighing, starts[0]["exponent"])
             rivals += _weigh_rivals(weighing, solver, [(ALONE,)], starts)
     return replace(weighing, forms=tuple(rivals))
-
-
-def _sums(weighing: Weighing, form: str, like: str) -> list[tuple[str, ...]]:
-    """Return the sums that contain the form.
-
-    All sums for a form without parameters of its own; else it replaces its term in the sums that count.
-    """
-    best = weighing.best
-    law = best.candidate.restoring
-    paper = [t for t in weighing.solvers[law].terms if t in PAPER_TERMS and t != like]
-    if not TERMS.get(form).inferred:
-        return [(*c, form) for n in range(len(paper) + 1) for c in combinations(paper, n)]
-    close = [r.candidate for r in weighing.results if r.log_evidence > best.log_evidence - BEHIND]
-    near = {frozenset(c.damping) for c in close if c.restoring == law}
-    sums = [s for s in sorted(near, key=lambda s: (len(s), sorted(s))) if like in s and s <= {*paper, like}]
-    return [(*(t for t in paper if t in s), form) for s in sums]
 
 
 def _weigh_rivals(

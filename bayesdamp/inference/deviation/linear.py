@@ -303,20 +303,6 @@ def condensed(
     return LinearModel(whole[:k, :k], whole[:k, k], rest, r.size, positive, shared, damping)
 
 
-def _orthogonal(white: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return factors, projections and least squares of |white u − target|² + |u|², (c, K, K), (c, K), (c,), by QR.
-
-    For records with hardly any noise, where the information matrix has lost its digits.
-    """
-    combos, rows, k = white.shape
-    aim = np.broadcast_to(target[:, :, None], (combos, rows, 1))
-    prior = np.broadcast_to(np.eye(k, k + 1), (combos, k, k + 1))
-    stacked = np.concatenate([np.concatenate([white, aim], axis=2), prior], axis=1)
-    upper = np.asarray(np.linalg.qr(stacked, mode="r"))
-    upper = upper * np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
-    return np.swapaxes(upper[:, :k, :k], 1, 2), upper[:, :k, k], upper[:, k, k] ** 2
-
-
 def _inverse(lower: np.ndarray) -> np.ndarray:
     """Invert lower triangles, (c, K, K), by halves: two triangles and the square between them."""
     k = lower.shape[1]
@@ -357,7 +343,14 @@ def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, sample
         half = (inverse @ (np.swapaxes(white, 1, 2) @ target[:, :, None]))[:, :, 0]
         left = np.sum(target**2, axis=1) - np.sum(half**2, axis=1)
     else:
-        lower, half, left = _orthogonal(white, target)
+        # With hardly any noise, the information has lost its digits: |white u − target|² + |u|² by QR.
+        aim = np.broadcast_to(target[:, :, None], (len(roots), target.shape[1], 1))
+        prior = np.broadcast_to(np.eye(total, total + 1), (len(roots), total, total + 1))
+        stacked = np.concatenate([np.concatenate([white, aim], axis=2), prior], axis=1)
+        upper = np.asarray(np.linalg.qr(stacked, mode="r"))
+        upper = upper * np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
+        lower = np.swapaxes(upper[:, :total, :total], 1, 2)
+        half, left = upper[:, :total, total], upper[:, total, total] ** 2
         inverse = _inverse(lower)
     log = -0.5 * (left + model.rest / variance)
     log -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)

@@ -150,12 +150,8 @@ class Single:
         Raises Refusal where no motion with deviations can be followed.
         """
         weighing, data, result = self.weighing, self.weighing.data, self.result
-        solver, about, parameters, weighed = (
-            result.solver,
-            result.about,
-            result.fit.parameters,
-            result.posterior,
-        )
+        solver, parameters = result.solver, result.fit.parameters
+        about, weighed = result.about, result.posterior
         if about is None:
             raise Refusal(ESCAPED)
         tangents = tangents_at(solver, result.fit, about.u, SEARCHED)
@@ -258,7 +254,7 @@ class Single:
     @cached_property
     def noise_sds(self) -> dict[str, float]:
         """The sd that noise alone would cause in each inferred parameter, if the laws were exact."""
-        return dict(zip(self.names, map(float, noise_sds(self.weighing, self.result)), strict=True))
+        return noise_sds(self.weighing, self.result)
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
         """Return log g and h at the knots of draws (n, K): (n, k) each."""
