@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -85,14 +85,10 @@ class Parameters(Scores):
 
     def values(self, z: np.ndarray) -> np.ndarray:
         """Return the kernel's parameters at scores z, (..., d): (..., k)."""
-        return self._filled(z, range(self.free.size))
-
-    def _filled(self, z: np.ndarray, scores: Iterable[int]) -> np.ndarray:
-        """Return the kernel's parameters, (..., k): the known ones, and those of some of the scores z, (..., d)."""
         p = np.empty((*z.shape[:-1], self._fixed.size))
         p[...] = self._fixed
-        for j in scores:
-            p[..., self.free[j]] = self.priors[self.free_names[j]].value(z[..., j])
+        for j, (place, prior) in enumerate(zip(self.free, self.priors.values(), strict=True)):
+            p[..., place] = prior.value(z[..., j])
         return p
 
     def named(self, z: np.ndarray) -> dict[str, float]:
@@ -149,7 +145,7 @@ class Straight(Parameters):
         """Return the kernel's parameters at z, (..., d): (..., k); NaN where no parameters have these coordinates."""
         if z.ndim > 1:
             return np.array([self.values(row) for row in z])
-        p = self._filled(z, [i for i in range(self.free.size) if i not in self.places])
+        p = super().values(z)
         p[self.free[self.places]] = self._law_values(z[self.places])
         return p
 
