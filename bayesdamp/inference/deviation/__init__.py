@@ -23,7 +23,7 @@ The way of a record, which `quick.weighing_of` follows from its samples to a `We
 3. Weigh. `weighing`: all candidates. `forms`: forms of damping that are not compared. `exponent`: of a power law.
 4. Sample. `sampling`: the motions themselves instead of the linear model, with the sampler of `tempered` and the
    coordinates of `ridge`.
-5. Findings. `draws`, `curves`, `free`: draws of candidates, the damping at an amplitude by law and without one.
+5. Findings. `draws`, `free`: draws of candidates, and the damping at an amplitude by law and without one.
    `findings`: the numbers of a verdict and the arrays of a picture.
 
 `single` is one candidate with its density. `specimen` weighs one damping on several records, which `repeats` joins.

@@ -1,27 +1,54 @@
-"""Draws over candidates, how probable candidates are, and numbers with intervals from draws."""
+"""Draws of candidates, and what they say at an amplitude and along the record.
+
+Probabilities of candidates, and numbers with intervals from their draws. Undamped orbits and the work of damping on
+them, the damping ratio, and how far the record is from the laws: sizes of the deviation, what a plain fit leaves, and
+what no sum of terms explains.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from itertools import accumulate
 from typing import Self
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.odds import odds
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.kernel import Motion, Solver
+from bayesdamp.physics.kernel.averaged import NUMBERS
 from bayesdamp.physics.kernel.dense import at_times
+from bayesdamp.physics.forces import by_kernel, frequency_over
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.types import Ratio
 
-POINTS = 4000
+MOMENTS = 4000
 """Times over a motion at which the power is taken."""
 DRAWS = 4000
 SHOWN = 0.99
 """Total probability of the candidates that are drawn from."""
 DISTINCT = 200
 """Draws of a candidate where each draw needs a quadrature of its work."""
+CLEAR = 5.0
+"""Standard deviations from which a drift counts: a false alarm in 400 records with the fewest means, far fewer with
+many."""
+FEWEST = 8
+"""Least number of means for a straight line through them."""
+FEW = 400
+"""Draws, of all candidates together, for the unexplained share."""
+POINTS = 200
+"""Of half a cycle, at which the work of damping is summed."""
+REACHES = (1e-3, 0.03, 0.1, 0.25, 0.5)
+"""Half widths, in amplitudes, within which the middle of a cycle is searched about its rest."""
+_PHASE = (np.arange(POINTS) + 0.5) / POINTS * np.pi - 0.5 * np.pi
+_COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi).tolist()
+_X, _W = (a.tolist() for a in np.polynomial.legendre.leggauss(48))
+_X_PART, _W_PART = (a.tolist() for a in np.polynomial.legendre.leggauss(4))
 
 
 @dataclass(frozen=True)
@@ -143,9 +170,9 @@ def shares_of(weighing: Weighing, drawn: Sequence[CandidateDraws]) -> np.ndarray
     shares = []
     for d in drawn:
         solver, motion = weighing.solvers[d.result.candidate.restoring], d.result.motion
-        times = np.linspace(motion.times[0], motion.times[-1], POINTS)
+        times = np.linspace(motion.times[0], motion.times[-1], MOMENTS)
         x, v = (at_times(motion.times, motion.states, times, order) for order in (0, 1))
-        power = partial(solver.works, x, v, v / POINTS, active=d.result.fit.active)
+        power = partial(solver.works, x, v, v / MOMENTS, active=d.result.fit.active)
         lost = d.coefficients * d.by_further(power)
         shares.append(lost / np.maximum(lost.sum(axis=1, keepdims=True), 1e-300))
     return np.concatenate(shares)
@@ -157,3 +184,369 @@ def noise_sds(weighing: Weighing, result: CandidateResult) -> dict[str, float]:
     sds = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
     sds *= np.sqrt(weighing.variance / result.exact_variance)
     return dict(zip(parameters.free_names, sds.tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """An undamped half cycle.
+
+    Attributes
+    ----------
+    energy : float
+        Potential energy at its turning points, per unit of inertia.
+    x, speed, width : ndarray, shape (n,)
+        Positions, speeds, and widths for integration over x.
+    """
+
+    energy: float
+    x: np.ndarray
+    speed: np.ndarray
+    width: np.ndarray
+
+    @property
+    def frequency(self) -> float:
+        """Of the oscillation, in rad/s."""
+        return float(np.pi / np.sum(self.width / self.speed))
+
+
+@lru_cache(maxsize=256)
+def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: float) -> Orbit | None:
+    """Return the orbit of an amplitude (rad or m) about `rest`; None where there is none."""
+    force, values = LAWS.get(restoring).kernel, np.array(law)
+
+    def between(a: float, b: float, nodes: list[float], weights: list[float]) -> float:
+        half = 0.5 * (b - a)
+        return float(half * sum(w * force(a + half * (u + 1), values) for u, w in zip(nodes, weights)))
+
+    def potential(x: float) -> float:
+        return between(rest, x, _X, _W)
+
+    def uneven(shift: float) -> float:
+        return potential(rest + shift + amplitude) - potential(rest + shift - amplitude)
+
+    # Narrow brackets first: a wide one reaches beyond the barrier of a softening spring.
+    reaches = (share * amplitude for share in REACHES)
+    reach = next((r for r in reaches if uneven(-r) < 0 < uneven(r)), None)
+    if reach is None:
+        return None
+    centre = rest + float(scipy.optimize.brentq(uneven, -reach, reach, xtol=1e-12 * max(amplitude, 1e-300)))  # type: ignore[arg-type]
+    energy = potential(centre + amplitude)
+    x = centre + amplitude * np.sin(_PHASE)
+    # From one point to the next, where a few nodes integrate to rounding error, with a twelfth of the forces.
+    first, *others = x.tolist()
+    parts = [between(a, b, _X_PART, _W_PART) for a, b in zip([first, *others], others)]
+    inside = potential(first) + np.concatenate([[0.0], np.cumsum(parts)])
+    if inside.max() > energy * (1 + 1e-9):
+        return None
+    speed = np.sqrt(2 * np.maximum(energy - inside, 0.0))
+    width = amplitude * np.cos(_PHASE) * np.pi / POINTS
+    return Orbit(energy, x, speed, width)
+
+
+def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float) -> float:
+    """Return √F′ at the equilibrium, in rad/s."""
+    d = 1e-5 * scale
+    return frequency_over(by_kernel(LAWS.get(restoring).kernel, law), rest - d, rest + d)
+
+
+def balanced_frequency(restoring: str, law: np.ndarray, rest: float, amplitude: float) -> float:
+    """Return the frequency of the oscillation of an amplitude, in rad/s, from the force's first harmonic.
+
+    This needs only a few forces, and is accurate enough for how the frequency changes with the law's parameters (N. M.
+    Krylov and N. N. Bogoliubov, 1943).
+    """
+    force = LAWS.get(restoring).kernel
+    pull = sum(force(rest + amplitude * c, law) * c for c in _COSINES)
+    return float(np.sqrt(max(2 * pull / (len(_COSINES) * amplitude), 0.0)))
+
+
+def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times in s of a motion's half cycles, and half the distance of their turning points, falling."""
+    times, states = motion.refined
+    v = states[:, 1]
+    # A turning point at a node, or two at one time, counts once: where the velocity becomes zero, or starts at zero.
+    reached = (v[:-1] != 0) & (v[1:] == 0)
+    reached[0] |= v[0] == 0
+    turns = np.flatnonzero((v[:-1] * v[1:] < 0) | reached)
+    share = v[turns] / np.where(v[turns] == v[turns + 1], 1.0, v[turns] - v[turns + 1])
+    h = times[turns + 1] - times[turns]
+    t = times[turns] + share * h
+    x = states[turns, 0] + h * share * (states[turns, 1] + 0.5 * h * share * states[turns, 2])
+    sizes, at = 0.5 * np.abs(np.diff(x)), 0.5 * (t[1:] + t[:-1])
+    good = sizes > 0
+    return at[good], np.minimum.accumulate(sizes[good])
+
+
+def share_of_time(result: CandidateResult, amplitude: float) -> float:
+    """Return when the motion has this amplitude, as a share of the record."""
+    at, sizes = turning_amplitudes(result.motion)
+    if at.size < 2:
+        return 0.5
+    t = np.interp(-np.log(amplitude), -np.log(sizes), at)
+    return float(np.clip(t / result.data.end, 0.0, 1.0))
+
+
+def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
+    """Return the orbit of an amplitude under a result's own law."""
+    name, law = result.candidate.restoring, result.law
+    rest = result.data.equilibrium(name, law)
+    return None if rest is None else orbit_at(float(amplitude), name, tuple(map(float, law)), rest)
+
+
+def works_on(
+    orbit: Orbit, solver: Solver, further: np.ndarray, active: np.ndarray, epsilon: float | None = None
+) -> np.ndarray:
+    """Return the work per unit of each coefficient in a cycle, (d, m), for rows of the terms' parameters, (d, e)."""
+    x, v = np.tile(orbit.x, 2), np.concatenate([orbit.speed, -orbit.speed])
+    weight = np.concatenate([orbit.width, -orbit.width])
+    return solver.works(x, v, weight, further, active, epsilon)
+
+
+def ratios_per_unit(d: CandidateDraws, amplitude: float, every_term: bool = False) -> np.ndarray | None:
+    """Return damping ratios per unit of each coefficient; None where no orbit has the amplitude.
+
+    Of shape (n, m), or (1, m) where they are the same for all draws. With `every_term`, terms without parameters of
+    their own that the candidate does not have are included.
+    """
+    solver = d.result.solver
+    orbit = orbit_of(d.result, amplitude)
+    if orbit is None:
+        return None
+    simple = np.array([not TERMS.get(t).inferred for t in solver.terms])
+    active = d.result.fit.active | simple if every_term else d.result.fit.active
+    works = d.by_further(lambda rows: works_on(orbit, solver, rows, active))
+    return works / (4 * np.pi * orbit.energy)
+
+
+def at_share(values: np.ndarray, share: float) -> np.ndarray:
+    """Interpolate values at equidistant knots, (n, k), at a share of the record: (n,)."""
+    k = values.shape[1]
+    at = share * (k - 1)
+    i = min(int(at), k - 2)
+    return (1 - at + i) * values[:, i] + (at - i) * values[:, i + 1]
+
+
+def between_knots(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Draw how far deviations at equidistant knots, (n, k), may be from the straight lines between these: (n,).
+
+    For a process with independent steps this is a bridge, with u (1 − u) of a step's variance a share u of the way to
+    the next knot (I. Karatzas and S. E. Shreve, Brownian Motion and Stochastic Calculus, 1991, 5.6.B), a sixth on
+    average. A step's variance is half that of the draw's own second differences, which do not contain a trend along the
+    record. So the ratio at one amplitude is less certain than its mean over the many cycles between two knots.
+    """
+    sd = np.sqrt(np.mean(np.diff(values, 2, axis=1) ** 2, axis=1) / 12)
+    return sd * rng.standard_normal(len(values))
+
+
+def deviations_at(
+    d: CandidateDraws, amplitude: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return log g and h of a candidate's draws at an amplitude, (n,) each, for g also between the knots."""
+    share = share_of_time(d.result, amplitude)
+    return at_share(d.g, share) + between_knots(d.g, rng), at_share(d.h, share)
+
+
+def ratio_at(
+    weighing: Weighing,
+    drawn: Sequence[CandidateDraws],
+    amplitude: float,
+    sensor: float,
+    rng: np.random.Generator,
+) -> Ratio:
+    """Return the equivalent damping ratio at an amplitude over all draws. Parameters as of `ratios_drawn`."""
+    ratios, noise = ratios_drawn(weighing, drawn, amplitude, sensor, rng)
+    if not ratios.size:
+        return Ratio(amplitude, *(float("nan"),) * 5)
+    q = quantity(ratios, min(noise, float(np.std(ratios))))
+    return Ratio(amplitude, q.value, q.low, q.high, q.sd_noise, q.sd_law)
+
+
+def ratios_drawn(
+    weighing: Weighing,
+    drawn: Sequence[CandidateDraws],
+    amplitude: float,
+    sensor: float,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, float]:
+    """Return draws of the equivalent damping ratio at an amplitude, (n,), and the part of their sd from noise alone.
+
+    There are no draws where no orbit has the amplitude.
+
+    Parameters
+    ----------
+    weighing : Weighing
+        Of the candidates.
+    drawn : sequence of CandidateDraws
+        Draws of each candidate.
+    amplitude : float
+        In rad or m.
+    sensor : float
+        Relative sd of the sensor's linearity and clock, which is included.
+    rng : numpy.random.Generator
+        Random stream.
+    """
+    values, noises, weights = [], [], []
+    for d in drawn:
+        per_unit = ratios_per_unit(d, amplitude)
+        if per_unit is None:
+            continue
+        ratios = _under_frictions(weighing, d, amplitude, per_unit, rng)
+        g, h = deviations_at(d, amplitude, rng)
+        values.append(ratios * np.exp(g) / (1 + h))
+        # From noise alone, under exact laws.
+        result, mean = d.result, per_unit.mean(axis=0)
+        parameters = result.fit.parameters
+        rates, gradient = parameters.rates(result.fit.z), np.zeros(parameters.free.size)
+        coefficients = parameters.free < mean.size
+        gradient[coefficients] = mean[parameters.free[coefficients]] * rates[coefficients]
+        scale = np.sqrt(weighing.variance / result.exact_variance)
+        noises.append(float(np.linalg.norm(gradient @ result.exact_weighed.factors[0])) * float(scale))
+        weights.append(len(d.coefficients))
+    if not values:
+        return np.empty(0), float("nan")
+    ratios = np.concatenate(values)
+    ratios = ratios * (1 + sensor * rng.standard_normal(ratios.size))
+    return ratios, float(np.average(noises, weights=weights))
+
+
+def _under_frictions(
+    weighing: Weighing, d: CandidateDraws, amplitude: float, per_unit: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Return ratios of the draws, (n,), each under one of the widths of friction, drawn by their probability."""
+    ratios = np.sum(d.coefficients * per_unit, axis=1)
+    solver, active, frictions = d.result.solver, d.result.fit.active, weighing.frictions
+    switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
+    if not switching or not frictions:
+        return ratios
+    orbit = orbit_of(d.result, amplitude)
+    assert orbit is not None  # `per_unit` was computed on it
+    # The loss of all terms together: how it is split among terms that cannot be told apart is arbitrary.
+    whole = weighing.solvers[d.result.candidate.restoring]
+    coefficients = np.array([f.coefficients for f in frictions])
+    works = [
+        works_on(orbit, whole, np.array([f.further]), own != 0, f.epsilon)[0]
+        for f, own in zip(frictions, coefficients, strict=True)
+    ]
+    lost = np.sum(np.array(works) * coefficients, axis=1)
+    used = int(np.argmin([abs(f.epsilon - solver.epsilon) for f in frictions]))
+    if not lost[used] > 0:
+        return ratios
+    weights = [f.weight for f in frictions]
+    return ratios * (lost / lost[used])[rng.choice(len(weights), len(ratios), p=weights)]
+
+
+def size_of(result: CandidateResult, values: np.ndarray) -> np.ndarray:
+    """Return the energy-weighted mean of |deviation| about its mean over the record, (n,), of draws (n, k)."""
+    weight = _energies(result, values.shape[1])
+    centred = values - (values @ weight)[:, None]
+    return np.abs(centred) @ weight
+
+
+def over_laws(
+    drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
+) -> tuple[Quantity, ...]:
+    """Return the damping over that of the law itself at amplitudes (rad or m).
+
+    The law is that of each draw, times its mean deviation over the record's energy.
+    """
+    means = [d.g @ _energies(d.result, d.g.shape[1]) for d in drawn]
+    factors = []
+    for a in amplitudes:
+        logs = [deviations_at(d, a, rng)[0] - mean for d, mean in zip(drawn, means, strict=True)]
+        factors.append(quantity(np.concatenate([np.exp(log) for log in logs])))
+    return tuple(factors)
+
+
+def off_laws(
+    drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
+) -> tuple[tuple[float, float], ...]:
+    """Return mean and sd of the log of the damping ratio over that of the coefficients alone, at amplitudes."""
+    pairs = []
+    for a in amplitudes:
+        deviations = [deviations_at(d, a, rng) for d in drawn]
+        values = np.concatenate([g - np.log1p(h) for g, h in deviations])
+        pairs.append((float(values.mean()), float(values.std())))
+    return tuple(pairs)
+
+
+def _energies(result: CandidateResult, knots: int) -> np.ndarray:
+    """Return shares of the oscillation's energy at equidistant knots, (k,)."""
+    at, sizes = turning_amplitudes(result.motion)
+    times = np.linspace(0, 1, knots) * result.data.end
+    weight = np.ones(knots) if at.size < 2 else np.interp(times, at, sizes) ** 2
+    return weight / weight.sum()
+
+
+def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) -> Quantity | None:
+    """Return the share of the energy that no sum of the compared terms explains.
+
+    For each draw's own curve, deviation included: its distance from the nearest sum with coefficients that are not
+    negative, weighted by the energy lost. The amplitudes at which it is taken fall.
+    """
+    total = sum(len(d.coefficients) for d in drawn)
+    counts = [max(1, round(FEW * len(d.coefficients) / total)) for d in drawn]
+    each = zip(drawn, counts, strict=True)
+    shares = [share for d, count in each for share in _unexplained(d, amplitudes, count)]
+    return quantity(np.array(shares)) if shares else None
+
+
+def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> list[float]:
+    """Return the share of the energy that no sum explains, of some draws of a candidate."""
+    every = np.unique(np.linspace(0, len(d.coefficients) - 1, count).astype(int))
+    few = CandidateDraws(d.result, *(a[every] for a in (d.coefficients, d.further, d.law, d.g, d.h)))
+    unit, curve, energy = [], [], []
+    for a in amplitudes:
+        per_unit, orbit = ratios_per_unit(few, a, every_term=True), orbit_of(d.result, a)
+        if per_unit is None or orbit is None:
+            return []
+        share = share_of_time(d.result, a)
+        own = np.sum(few.coefficients * per_unit, axis=1)
+        unit.append(np.broadcast_to(per_unit, few.coefficients.shape))
+        curve.append(own * np.exp(at_share(few.g, share)) / (1 + at_share(few.h, share)))
+        energy.append(orbit.energy)
+    weight = np.abs(np.gradient(np.array(energy)))
+    weight /= weight.sum()
+    shares = []
+    for i in range(len(every)):
+        ratio = np.array([c[i] for c in curve])
+        if not np.all(ratio > 0):  # without a loss there is no share of it
+            continue
+        columns = np.array([u[i] for u in unit]) / ratio[:, None]
+        scale = np.maximum(np.abs(columns).max(axis=0), 1e-300)
+        nearest = scipy.optimize.nnls(np.sqrt(weight)[:, None] * columns / scale, np.sqrt(weight))[0]
+        shares.append(float(weight @ np.abs(1 - columns / scale @ nearest)))
+    return shares
+
+
+def midline_drift(result: CandidateResult) -> float:
+    """Return how far the midline moves from a record's start to its end, as a share of its first amplitude.
+
+    From the straight line through the means, cycle by cycle, of what a candidate's plain fit leaves; 0 where this is
+    less than `CLEAR` of the sds that the scatter of these means gives it.
+    """
+    data, left, scale = result.data, result.fit.residual, result.data.recorded_amplitude
+    if data.averaged is None:
+        count = int(data.cycles)
+        parts = np.minimum((data.t / data.end * count).astype(int), max(count - 1, 0))
+        size = np.bincount(parts, minlength=count)
+        means = np.bincount(parts, left, minlength=count) / np.maximum(size, 1)
+    else:
+        means, scale = left[NUMBERS - 1 :: NUMBERS], scale * float(np.sqrt(2.0))
+    if means.size < FEWEST:
+        return 0.0
+    place = (np.arange(means.size) + 0.5) / means.size - 0.5
+    drift = float(place @ means / (place @ place))
+    scatter = float(np.sum((means - means.mean() - drift * place) ** 2)) / (means.size - 2)
+    return drift / scale if abs(drift) > CLEAR * np.sqrt(scatter / (place @ place)) else 0.0
+
+
+def left_over(result: CandidateResult) -> tuple[float, float]:
+    """Return the rms of what a plain fit leaves beyond noise, and of the noise, as shares of the amplitude."""
+    about = result.about
+    left = result.fit.residual if about is None else about.left
+    # Amplitudes alone: a phase that slips over thousands of cycles is a tiny error of the frequency.
+    residual = result.data.of_amplitude(result.fit.residual)
+    clean = float(left @ left) / max(left.size - (0 if about is None else about.u.size), 1)
+    rest = max(float(residual @ residual) / residual.size - clean, 0.0)
+    amplitude, each = result.data.recorded_amplitude, result.data.thinned
+    return float(np.sqrt(rest)) / amplitude, float(np.sqrt(clean * each)) / amplitude

@@ -22,7 +22,7 @@ from bayesdamp.inference.deviation.candidate import (
     relinearise,
     search,
 )
-from bayesdamp.inference.deviation.curves import orbit_of, turning_amplitudes, works_on
+from bayesdamp.inference.deviation.draws import orbit_of, turning_amplitudes, works_on
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.linear import EXACT_LAWS, weigh
 from bayesdamp.inference.deviation.parameters import Parameters

@@ -9,31 +9,29 @@ from itertools import combinations
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
-from bayesdamp.inference.deviation.curves import (
-    at_share,
-    balanced_frequency,
-    left_over,
-    midline_drift,
-    natural_frequency,
-    off_laws,
-    orbit_of,
-    over_laws,
-    ratio_at,
-    share_of_time,
-    size_of,
-    unnamed_share,
-    works_on,
-)
 from bayesdamp.inference.deviation.draws import (
     DRAWS,
     CandidateDraws,
     Quantity,
+    at_share,
+    balanced_frequency,
     drawn_from,
     draws_of,
+    left_over,
+    midline_drift,
+    natural_frequency,
     noise_sds,
+    off_laws,
+    orbit_of,
+    over_laws,
     probabilities,
     quantity,
+    ratio_at,
+    share_of_time,
     shares_of,
+    size_of,
+    unnamed_share,
+    works_on,
 )
 from bayesdamp.inference.deviation.exponent import LEAST_EXPONENT, MOST_EXPONENT
 from bayesdamp.inference.deviation.forms import bounds_of_others

@@ -19,7 +19,7 @@ from bayesdamp.inference.deviation.candidate import (
     mode_of,
     parameters_of,
 )
-from bayesdamp.inference.deviation.curves import at_share, orbit_at, turning_amplitudes
+from bayesdamp.inference.deviation.draws import at_share, orbit_at, turning_amplitudes
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.linear import Grid, weigh, wide_grid
 from bayesdamp.inference.deviation.parameters import Parameters

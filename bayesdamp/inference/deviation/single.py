@@ -14,9 +14,16 @@ from threadpoolctl import threadpool_limits
 from bayesdamp.inference.checks.checks import Ahead
 from bayesdamp.inference.checks.diagnostics import summarise, verdict
 from bayesdamp.inference.deviation.candidate import MotionCandidate, active_of, linearise, tangents_at
-from bayesdamp.inference.deviation.curves import ratio_at, ratios_drawn, size_of
 from bayesdamp.inference.deviation.data import Data, prepared
-from bayesdamp.inference.deviation.draws import CandidateDraws, Quantity, noise_sds, quantity
+from bayesdamp.inference.deviation.draws import (
+    CandidateDraws,
+    Quantity,
+    noise_sds,
+    quantity,
+    ratio_at,
+    ratios_drawn,
+    size_of,
+)
 from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit
 from bayesdamp.inference.deviation.linear import knots_of
 from bayesdamp.inference.deviation.parameters import Parameters

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bayesdamp.inference.curves.weighted import summarise
-from bayesdamp.inference.deviation.curves import orbit_of, works_on
+from bayesdamp.inference.deviation.draws import orbit_of, works_on
 from bayesdamp.inference.deviation.linear import LEAST_KNOTS, DampingLikelihood, grid_of
 from bayesdamp.inference.deviation.repeats import Repeats, RunLikelihood, joined
 from bayesdamp.inference.deviation.weighing import CandidateResult

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.curves import between_knots, midline_drift
+from bayesdamp.inference.deviation.draws import between_knots, midline_drift
 from bayesdamp.inference.deviation.findings import findings, probabilities, summed
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import Weighing

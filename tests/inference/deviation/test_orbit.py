@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import ellipk
 
-from bayesdamp.inference.deviation.curves import (
+from bayesdamp.inference.deviation.draws import (
     balanced_frequency,
     natural_frequency,
     orbit_at,
