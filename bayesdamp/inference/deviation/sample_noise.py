@@ -35,7 +35,7 @@ REFITS = 2
 the first."""
 BAND = (0.3, 2.0)
 """Frequencies near the oscillation, in units of its own."""
-STRETCHES, SEEN = 64, 50_000
+STRETCHES, MOST_SAMPLES = 64, 50_000
 """Number of stretches, and of samples in them, from which the noise model of a longer record is chosen: enough for
 its parameters to a per cent (conventional)."""
 
@@ -82,9 +82,9 @@ def prepared_for(
     for _ in range(REFITS):
         residual = data.averaged.residual
         used = np.arange(residual.size)
-        if used.size > SEEN:  # stretches along the record
-            firsts = np.linspace(0, used.size - SEEN // STRETCHES, STRETCHES).astype(int)
-            used = (firsts[:, None] + np.arange(SEEN // STRETCHES)).ravel()
+        if used.size > MOST_SAMPLES:  # stretches along the record
+            firsts = np.linspace(0, used.size - MOST_SAMPLES // STRETCHES, STRETCHES).astype(int)
+            used = (firsts[:, None] + np.arange(MOST_SAMPLES // STRETCHES)).ravel()
         record = replace(signal, t=t[used], y=np.asarray(signal.y)[used])
         fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
         noise = _choose(names, residual[used], fit_one)[0]

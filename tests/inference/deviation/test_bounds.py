@@ -63,7 +63,7 @@ def test_a_tangent_is_the_change_of_the_motion_with_a_little_of_the_form(name: s
 
 def test_every_form_is_bounded_by_itself() -> None:
     weighing, result = weighed(0.002)
-    found = bounds_of_others(weighing, result, True, np.random.default_rng(0))
+    found = bounds_of_others(weighing, result, np.random.default_rng(0))
     assert set(found) == set(others()) - {"power"}
     assert all(0 < share < 1 for share in found.values())
     # Rate independent damping has viscous damping's envelope: a record bounds it worst.
@@ -85,7 +85,7 @@ def test_a_bound_holds_what_is_there() -> None:
     x, v = decay(lambda _, x, v: 2 * ZETA * v + more(x, v), TIMES)
     y = x + 0.001 * np.random.default_rng(2).standard_normal(TIMES.size)
     weighing = weighing_of(Signal(TIMES, y), damping=["viscous"], restoring=["linear"], approximate=False)
-    found = bounds_of_others(weighing, weighing.results[0], False, np.random.default_rng(0))
+    found = bounds_of_others(weighing, weighing.results[0], np.random.default_rng(0))
     own, viscous = float(np.mean(more(x, v) * v)), float(np.mean(2 * ZETA * v * v))
     lost = own / (own + viscous)
     assert lost < found["displacement"] < 3 * lost
