@@ -20,10 +20,10 @@ from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.odds import odds
 from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.forces import by_kernel, frequency_over
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.averaged import NUMBERS
 from bayesdamp.physics.kernel.dense import at_times
-from bayesdamp.physics.forces import by_kernel, frequency_over
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import Ratio
 
