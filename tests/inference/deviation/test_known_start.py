@@ -99,7 +99,7 @@ def asked(signal: Signal, data: Data | None = None) -> Verdict:
         made = {WEIGHED: weigh_all(data, candidates, known=KNOWN, approximate=False)}
     return answer(
         signal, [AMPLITUDE], damping=list(TRUTHS), restoring=[LAW], known=KNOWN, deviation="none", measured=False,
-        sample=False, made=made,
+        sample=False, weighings=made,
     ).verdict  # fmt: skip
 
 
