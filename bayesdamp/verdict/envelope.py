@@ -78,8 +78,8 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
         Seed of the draws.
     """
     b = decay.blocks
-    ranking = ranked(sums, weighed(b, sums, decay.noises, decay.inverse))
-    power = power_law(decay, ranking)
+    ranking = ranked(sums, weighed(b, sums))
+    power = power_law(b, ranking)
     rng = np.random.default_rng([seed, b.t.size])
     top, bottom = b.ends
     amplitudes = np.array([top + share * (bottom - top) for share in FALLS])
@@ -104,7 +104,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     whole, plain = by_laws
     if one_power and "power" not in ranking.terms:
         # Laws that the record does not follow have no rates of its own.
-        whole, plain = draw_twice([*ranking.candidates, *by_power(decay)], (*ranking.terms, "power"))
+        whole, plain = draw_twice([*ranking.candidates, *by_power(b)], (*ranking.terms, "power"))
     best, frequency, omega = ranking.best, decay.record.frequency, b.frequency
     damping = {name: min(p, thresholds.CAP) for name, p in ranking.by_sum.items()}
     first = damping.pop(best.name)

@@ -94,17 +94,7 @@ def _window(window: UsedWindow) -> dict[str, object]:
     return {"start": window.start, "stop": window.stop, "cycles": window.cycles}
 
 
-_RATIO_COLUMNS = tuple(
-    f"{name}_{i}{end}"
-    for i in range(1, _RATIOS + 1)
-    for name, ends in (
-        ("amplitude", ("",)),
-        ("unit", ("",)),
-        ("ratio", ("", "_low", "_high", "_sd_noise", "_sd_law")),
-    )
-    for end in ends
-)
-_NEXT_COLUMNS = tuple(f"ratio_{i}_next_{end}" for i in range(1, _RATIOS + 1) for end in ("low", "high"))
+_UNKNOWN = (DampingRatio(NAN, "", NAN, NAN, NAN, NAN, NAN),) * _RATIOS
 
 
 @dataclass(frozen=True, repr=False)
@@ -195,10 +185,10 @@ class Verdict(CheckedMethods):
     frequency_at: FrequencyAt | None = field(default=None, metadata=COLUMN)
     exponent: Interval | None = field(default=None, metadata=COLUMN)
     damping_ratio: tuple[DampingRatio, ...] = field(
-        default=(), metadata={"column": Column(names=_RATIO_COLUMNS, cells=_ratios)}
+        default=(), metadata={"column": Column(names=tuple(_ratios(_UNKNOWN)), cells=_ratios)}
     )
     next_record: tuple[DampingRatio, ...] = field(
-        default=(), metadata={"column": Column(names=_NEXT_COLUMNS, cells=_next_ratios)}
+        default=(), metadata={"column": Column(names=tuple(_next_ratios(_UNKNOWN)), cells=_next_ratios)}
     )
     rate: Measured | None = field(default=None, metadata=COLUMN)
     quality_factor: Measured | None = field(default=None, metadata=COLUMN)

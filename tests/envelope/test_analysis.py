@@ -152,10 +152,11 @@ def test_the_evidence_of_a_power_is_its_integral():
     a fine grid of its closed form. The rate's prior is a mixture of half-normals, the start's is normal, of sd 100."""
     rng = np.random.default_rng(9)
     t = np.linspace(0.0, 10.0, 50)
-    b = Blocks(t, 1.0 - 0.2 * t + 0.02 * rng.standard_normal(50), 10.0, 0.2)
-    noises, inverse = [(Noise(1e-4, 1.0, 1e-8, 1.0, 0.02), 0.02**2 * np.eye(50))], np.eye(50) / 0.02
-    log_z, _, _ = weigh_power(b, noises, inverse)
-    at = place_as_given(weigh(b, ClosedForm(("viscous",)), noises, inverse))
+    noises, inverse = ((Noise(1e-4, 1.0, 1e-8, 1.0, 0.02), 0.02**2 * np.eye(50)),), np.eye(50) / 0.02
+    x = 1.0 - 0.2 * t + 0.02 * rng.standard_normal(50)
+    b = Blocks(t, x, 10.0, 0.2, noises=noises, inverse=inverse)
+    log_z, _, _ = weigh_power(b)
+    at = place_as_given(weigh(b, ClosedForm(("viscous",))))
     rates, powers = np.linspace(0.18, 0.22, 81), np.linspace(0.901, 1.101, 80)  # 1 itself is another formula
     starts = np.linspace(0.95, 1.05, 61)
     c, q, x0 = np.meshgrid(rates, powers - 1.0, starts, indexing="ij")

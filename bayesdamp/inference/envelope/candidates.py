@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,6 +76,10 @@ class Blocks:
         Number of readings in a mean.
     frequency
         Of the oscillation in rad/s, None where it is not known.
+    noises
+        Possible noises, each with the covariance of x, (n, n).
+    inverse
+        Inverse triangle of the covariance under which fits are made, (n, n).
     """
 
     t: np.ndarray
@@ -85,17 +89,24 @@ class Blocks:
     floor: SeenFloor | None = None
     each: float = 1.0
     frequency: float | None = None
+    noises: tuple[tuple[Noise, np.ndarray], ...] = ()
+    inverse: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
-    def omega(self) -> float:
-        """Rate in 1/s at a damping ratio of 1, the unit of the scales of the rates' prior.
+    def unit(self) -> float:
+        """Rate in 1/s at a score of 1.
 
-        Where the frequency is not known, the middle of the scales is one over the duration: the record is assumed to
-        have a middle damping ratio, and no result depends on the unit of time.
+        Where the frequency is not known, the middle of the prior's scales is one over the duration: the record is
+        assumed to have a middle damping ratio, and no result depends on the unit of time.
         """
         if self.frequency is not None:
-            return self.frequency
-        return 1.0 / (self.duration * float(np.sqrt(SHARED_SCALES[0] * SHARED_SCALES[-1])))
+            return SCORE_RATIO * self.frequency
+        return SCORE_RATIO * (1.0 / (self.duration * float(np.sqrt(SHARED_SCALES[0] * SHARED_SCALES[-1]))))
+
+    @property
+    def with_first_noise(self) -> Blocks:
+        """The same with the first of the possible noises alone."""
+        return replace(self, noises=self.noises[:1])
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -237,8 +248,6 @@ def _fitted(
 def weigh(
     blocks: Blocks,
     law: Law,
-    noises: Sequence[tuple[Noise, np.ndarray]],
-    inverse: np.ndarray,
     fitted: EnvelopeCandidate | None = None,
     scores: tuple[float, ...] = (),
     log_share: float = 0.0,
@@ -249,13 +258,9 @@ def weigh(
     Parameters
     ----------
     blocks : Blocks
-        The readings.
+        The readings with their noises.
     law : Law
         The sum.
-    noises : sequence of (Noise, ndarray)
-        Possible noises, each with the covariance of the readings.
-    inverse : ndarray, shape (n, n)
-        Inverse triangle of the covariance under which the fit is made.
     fitted : Candidate, optional
         The same sum with another noise, whose fit is used.
     scores, log_share
@@ -263,24 +268,23 @@ def weigh(
     begin : ndarray, optional
         Rates at which the fit starts, without `fitted`.
     """
-    p = np.append(fitted.rates, fitted.x0) if fitted else fit_rates(blocks, law, inverse, begin).values
-    unit = SCORE_RATIO * blocks.omega
-    motion, about = _posteriors_about(blocks, law, p, np.full(len(law.terms), unit), True, noises)
+    p = np.append(fitted.rates, fitted.x0) if fitted else fit_rates(blocks, law, blocks.inverse, begin).values
+    motion, about = _posteriors_about(blocks, law, p, np.full(len(law.terms), blocks.unit), True)
     weighed = about.under_priors()
-    return EnvelopeCandidate(law, float(p[-1]), p[:-1], motion.y, about, weighed, unit, scores, log_share)
+    return EnvelopeCandidate(
+        law, float(p[-1]), p[:-1], motion.y, about, weighed, blocks.unit, scores, log_share
+    )
 
 
-def weigh_power(
-    blocks: Blocks, noises: Sequence[tuple[Noise, np.ndarray]], inverse: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def weigh_power(blocks: Blocks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Weigh the power law dA/dt = -c A^p, with p uniform on 0 to POWER_MOST.
 
     c, the rate at the reference amplitude, has the prior of the rate of a single term.
 
     Parameters
     ----------
-    blocks, noises, inverse
-        As in `weigh`.
+    blocks : Blocks
+        The readings with their noises.
 
     Returns
     -------
@@ -288,11 +292,11 @@ def weigh_power(
         Of p over the grid of hyperparameters.
     """
     begin, wide = np.array([np.log(blocks.mean_rate), 1.0]), Normal(mean=0.0, sd=START_SD)
-    p = _fitted(blocks, PowerLaw(), inverse, {"log_rate": wide, "exponent": wide}, begin).values
+    p = _fitted(blocks, PowerLaw(), blocks.inverse, {"log_rate": wide, "exponent": wide}, begin).values
     # Wide normals replace the priors of ln c and p; their heights are corrected below.
-    normals = _posteriors_about(blocks, PowerLaw(), p, np.full(2, START_SD), False, noises)[1].normals
+    normals = _posteriors_about(blocks, PowerLaw(), p, np.full(2, START_SD), False)[1].normals
     power, sd = START_SD * normals.means[:, 1], START_SD * np.linalg.norm(normals.factors[:, 1], axis=1)
-    score = np.exp(p[0]) / (SCORE_RATIO * blocks.omega)
+    score = np.exp(p[0]) / blocks.unit
     density = float(shared_log_density(score**2, 1) + np.log(score))  # of ln c
     log_z = normals.log + density - np.log(POWER_MOST) + np.log(2 * np.pi * START_SD**2)
     inside = ndtr((POWER_MOST - power) / sd) - ndtr(-power / sd)
@@ -335,12 +339,7 @@ class FitPosteriors:
 
 
 def _posteriors_about(
-    blocks: Blocks,
-    law: Law,
-    p: np.ndarray,
-    units: np.ndarray,
-    rates: bool,
-    noises: Sequence[tuple[Noise, np.ndarray]],
+    blocks: Blocks, law: Law, p: np.ndarray, units: np.ndarray, rates: bool
 ) -> tuple[Motion, FitPosteriors]:
     """Return the decay of a law's parameters and x at the start, p (d + 1,), and the posteriors about it.
 
@@ -353,11 +352,11 @@ def _posteriors_about(
     sizes = grid_of(KNOTS, phases=False)
     grid = Grid(*(np.concatenate([getattr(sizes, f.name)] * scales.size) for f in fields(Grid)))
     variance = np.repeat(scales**2, grid.log_prior.size // scales.size)
-    weight = np.array([noise.log_weight for noise, _ in noises])
+    weight = np.array([noise.log_weight for noise, _ in blocks.noises])
     weight = weight - np.logaddexp.reduce(weight) - np.log(scales.size)
     positive = np.array([rates] * d + [False, False])
     parts = []
-    for (noise, covariance), log_weight in zip(noises, weight, strict=True):
+    for (noise, covariance), log_weight in zip(blocks.noises, weight, strict=True):
         # The constant part of the floor after the decay is in the mean; its error is a score.
         floor = 0.5 * noise.constant * np.exp(-2.0 * motion.y)
         unsure = noise.constant_sd / noise.constant if noise.constant > 0 else 0.0
@@ -367,5 +366,5 @@ def _posteriors_about(
         part = normals_of(condensed(white[:, :-1], white[:, -1], positive), grid, variance, n)
         parts.append(replace(part, log=part.log + log_weight - log_det))
     every = Normals(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Normals)))
-    times = len(noises)
+    times = len(blocks.noises)
     return motion, FitPosteriors(every, np.tile(grid.size_g, times), np.tile(grid.log_prior, times), positive)

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from bayesdamp.inference.deviation.linear import smooth_root
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_rates, solver_of
-from bayesdamp.inference.envelope.noise import SHARES, SLOW, Noise, infer_noise
+from bayesdamp.inference.envelope.noise import SHARES, SLOW, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit, sums_on
 from bayesdamp.physics.amplitude import EXPONENTS, SUMS, ClosedForm, Scale, power_decay, power_slopes
 from bayesdamp.physics.kernel.solve import ALL
@@ -72,13 +72,9 @@ class Decay:
     window, first
         The free decay, and its first reading.
     blocks
-        Its readings.
+        Its readings with their noises.
     reference
         ln of their reference amplitude in the record's unit.
-    noises
-        Possible noises, each with the covariance of the blocks.
-    inverse
-        Inverse triangle of the covariance under which fits are made.
     """
 
     record: EnvelopeRecord
@@ -86,8 +82,6 @@ class Decay:
     first: int
     blocks: Blocks
     reference: float
-    noises: list[tuple[Noise, np.ndarray]]
-    inverse: np.ndarray
 
     @property
     def readings(self) -> int:
@@ -111,7 +105,7 @@ class Decay:
         # The blocks' own clock starts at the middle of the first one.
         start = float(t.min()) + 0.5 * (b.t[1] - b.t[0]) * (b.each > 1)
         level, fitted = ((x + self.reference) * NEPER for x in (b.x, fit))
-        return Curve(b.t + start, level, fitted, sd * NEPER, np.sqrt(np.diag(self.noises[0][1])) * NEPER)
+        return Curve(b.t + start, level, fitted, sd * NEPER, np.sqrt(np.diag(b.noises[0][1])) * NEPER)
 
     def misfit(self, fit: np.ndarray) -> tuple[float, float]:
         """Return the root mean squares of the residuals of a fit beyond the noise, and of the noise.
@@ -122,7 +116,7 @@ class Decay:
         weight = weight / weight.sum()
         off = self.blocks.x - fit
         off = off - weight @ off
-        left, noise = float(weight @ off**2), float(weight @ np.diag(self.noises[0][1]))
+        left, noise = float(weight @ off**2), float(weight @ np.diag(self.blocks.noises[0][1]))
         return float(np.sqrt(max(left - noise, 0.0))), float(np.sqrt(noise))
 
 
@@ -160,7 +154,7 @@ def free_decay(
         start, plain = b.ends[0], tuple(sums) == SUMS
         scale = Scale() if plain else scale_of(record, sums, start + reference)
         asked = sums_on(sums, scale, start, float(b.x.min()))
-        b, noises, inverse, later, end = infer_noises(b, asked)
+        b, later, end = infer_noises(b, asked)
         size = chosen.stop - first
         if window is not None or size < SPARSE or tries == TRIES:
             break
@@ -176,7 +170,7 @@ def free_decay(
         last = f"{record.t[chosen.stop - 1]:.4g} s"
         ends = f"ends at {last}, {ABOVE_FLOOR:g} dB above the noise floor that its scatter shows"
         chosen = replace(chosen, why=(chosen.why[0], ends))
-    return Decay(record, chosen, first, b, reference, noises, inverse), asked
+    return Decay(record, chosen, first, b, reference), asked
 
 
 def _blocks(record: EnvelopeRecord, window: EnvelopeWindow, first: int) -> tuple[Blocks, float]:
@@ -250,9 +244,7 @@ def _by_rising_friction(b: Blocks, inverse: np.ndarray) -> float:
     return 2.0 * float(fit.cost)
 
 
-def infer_noises(
-    b: Blocks, sums: Sequence[Sum] = ()
-) -> tuple[Blocks, list[tuple[Noise, np.ndarray]], np.ndarray, int, int]:
+def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]:
     """Infer the noise of a decay's readings, whatever its law, and the readings that do not belong to it.
 
     Parameters
@@ -265,11 +257,8 @@ def infer_noises(
     Returns
     -------
     blocks : Blocks
-        The readings with means corrected to the decay at the blocks' times.
-    noises : list of (Noise, ndarray)
-        The noise inferred without and with a deviation, each with the covariance of the readings.
-    inverse : ndarray, shape (n, n)
-        Inverse triangle of the covariance under which fits are made.
+        The readings with means corrected to the decay at the blocks' times, and with the noises that are inferred
+        without and with a deviation.
     later, end : int
         Number of blocks at the start that do not belong to the decay, and of blocks before it comes too close to the
         floor.
@@ -297,16 +286,16 @@ def infer_noises(
     best = max(rivals, key=lambda noise: noise.log_density)
     loose = infer_noise(*given, best.slow, slow_time, b.each, with_deviation=True, begin=best)
     rivals += [loose, best.slower(b.duration)]
-    covariances = [(noise, noise.covariance(b.t, fit)) for noise in rivals]
+    noises = tuple((noise, noise.covariance(b.t, fit)) for noise in rivals)
     smooth = loose.deviation * warp @ smooth_root(KNOTS, SLOW)
     whole = best.covariance(b.t, fit) + smooth @ smooth.T
     if best.constant > 0:
         floor = 0.5 * best.constant * np.exp(-2.0 * fit)
         whole = whole + np.outer(floor, floor)
-    inverse = np.linalg.inv(np.linalg.cholesky(whole))
     low = np.flatnonzero(np.exp(2.0 * fit) < 10.0 ** (ABOVE_FLOOR / 10.0) * best.floor)
     end = int(low[0]) if low.size else n
-    return b, covariances, inverse, _strangers(whole, columns, b.x - fit, early), end
+    later = _strangers(whole, columns, b.x - fit, early)
+    return replace(b, noises=noises, inverse=np.linalg.inv(np.linalg.cholesky(whole))), later, end
 
 
 def _strangers(covariance: np.ndarray, columns: np.ndarray, residual: np.ndarray, early: int) -> int:

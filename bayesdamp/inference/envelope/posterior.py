@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.inference.deviation.linear import DampingLikelihood, damping_likelihood, grid_of
+from bayesdamp.inference.curves.weighted import shares
+from bayesdamp.inference.deviation.linear import grid_of
+from bayesdamp.inference.deviation.linear import DampingLikelihood, damping_likelihood
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, EnvelopeCandidate
 from bayesdamp.physics.amplitude import hats
 
@@ -89,54 +91,36 @@ def draw(
         Whether the law is taken to hold exactly.
     """
     log_z = np.array([(c.total_exact if exact else c.total) + c.log_share for c in candidates])
-    probability = np.exp(log_z - log_z.max())
     # Systematic resampling distributes the draws (Kitagawa 1996).
-    at = (rng.random() + np.arange(DRAWS)) / DRAWS
-    shares = np.cumsum(probability / probability.sum())
-    counts = np.bincount(np.searchsorted(shares[:-1], at), minlength=probability.size)
-    parts = [
-        (*_draws(blocks, c, *c.draws(exact, n, rng), terms, amplitudes, sensor, rng), np.full(n, i))
-        for i, (c, n) in enumerate(zip(candidates, counts, strict=True))
-        if n
-    ]
+    places = (rng.random() + np.arange(DRAWS)) / DRAWS
+    counts = np.bincount(np.searchsorted(np.cumsum(shares(log_z))[:-1], places), minlength=log_z.size)
+    s, names = blocks.t / blocks.duration, list(terms)
+    ends = np.ones(ALONG // 2 + 1)
+    ends[[0, -1]] = 0.5
+    parts = []
+    for place in np.flatnonzero(counts):
+        c, count = candidates[place], counts[place]
+        rates, g = c.draws(exact, count, rng)
+        # Along the fit time passes as dx/f: a decay that is steep at first has few readings there.
+        x = np.linspace(c.fit[0], c.fit[-1], ALONG)
+        took = 1.0 / np.maximum(c.law.rate(x, c.rates), 1e-300)
+        took[[0, -1]] *= 0.5
+        shapes = c.law.shapes(x)  # (d, n): of each term's rate over the record
+        # The fall over the time that it takes.
+        whole = ends.sum() / ((1.0 / np.maximum(rates @ shapes[:, : ends.size], 1e-300)) @ ends)
+        passed = np.interp(-amplitudes, -c.fit, s)
+        at = rates @ c.law.shapes(amplitudes) * (1.0 + g @ hats(passed, KNOTS).T)
+        losses = rates * (shapes @ (np.exp(2.0 * x) * took))
+        energy, by_term = np.zeros((count, len(names))), np.full((count, len(names)), np.nan)
+        columns = [names.index(term) for term in c.terms]
+        energy[:, columns] = losses / losses.sum(axis=1, keepdims=True)
+        by_term[:, columns] = rates
+        rms = np.sqrt(np.mean((g @ hats(s, KNOTS).T) ** 2, axis=1))
+        off = 1.0 + sensor * rng.standard_normal((count, 1))
+        parts.append((at * off, whole * off[:, 0], energy, rms, by_term * off, np.full(count, place)))
     at, whole, energy, rms, rates, candidate = (np.concatenate(column) for column in zip(*parts, strict=True))
     known = {term: column[np.isfinite(column)] for term, column in zip(terms, rates.T, strict=True)}
     return RateDraws(at, whole, energy, rms, candidate, known)
-
-
-def _draws(
-    blocks: Blocks,
-    c: EnvelopeCandidate,
-    rates: np.ndarray,
-    g: np.ndarray,
-    names: Sequence[str],
-    amplitudes: np.ndarray,
-    sensor: float,
-    rng: np.random.Generator,
-) -> tuple[np.ndarray, ...]:
-    """Return the quantities of one candidate's draws of rates, (n, d), and of the deviation at the knots."""
-    count = len(rates)
-    s = blocks.t / blocks.duration
-    # Along the fit time passes as dx/f: a decay that is steep at first has few readings there.
-    x = np.linspace(c.fit[0], c.fit[-1], ALONG)
-    took = 1.0 / np.maximum(c.law.rate(x, c.rates), 1e-300)
-    took[[0, -1]] *= 0.5
-    shapes = c.law.shapes(x)  # (d, n): of each term's rate over the record
-    half = slice(0, ALONG // 2 + 1)
-    ends = np.ones(ALONG // 2 + 1)
-    ends[[0, -1]] = 0.5
-    # The fall over the time that it takes.
-    whole = ends.sum() / ((1.0 / np.maximum(rates @ shapes[:, half], 1e-300)) @ ends)
-    passed = np.interp(-amplitudes, -c.fit, s)
-    at = rates @ c.law.shapes(amplitudes) * (1.0 + g @ hats(passed, KNOTS).T)
-    losses = rates * (shapes @ (np.exp(2.0 * x) * took))
-    energy, terms = np.zeros((count, len(names))), np.full((count, len(names)), np.nan)
-    places = [list(names).index(term) for term in c.terms]
-    energy[:, places] = losses / losses.sum(axis=1, keepdims=True)
-    terms[:, places] = rates
-    rms = np.sqrt(np.mean((g @ hats(s, KNOTS).T) ** 2, axis=1))
-    off = 1.0 + sensor * rng.standard_normal((count, 1))
-    return at * off, whole * off[:, 0], energy, rms, terms * off
 
 
 @dataclass(frozen=True, eq=False)

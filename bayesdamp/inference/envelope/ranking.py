@@ -10,8 +10,7 @@ from scipy.optimize import nnls
 
 from bayesdamp.inference.curves.weighted import shares
 from bayesdamp.inference.deviation.draws import Quantity
-from bayesdamp.inference.envelope.candidates import EnvelopeCandidate, weigh_power
-from bayesdamp.inference.envelope.decay import Decay
+from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, weigh_power
 from bayesdamp.inference.envelope.sums import Sum, sums_on, weighed
 from bayesdamp.physics.amplitude import POWERS, Scale
 
@@ -137,19 +136,17 @@ class PowerFit:
     odds: float
 
 
-def power_law(decay: Decay, ranking: Ranking) -> PowerFit:
+def power_law(b: Blocks, ranking: Ranking) -> PowerFit:
     """Weigh a power law on a decay whose sums are ranked."""
-    log_z, mean, variance = weigh_power(decay.blocks, decay.noises, decay.inverse)
+    log_z, mean, variance = weigh_power(b)
     prior = np.logaddexp.reduce([s.log_prior for s in ranking.sums])
     odds = float(np.logaddexp.reduce(log_z) - np.logaddexp.reduce(ranking.log_evidence) + prior)
     return PowerFit(mixture_range(log_z, mean, variance, LEAST, MOST), odds)
 
 
-def by_power(decay: Decay) -> list[EnvelopeCandidate]:
+def by_power(b: Blocks) -> list[EnvelopeCandidate]:
     """Weigh one power of the velocity, as a damping term."""
-    b = decay.blocks
-    sums = sums_on([("power",)], Scale(), b.ends[0], float(b.x.min()))
-    return weighed(b, sums, decay.noises, decay.inverse)
+    return weighed(b, sums_on([("power",)], Scale(), b.ends[0], float(b.x.min())))
 
 
 def mixture_range(

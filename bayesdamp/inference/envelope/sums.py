@@ -19,7 +19,6 @@ from bayesdamp.inference.curves.weighted import effective, shares
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.linear import EXACT, MEAN_G
 from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, fit_rates, weigh
-from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
 from bayesdamp.odds import FURTHER_TERM, odds
 from bayesdamp.physics.amplitude import POWERS, SUMS, ClosedForm, Law, Scale, Shape, Tabled, alike, log_loss
@@ -194,9 +193,7 @@ def _power(power: float) -> Shape:
     return lambda x: np.exp((power - 1.0) * x)
 
 
-def weighed(
-    b: Blocks, sums: Sequence[Sum], noises: Sequence[tuple[Noise, np.ndarray]], inverse: np.ndarray
-) -> list[EnvelopeCandidate]:
+def weighed(b: Blocks, sums: Sequence[Sum]) -> list[EnvelopeCandidate]:
     """Weigh every sum with the first noise, and with all noises those that the first one does not rule out.
 
     A sum with further parameters gives one candidate for each distinct point that represents these.
@@ -204,47 +201,37 @@ def weighed(
     Parameters
     ----------
     b : Blocks
-        The readings.
+        The readings with their noises.
     sums : sequence of Sum
         The sums.
-    noises : sequence of (Noise, ndarray)
-        Possible noises, each with the covariance of the readings.
-    inverse : ndarray, shape (n, n)
-        Inverse triangle of the covariance under which fits are made.
     """
-    first = [
-        explore(_evidence(b, s, noises, inverse), s.count)
-        if s.count
-        else weigh(b, s.law(), noises[:1], inverse)
-        for s in sums
-    ]
+    roughly = b.with_first_noise
+    first = [explore(_evidence(roughly, s), s.count) if s.count else weigh(roughly, s.law()) for s in sums]
     totals = [known.log_integral if isinstance(known, Explored) else known.total for known in first]
     most = max(totals)
     candidates = []
     for s, known, total in zip(sums, first, totals, strict=True):
-        tried = noises if total > most - HOPELESS else noises[:1]
+        tried = b if total > most - HOPELESS else roughly
         if isinstance(known, EnvelopeCandidate):
-            candidates.append(weigh(b, known.law, tried, inverse, known, log_share=s.log_prior))
+            candidates.append(weigh(tried, known.law, known, log_share=s.log_prior))
             continue
         points, times = np.unique(known.resampled(POINTS), axis=0, return_counts=True)
         for scores, count in zip(map(tuple, points.tolist()), times, strict=True):
             law = s.law(scores)
-            alone = weigh(b, law, noises[:1], inverse)
+            alone = weigh(roughly, law)
             # Each point has its share of the integral; its evidence gives the change of this by the other noises.
             share = total - alone.total + np.log(count / POINTS) + s.log_prior
-            candidates.append(weigh(b, law, tried, inverse, alone, scores, float(share)))
+            candidates.append(weigh(tried, law, alone, scores, float(share)))
     return candidates
 
 
-def _evidence(
-    b: Blocks, s: Sum, noises: Sequence[tuple[Noise, np.ndarray]], inverse: np.ndarray
-) -> Callable[[tuple[float, ...]], float]:
-    """Return ln of a sum's evidence with the first noise as a function of its further parameters' scores."""
+def _evidence(b: Blocks, s: Sum) -> Callable[[tuple[float, ...]], float]:
+    """Return ln of a sum's evidence as a function of its further parameters' scores."""
     rates: np.ndarray | None = None
 
     def at(scores: tuple[float, ...]) -> float:
         nonlocal rates
-        candidate = weigh(b, s.law(scores), noises[:1], inverse, begin=rates)
+        candidate = weigh(b, s.law(scores), begin=rates)
         rates = np.maximum(candidate.rates, 1e-3 * b.mean_rate)  # from where the next fit is near
         return candidate.total
 

@@ -24,19 +24,18 @@ STEP = (0.3 / 1e-8) ** (1 / 25)
 """Ratio of neighbouring scales of the prior."""
 
 
-def blocks(
-    slower: float = 1.0, noise: float = 0.05
-) -> tuple[Blocks, list[tuple[Noise, np.ndarray]], np.ndarray]:
+def blocks(slower: float = 1.0, noise: float = 0.05) -> Blocks:
     """Viscous and Coulomb damping of 3e-4 together at 50 Hz, so many times slower; 60 readings of white noise."""
     rates = np.array([0.065, 0.035]) / slower
     t = np.linspace(0.0, 15.0, 60) * slower
     x = decay(t, 1.2, ("viscous", "coulomb"), rates) + noise * np.random.default_rng(4).standard_normal(60)
-    b = Blocks(t, x, float(t[-1]), float(x[0] - x[-1]) / float(t[-1]), frequency=OMEGA)
-    return b, [(Noise(1e-4, 1.0, 1e-8, 1.0, noise), noise**2 * np.eye(60))], np.eye(60) / noise
+    noises = ((Noise(1e-4, 1.0, 1e-8, 1.0, noise), noise**2 * np.eye(60)),)
+    rate = float(x[0] - x[-1]) / float(t[-1])
+    return Blocks(t, x, float(t[-1]), rate, frequency=OMEGA, noises=noises, inverse=np.eye(60) / noise)
 
 
-def weighed(b: Blocks, noises: Sequence, inverse: np.ndarray) -> list[EnvelopeCandidate]:
-    return [weigh(b, ClosedForm(terms), noises, inverse) for terms in SUMS]
+def weighed(b: Blocks) -> list[EnvelopeCandidate]:
+    return [weigh(b, ClosedForm(terms)) for terms in SUMS]
 
 
 def probabilities(candidates: Sequence[EnvelopeCandidate]) -> np.ndarray:
@@ -46,8 +45,8 @@ def probabilities(candidates: Sequence[EnvelopeCandidate]) -> np.ndarray:
 
 def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
     """Exact law, the noise as given; the nonlinear likelihood by the solution of dA/dt = −vA − c, on a fine grid."""
-    b, noises, inverse = blocks(noise=0.02)
-    candidate = weigh(b, ClosedForm(("viscous", "coulomb")), noises, inverse)
+    b = blocks(noise=0.02)
+    candidate = weigh(b, ClosedForm(("viscous", "coulomb")))
     log_z = log_evidence_as_given(candidate)
     grid = np.linspace(0.0, 0.16, 161)
     starts = np.linspace(1.16, 1.24, 33)
@@ -73,12 +72,12 @@ def test_probabilities_do_not_depend_on_how_small_the_damping_is(monkeypatch):
     """Thirteen steps of the scales, a factor of 7,700 in time at one frequency, where the scales have no ends."""
     scales = 1e-8 * STEP ** np.arange(-40, 66)
     monkeypatch.setattr(linear, "SHARED_SIGMAS", scales / SCORE_RATIO)
-    here, other = (probabilities(weighed(*blocks(STEP**steps, 0.02))) for steps in (0, 13))
+    here, other = (probabilities(weighed(blocks(STEP**steps, 0.02))) for steps in (0, 13))
     assert 0.05 < here.max() < 0.999
     assert other == pytest.approx(here, abs=1e-6)
     # Negative control: half-normals of one scale each, whatever the scale.
     monkeypatch.setattr(linear, "SHARED_SIGMAS", np.array([1e-3]) / SCORE_RATIO)
-    here, other = (probabilities(weighed(*blocks(STEP**steps, 0.02))) for steps in (0, 13))
+    here, other = (probabilities(weighed(blocks(STEP**steps, 0.02))) for steps in (0, 13))
     assert np.abs(other - here).max() > 0.05
 
 
