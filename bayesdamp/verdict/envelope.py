@@ -24,8 +24,15 @@ from bayesdamp.inference.envelope.posterior import (
     draw,
     likelihood_of,
 )
-from bayesdamp.inference.envelope.ranking import Ranking, by_power, power_law, ranked, untold
-from bayesdamp.inference.envelope.sums import Sum, weighed
+from bayesdamp.inference.envelope.sums import (
+    Ranking,
+    Sum,
+    by_power,
+    indistinguishable,
+    power_law,
+    ranked,
+    weighed,
+)
 from bayesdamp.odds import odds
 from bayesdamp.physics.amplitude import POWERS, Scale, coefficient, parameter
 from bayesdamp.physics.damping import PAPER_TERMS, twins_of
@@ -95,7 +102,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
 
     by_laws = draw_twice(ranking.candidates, ranking.terms)
     deviation = interval_of(quantity(by_laws[0].deviation))
-    twins = untold(ranking)
+    twins = indistinguishable(ranking)
     inexact = Grade.APPROXIMATE if deviation.high <= thresholds.DEVIATES else Grade.DEVIATES
     grade = Grade.EXACT if ranking.exact >= thresholds.LIKELY_EXACT else inexact
     decided = ranking.by_sum[ranking.best.name] >= thresholds.DECIDED and ranking.best_exact is ranking.best
@@ -109,6 +116,10 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     damping = {name: min(p, thresholds.CAP) for name, p in ranking.by_sum.items()}
     first = damping.pop(best.name)
     unexplained, noise = decay.misfit(ranking.fitted.fit)
+    record, used = decay.record, decay.window
+    start, stop = float(record.t[used.start]), float(record.t[used.stop - 1])
+    floor = float("nan") if used.floor is None else float(10.0 * np.log10(used.floor.power))
+    cycles = (frequency or float("nan")) * (stop - start)
     energies = zip(ranking.by_term.items(), map(quantity, by_laws[0].energy.T), strict=True)
 
     def at(kind: type[Kind], of: Callable[[np.ndarray], np.ndarray]) -> tuple[Kind, ...]:
@@ -120,7 +131,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
         return tuple(values)
 
     verdict = Verdict(
-        record=decay.record.name,
+        record=record.name,
         grade=Grade.DEVIATES if one_power else grade,
         decided=by_sum and not twins,
         damping=best.name,
@@ -134,7 +145,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
         unexplained_pct=100 * unexplained,
         noise_pct=100 * noise,
         coefficients=_coefficients_of(decay, ranking, *by_laws),
-        window=_window(decay),
+        window=UsedWindow(start, stop, cycles, "; ".join(filter(None, used.why)), floor),
         quantity="envelope",
         rate=estimate_of(whole.whole, plain.whole, "1/s"),
         quality_factor=estimate_of(omega / 2 / whole.whole, omega / 2 / plain.whole) if omega else None,
@@ -156,17 +167,6 @@ def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Measure
     """Return the estimate from draws (n,), and from `plain` ones (m,) that vary by the readings' noise alone."""
     q = quantity(draws, min(float(np.std(plain)), float(np.std(draws))))
     return Measured(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
-
-
-def _window(decay: Decay) -> UsedWindow:
-    record, window, first = decay.record, decay.window, decay.first
-    why = list(window.why)
-    if first > window.start:
-        why[0] = f"starts at {record.t[first]:.4g} s, where the reading before it does not continue the decay"
-    floor = 10.0 * np.log10(window.floor.power) if window.floor is not None else float("nan")
-    start, stop = float(record.t[first]), float(record.t[window.stop - 1])
-    cycles = (record.frequency or float("nan")) * (stop - start)
-    return UsedWindow(start, stop, cycles, "; ".join(filter(None, why)), float(floor))
 
 
 def _coefficients_of(

@@ -133,11 +133,16 @@ def specimen(
     damping, restoring, others = probabilities(weighed)
     own = [r.verdict for r in records]
     ratios, following = _ratios(records, weighed, sensor, seed)
+    known = [v.frequency for v in own if v.frequency is not None]
+    frequency = known[0] if known else None
+    if known and not all(i.low == i.high == known[0].value for i in known):  # else it was specified
+        p = pooled(np.array([i.value for i in known]), np.array([(i.high - i.low) / 3.92 for i in known]))
+        frequency = Interval(p.mean, p.low, p.high, known[0].unit)
     verdict = replace(
         together(name, own, damping, others),
         restoring=next(iter(restoring)),
         restoring_probability=min(next(iter(restoring.values())), thresholds.CAP),
-        frequency=_pooled_interval([v.frequency for v in own]),
+        frequency=frequency,
         damping_ratio=ratios,
         next_record=following,
         spread=spread_of(weighed) if len(records) > 1 else None,
@@ -273,16 +278,6 @@ def _ratios(
             rest = float(np.sqrt(max(float(np.std(draws)) ** 2 - noise**2, 0.0)))
             rows.append(DampingRatio(float(amplitude), unit, value, noise, rest, low, high))
     return tuple(specimen_rows), tuple(following_rows)
-
-
-def _pooled_interval(intervals: Sequence[Interval | None]) -> Interval | None:
-    known = [i for i in intervals if i is not None]
-    if not known:
-        return None
-    if all(i.low == i.high == known[0].value for i in known):
-        return known[0]  # specified, the same for all
-    p = pooled(np.array([i.value for i in known]), np.array([(i.high - i.low) / 3.92 for i in known]))
-    return Interval(p.mean, p.low, p.high, known[0].unit)
 
 
 def _largest(intervals: Sequence[Interval | None]) -> Interval | None:

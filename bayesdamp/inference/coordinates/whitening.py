@@ -349,7 +349,15 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
     reflected, d = target.reflected, mode.z.size
     covariance = mode.factor @ mode.factor.T
     moving = [n in target.oscillator.parameters for n in target.names]
-    wide = _widest(covariance, np.flatnonzero(~reflected & moving))
+    among, left = np.flatnonzero(~reflected & moving), covariance.copy()
+    widest: list[int] = []  # the scores with the largest sds, each given the ones before it
+    for _ in range(min(WIDE, among.size)):
+        i = int(among[int(np.argmax(np.diag(left)[among]))])
+        if left[i, i] <= 1e-12:
+            break
+        widest.append(i)
+        left = left - np.outer(left[:, i], left[:, i]) / left[i, i]
+    wide = np.array(widest, int)
     others = np.setdiff1d(np.arange(d), wide)
     if wide.size < min(WIDE, d) or np.all(reflected[others]):
         return None
@@ -377,18 +385,6 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
     inverse = np.linalg.inv(root)
     curve = np.einsum("jab,ac,bd->jcd", curve, inverse, inverse)
     return Shear(mode.z.copy(), wide, curve, noise)
-
-
-def _widest(covariance: np.ndarray, among: np.ndarray) -> np.ndarray:
-    """Return the indices of the scores with the largest sds, each given the ones before it."""
-    left, widest = covariance.copy(), []
-    for _ in range(min(WIDE, among.size)):
-        i = among[int(np.argmax(np.diag(left)[among]))]
-        if left[i, i] <= 1e-12:
-            break
-        widest.append(int(i))
-        left = left - np.outer(left[:, i], left[:, i]) / left[i, i]
-    return np.array(widest, int)
 
 
 def _ridge(

@@ -71,7 +71,7 @@ class Population:
 
 
 @dataclass(frozen=True)
-class _Kernels:
+class Kernels:
     """A specimen's likelihood as a sum of normals of one width about centres, (b,), with log weights, (b,)."""
 
     centres: np.ndarray
@@ -79,6 +79,59 @@ class _Kernels:
     width: float
     mean: float
     sd: float
+
+    @classmethod
+    def of(cls, sample: Sample) -> Kernels:
+        """Return the likelihood from draws without their prior, in bins much narrower than the normals.
+
+        The width is Silverman's for the effective number of draws. The draws are moved towards their mean by as much as
+        the normals spread them, which keeps their variance (West, Journal of the Royal Statistical Society B 55, 1993).
+        Near a wall they are not moved: a shift would be worse than the few per cent that the width adds.
+        """
+        log_weights = sample.log_weights - sample.log_prior
+        w = shares(log_weights)
+        mean = float(w @ sample.values)
+        sd = float(np.sqrt(w @ (sample.values - mean) ** 2))
+        share = 1.06 * effective(log_weights) ** -0.2
+        drawn = sample.values
+        if not mean < 4 * sd:
+            drawn = mean + np.sqrt(max(1 - share**2, 0.0)) * (drawn - mean)
+        edges = np.linspace(drawn.min(), drawn.max(), BINS + 1)
+        mass = np.histogram(drawn, edges, weights=w)[0]
+        centres = np.histogram(drawn, edges, weights=w * drawn)[0]
+        filled = mass > 0
+        return cls(centres[filled] / mass[filled], np.log(mass[filled]), share * sd, mean, sd)
+
+    def log_likelihood(self, m: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Return log ∫ likelihood(θ) N(θ | m, τ) dθ up to a constant, over θ ≥ 0, of the shape of m."""
+        width, log = self.width, np.full(m.shape, -np.inf)
+        variance = width**2 + tau**2
+
+        def overlap(centre: float) -> np.ndarray:
+            """Return log ∫ K(θ) N(θ | m, τ) dθ up to constants, where K is a normal about the centre."""
+            return -0.5 * (m - centre) ** 2 / variance - 0.5 * np.log(variance)
+
+        def inside(centre: float) -> np.ndarray:
+            """Return the same over θ ≥ 0."""
+            top = (m * width**2 + centre * tau**2) / variance
+            return overlap(centre) + log_ndtr(top * np.sqrt(variance) / (width * tau))
+
+        for centre, log_weight in zip(self.centres, self.log_weights, strict=True):
+            # Near zero, K includes its mirror image.
+            near = centre < FAR * width
+            own = np.logaddexp(inside(centre), inside(-centre)) if near else overlap(centre)
+            log = np.logaddexp(log, log_weight + own)
+        return log - log_ndtr(m / tau)
+
+    def log_density(self, x: np.ndarray) -> np.ndarray:
+        """Return the log likelihood at coefficients x, (p,), up to a constant."""
+        log_weights = self.log_weights[:, None]
+
+        def about(centres: np.ndarray) -> np.ndarray:
+            away = (x - centres[:, None]) / self.width
+            return np.asarray(logsumexp(log_weights - 0.5 * away**2, axis=0))
+
+        return np.logaddexp(about(self.centres), about(-self.centres))
 
 
 def population(samples: Sequence[Sample], scale: float) -> Population:
@@ -98,9 +151,9 @@ def population(samples: Sequence[Sample], scale: float) -> Population:
     """
     if len(samples) < 2:
         raise Refusal("a spread needs two specimens or more")
-    kernels = [_kernels(s) for s in samples]
+    kernels = [Kernels.of(s) for s in samples]
     m, tau, log_prior = _grid(kernels, scale)
-    logs = [_log_likelihood(k, m, tau) for k in kernels]
+    logs = [k.log_likelihood(m, tau) for k in kernels]
     density = log_prior + np.sum(logs, axis=0)
     weights = np.exp(density - density.max())
     weights /= weights.sum()
@@ -114,9 +167,9 @@ def population(samples: Sequence[Sample], scale: float) -> Population:
         drawn = np.random.default_rng(0).choice(weights.size, HYPER_DRAWS, p=weights.ravel())
         # A normal narrower than the grid's gap could fall between its points.
         wide = np.sqrt(tau.ravel()[drawn] ** 2 + gap**2)[:, None]
-        given = _density(kernel, x) - 0.5 * ((x - m.ravel()[drawn][:, None]) / wide) ** 2
+        given = kernel.log_density(x) - 0.5 * ((x - m.ravel()[drawn][:, None]) / wide) ** 2
         given = np.exp(given - np.asarray(logsumexp(given, axis=1, keepdims=True))).mean(axis=0)
-        ratio = given / np.maximum(np.exp(_density(kernel, x)), 1e-300)
+        ratio = given / np.maximum(np.exp(kernel.log_density(x)), 1e-300)
         log_ratio = np.log(np.maximum(np.interp(sample.values, x, ratio, left=0.0, right=0.0), 1e-300))
         shrunk[sample.name] = summarise(x, given)
         size[sample.name] = effective(sample.log_weights - sample.log_prior + log_ratio)
@@ -130,29 +183,7 @@ def population(samples: Sequence[Sample], scale: float) -> Population:
     return Population(centre, width, shrunk, size, outcome)
 
 
-def _kernels(sample: Sample) -> _Kernels:
-    """Return the likelihood from draws without their prior, in bins much narrower than the normals.
-
-    The width is Silverman's for the effective number of draws. The draws are moved towards their mean by as much as
-    the normals spread them, which keeps their variance (West, Journal of the Royal Statistical Society B 55, 1993).
-    Near a wall they are not moved: a shift would be worse than the few per cent that the width adds.
-    """
-    log_weights = sample.log_weights - sample.log_prior
-    w = shares(log_weights)
-    mean = float(w @ sample.values)
-    sd = float(np.sqrt(w @ (sample.values - mean) ** 2))
-    share = 1.06 * effective(log_weights) ** -0.2
-    drawn = sample.values
-    if not mean < 4 * sd:
-        drawn = mean + np.sqrt(max(1 - share**2, 0.0)) * (drawn - mean)
-    edges = np.linspace(drawn.min(), drawn.max(), BINS + 1)
-    mass = np.histogram(drawn, edges, weights=w)[0]
-    centres = np.histogram(drawn, edges, weights=w * drawn)[0]
-    filled = mass > 0
-    return _Kernels(centres[filled] / mass[filled], np.log(mass[filled]), share * sd, mean, sd)
-
-
-def _grid(kernels: Sequence[_Kernels], scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _grid(kernels: Sequence[Kernels], scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return locations and scales, (LOCATIONS, SCALES), and the log of the prior times the area of each cell.
 
     Scales are evenly spaced in their logarithm. The locations at each scale are centred on the specimens' mean.
@@ -170,36 +201,3 @@ def _grid(kernels: Sequence[_Kernels], scale: float) -> tuple[np.ndarray, np.nda
     wide = np.maximum(m, 1e-3 * tau)
     log_prior = -0.5 * (m / scale) ** 2 - 0.5 * (tau / wide) ** 2 - np.log(wide)
     return m, tau, log_prior + area
-
-
-def _log_likelihood(kernel: _Kernels, m: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """Return log ∫ likelihood(θ) N(θ | m, τ) dθ up to a constant, over θ ≥ 0, of the shape of m."""
-    width, log = kernel.width, np.full(m.shape, -np.inf)
-    variance = width**2 + tau**2
-
-    def overlap(centre: float) -> np.ndarray:
-        """Return log ∫ K(θ) N(θ | m, τ) dθ up to constants, where K is a normal about the centre."""
-        return -0.5 * (m - centre) ** 2 / variance - 0.5 * np.log(variance)
-
-    def inside(centre: float) -> np.ndarray:
-        """Return the same over θ ≥ 0."""
-        top = (m * width**2 + centre * tau**2) / variance
-        return overlap(centre) + log_ndtr(top * np.sqrt(variance) / (width * tau))
-
-    for centre, log_weight in zip(kernel.centres, kernel.log_weights, strict=True):
-        # Near zero, K includes its mirror image.
-        near = centre < FAR * width
-        own = np.logaddexp(inside(centre), inside(-centre)) if near else overlap(centre)
-        log = np.logaddexp(log, log_weight + own)
-    return log - log_ndtr(m / tau)
-
-
-def _density(kernel: _Kernels, x: np.ndarray) -> np.ndarray:
-    """Return the log likelihood at coefficients x, (p,), up to a constant."""
-    log_weights = kernel.log_weights[:, None]
-
-    def about(centres: np.ndarray) -> np.ndarray:
-        away = (x - centres[:, None]) / kernel.width
-        return np.asarray(logsumexp(log_weights - 0.5 * away**2, axis=0))
-
-    return np.logaddexp(about(kernel.centres), about(-kernel.centres))

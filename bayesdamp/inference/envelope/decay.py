@@ -69,8 +69,8 @@ class Decay:
     ----------
     record
         The record.
-    window, first
-        The free decay, and its first reading.
+    window
+        The free decay.
     blocks
         Its readings with their noises.
     reference
@@ -79,14 +79,13 @@ class Decay:
 
     record: EnvelopeRecord
     window: EnvelopeWindow
-    first: int
     blocks: Blocks
     reference: float
 
     @property
     def readings(self) -> int:
         """Number of readings in the decay."""
-        return self.window.stop - self.first
+        return self.window.stop - self.window.start
 
     @property
     def fall(self) -> float:
@@ -101,7 +100,7 @@ class Decay:
 
     def curve(self, fit: np.ndarray, sd: np.ndarray) -> Curve:
         """Return the readings with ln(A/A_ref) of a sum and its sd, (n,) both."""
-        b, t = self.blocks, self.record.t[self.first : self.window.stop]
+        b, t = self.blocks, self.record.t[self.window.start : self.window.stop]
         # The blocks' own clock starts at the middle of the first one.
         start = float(t.min()) + 0.5 * (b.t[1] - b.t[0]) * (b.each > 1)
         level, fitted = ((x + self.reference) * NEPER for x in (b.x, fit))
@@ -140,58 +139,60 @@ def free_decay(
         Where the level does not fall.
     """
     chosen = window or find_window(record.t, record.level)
-    first, stop = chosen.start, chosen.stop
+    first, stop, why = chosen.start, chosen.stop, list(chosen.why)
     for _ in range(TRIES):
-        b, _ = _blocks(record, chosen, first)
-        held_level = held_blocks(b) if window is None and stop - first >= SPARSE else 0
+        b, _ = _blocks(record, chosen)
+        size = chosen.stop - chosen.start
+        held_level = held_blocks(b) if window is None and size >= SPARSE else 0
         if held_level == 0:
             break
-        first += held_level * (stop - first) // b.t.size
+        chosen = replace(chosen, start=chosen.start + held_level * size // b.t.size)
     tries = 0
     while True:
-        b, reference = _blocks(record, chosen, first)
+        b, reference = _blocks(record, chosen)
         # The parameters of terms are relative to the start of the decay.
         start, plain = b.ends[0], tuple(sums) == SUMS
         scale = Scale() if plain else scale_of(record, sums, start + reference)
         asked = sums_on(sums, scale, start, float(b.x.min()))
         b, later, end = infer_noises(b, asked)
-        size = chosen.stop - first
+        size = chosen.stop - chosen.start
         if window is not None or size < SPARSE or tries == TRIES:
             break
-        behind = first + end * size // b.t.size
-        if later == 0 and (chosen.floor is not None or size - (behind - first) < SHORTER * size):
+        within = end * size // b.t.size
+        if later == 0 and (chosen.floor is not None or size - within < SHORTER * size):
             break
-        if behind - first < SPARSE or later > 0:
-            behind = chosen.stop
-        first += later * size // b.t.size
-        chosen = replace(chosen, stop=behind)
+        behind = chosen.stop if within < SPARSE or later > 0 else chosen.start + within
+        chosen = replace(chosen, start=chosen.start + later * size // b.t.size, stop=behind)
         tries += 1
+    if chosen.start > first:
+        begins = f"{record.t[chosen.start]:.4g} s"
+        why[0] = f"starts at {begins}, where the reading before it does not continue the decay"
     if chosen.stop < stop:
         last = f"{record.t[chosen.stop - 1]:.4g} s"
-        ends = f"ends at {last}, {ABOVE_FLOOR:g} dB above the noise floor that its scatter shows"
-        chosen = replace(chosen, why=(chosen.why[0], ends))
-    return Decay(record, chosen, first, b, reference), asked
+        why[1] = f"ends at {last}, {ABOVE_FLOOR:g} dB above the noise floor that its scatter shows"
+    return Decay(record, replace(chosen, why=tuple(why)), b, reference), asked
 
 
-def _blocks(record: EnvelopeRecord, window: EnvelopeWindow, first: int) -> tuple[Blocks, float]:
+def _blocks(record: EnvelopeRecord, window: EnvelopeWindow) -> tuple[Blocks, float]:
     """Return the decay in blocks, and ln of its reference amplitude: the middle of the fall in dB.
 
     Raises Refusal where the fall is too small to determine its rate.
     """
-    t, x, _ = blocks(record.t[first : window.stop], record.level[first : window.stop] / NEPER, MOST)
+    whole = slice(window.start, window.stop)
+    t, x, _ = blocks(record.t[whole], record.level[whole] / NEPER, MOST)
     edge = max(1, t.size // 30)
     top, bottom = x[:edge].mean(), x[-edge:].mean()
     drop = NEPER * float(top - bottom)
     if not drop >= LEAST_DROP:
         raise Refusal(
-            f"between {record.t[first]:.4g} and {record.t[window.stop - 1]:.4g} s the level falls by "
+            f"between {record.t[window.start]:.4g} and {record.t[window.stop - 1]:.4g} s the level falls by "
             f"{max(drop, 0.0):.1f} dB, {LEAST_DROP:g} are needed"
         )
     reference = 0.5 * float(top + bottom)
     duration = float(t[-1] - t[0])
     floor = None if window.floor is None else window.floor.scaled(np.exp(-2.0 * reference))
     mean_rate = float(top - bottom) / (duration * (1.0 - edge / t.size))
-    each = (window.stop - first) / t.size
+    each = (window.stop - window.start) / t.size
     frequency = 2.0 * np.pi * record.frequency if record.frequency else None
     return Blocks(t - t[0], x - reference, duration, mean_rate, floor, each, frequency), reference
 

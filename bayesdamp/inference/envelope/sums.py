@@ -1,4 +1,4 @@
-"""Damping sums: which of them an envelope can distinguish, their laws on a record, and their evidence.
+"""Damping sums: which of them an envelope can distinguish, their laws on a record, their evidence and their ranking.
 
 The posterior of parameters besides the coefficients is represented by points, from adaptive importance sampling. Rounds
 of points, each from a normal fitted to the earlier ones, are weighted against the mixture of all of these
@@ -13,12 +13,20 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
+from scipy.optimize import nnls
 from scipy.special import ndtri
 
 from bayesdamp.inference.curves.weighted import effective, shares
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
-from bayesdamp.inference.deviation.linear import EXACT, MEAN_G
-from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, fit_rates, weigh
+from bayesdamp.inference.deviation.draws import Quantity
+from bayesdamp.inference.envelope.candidates import (
+    POWER_MOST,
+    Blocks,
+    EnvelopeCandidate,
+    fit_rates,
+    weigh,
+    weigh_power,
+)
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
 from bayesdamp.odds import FURTHER_TERM, odds
 from bayesdamp.physics.amplitude import POWERS, SUMS, ClosedForm, Law, Scale, Shape, Tabled, alike, log_loss
@@ -66,6 +74,16 @@ ASSUMED = (
     f"Readings down to {ABOVE_FLOOR:g} dB above the noise floor are used. The quoted Q and rate are those of the law, "
     "averaged over the first half of the fall in dB; the values at three amplitudes include the deviation.",
 )
+ALONG = 65
+"""Amplitudes, evenly spaced in their logarithm, at which two laws are compared."""
+SAME = 1e-4
+"""Root mean square difference of two relative losses that no record shows."""
+EXCLUDED = 7.0
+"""Nats behind the most probable sum at which the other's parameters are where their priors exclude them."""
+EXPONENTS = 3001
+"""Values of the exponent of a power law."""
+NEGLIGIBLE = 1e-5
+"""Weight in a mixture, relative to the largest, that is ignored."""
 Sums = tuple[tuple[str, ...], ...]
 
 
@@ -280,47 +298,35 @@ def explore(
     rounds : int
         Largest number of rounds.
     """
+    # An additive recurrence fills the unit cube evenly. Its steps are powers of the root of x^(count + 1) = x + 1
+    # (M. Roberts 2018, after the golden ratio).
+    root = 2.0
+    for _ in range(40):
+        root = (1.0 + root) ** (1.0 / (count + 1))
+    steps = root ** -np.arange(1.0, count + 1)
     prior = (np.zeros(count), np.eye(count))
     proposals = [prior]
     points, logs = np.empty((0, count)), np.empty(0)
     while True:
         mean, triangle = proposals[-1]
-        drawn = np.clip(ndtri(_even(len(points), count)) @ triangle.T + mean, -REACH, REACH)
+        even = (0.5 + np.arange(len(points) + 1, len(points) + ROUND + 1)[:, None] * steps) % 1.0
+        drawn = np.clip(ndtri(even) @ triangle.T + mean, -REACH, REACH)
         points = np.vstack([points, drawn])
         logs = np.append(logs, [log_likelihood(tuple(z)) for z in drawn.tolist()])
         mixture = np.logaddexp.reduce([_log_normal(points, *proposal) for proposal in proposals], axis=0)
         log_weight = logs + _log_normal(points, *prior) - mixture - np.log(ROUND)
         if effective(log_weight) >= ENOUGH or len(proposals) >= rounds:
             return Explored(points, log_weight)
-        proposals.append(_fitted(points, log_weight, 2.0 + 2.0 * count))
-
-
-def _fitted(points: np.ndarray, log_weight: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean (e,) and triangle (e, e) of a normal fitted to the weighted points.
-
-    Weights are flattened until they are worth `least` points.
-    """
-    power = 1.0
-    while effective(power * log_weight) < least:
-        power *= FLATTER
-    weight = shares(power * log_weight)
-    mean = weight @ points
-    off = points - mean
-    covariance = WIDER * (off.T * weight) @ off
-    covariance += 1e-10 * np.eye(mean.size) + 1e-4 * np.diag(np.diag(covariance))
-    return mean, np.linalg.cholesky(covariance)
-
-
-def _even(first: int, count: int) -> np.ndarray:
-    """Return the next ROUND points, (ROUND, count), of an additive recurrence that fills the unit cube evenly.
-
-    Its steps are powers of the root of x^(count + 1) = x + 1 (M. Roberts 2018, after the golden ratio).
-    """
-    root = 2.0
-    for _ in range(40):
-        root = (1.0 + root) ** (1.0 / (count + 1))
-    steps = root ** -np.arange(1.0, count + 1)
-    return (0.5 + np.arange(first + 1, first + ROUND + 1)[:, None] * steps) % 1.0
+        # The next normal is fitted to the points, with weights flattened until they are worth enough of these.
+        power = 1.0
+        while effective(power * log_weight) < 2.0 + 2.0 * count:
+            power *= FLATTER
+        weight = shares(power * log_weight)
+        mean = weight @ points
+        off = points - mean
+        covariance = WIDER * (off.T * weight) @ off
+        covariance += 1e-10 * np.eye(count) + 1e-4 * np.diag(np.diag(covariance))
+        proposals.append((mean, np.linalg.cholesky(covariance)))
 
 
 def _log_normal(points: np.ndarray, mean: np.ndarray, triangle: np.ndarray) -> np.ndarray:
@@ -392,3 +398,148 @@ def weighable(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[str, ...]]:
     if not weighed:
         raise InputError(f"damping {left_out[0]} Name other sums")
     return tuple(weighed.values()), tuple(left_out)
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """Damping sums on a record and their weights.
+
+    Attributes
+    ----------
+    sums, candidates
+        The sums, and all of their candidates.
+    log_evidence
+        Log evidence of each sum plus its log prior, the law's deviation integrated out, (sums,).
+    log_exact
+        The part of it under laws that hold exactly, with their prior probability, (sums,).
+    """
+
+    sums: tuple[Sum, ...]
+    candidates: tuple[EnvelopeCandidate, ...]
+    log_evidence: np.ndarray
+    log_exact: np.ndarray
+
+    @property
+    def probability(self) -> np.ndarray:
+        """Probability of each sum."""
+        return shares(self.log_evidence)
+
+    @property
+    def best(self) -> Sum:
+        """The most probable sum."""
+        return self.sums[int(np.argmax(self.log_evidence))]
+
+    @property
+    def best_exact(self) -> Sum:
+        """The most probable sum under laws that hold exactly."""
+        return self.sums[int(np.argmax(self.log_exact))]
+
+    @property
+    def fitted(self) -> EnvelopeCandidate:
+        """The most probable candidate of the most probable sum."""
+        own = (c for c in self.candidates if c.name == self.best.name)
+        return max(own, key=lambda c: c.total + c.log_share)
+
+    @property
+    def exact(self) -> float:
+        """Probability that the law holds exactly."""
+        return float(np.exp(np.logaddexp.reduce(self.log_exact) - np.logaddexp.reduce(self.log_evidence)))
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Terms of all sums, the paper's first."""
+        terms = dict.fromkeys(term for s in self.sums for term in s.terms)
+        return tuple(sorted(terms, key=lambda term: (*POWERS, *terms).index(term)))
+
+    @property
+    def by_sum(self) -> dict[str, float]:
+        """Probability of each sum by name."""
+        return {s.name: float(p) for s, p in zip(self.sums, self.probability, strict=True)}
+
+    @property
+    def by_term(self) -> dict[str, float]:
+        """Probability of each term, over all sums that have it."""
+        each = list(zip(self.sums, self.probability, strict=True))
+        return {term: float(sum(p for s, p in each if term in s.terms)) for term in self.terms}
+
+
+def ranked(sums: Sequence[Sum], candidates: Sequence[EnvelopeCandidate]) -> Ranking:
+    """Rank sums by all of their candidates."""
+
+    def by_sum(logs: Sequence[float]) -> np.ndarray:
+        """Return ln of the sum over each sum's candidates."""
+        own = [[z for z, c in zip(logs, candidates, strict=True) if c.name == s.name] for s in sums]
+        return np.array([np.logaddexp.reduce(each) for each in own])
+
+    log_evidence = by_sum([c.total + c.log_share for c in candidates])
+    log_exact = by_sum([c.total_exact + c.log_share for c in candidates])
+    return Ranking(tuple(sums), tuple(candidates), log_evidence, log_exact)
+
+
+def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
+    """Return pairs of sums, with the most probable one among them, of which the first loses as the second does.
+
+    The first has further parameters besides coefficients and is not simpler than the second: only the priors choose
+    between them. A simpler law within a wider one is distinguished by its evidence.
+    """
+    best, most = ranking.best, ranking.log_evidence.max()
+    near = [s for s, z in zip(ranking.sums, ranking.log_evidence, strict=True) if z > most - EXCLUDED]
+    pairs = []
+    for a, b in [*((best, s) for s in near), *((s, best) for s in near)]:
+        if a.count == 0 or b.count > 0 or len(a.terms) + a.count < len(b.terms):
+            continue
+        law = b.law()
+        for c in ranking.candidates:
+            if c.name != a.name:
+                continue
+            x = np.linspace(c.fit[0], c.fit[-1], ALONG)
+            losses = law.shapes(x) / np.maximum(c.law.rate(x, c.rates), 1e-300)
+            if nnls(losses.T, np.ones(x.size))[1] > SAME * np.sqrt(x.size):
+                break
+        else:
+            pairs.append((a.name, b.name))
+    return tuple(pairs)
+
+
+@dataclass(frozen=True)
+class PowerFit:
+    """The power law dA/dt = -cA^p: the exponent p, and the log Bayes factor against the mixture of sums (`odds`)."""
+
+    exponent: Quantity
+    odds: float
+
+
+def power_law(b: Blocks, ranking: Ranking) -> PowerFit:
+    """Weigh a power law on a decay whose sums are ranked."""
+    log_z, mean, variance = weigh_power(b)
+    prior = np.logaddexp.reduce([s.log_prior for s in ranking.sums])
+    odds = float(np.logaddexp.reduce(log_z) - np.logaddexp.reduce(ranking.log_evidence) + prior)
+    return PowerFit(mixture_range(log_z, mean, variance), odds)
+
+
+def by_power(b: Blocks) -> list[EnvelopeCandidate]:
+    """Weigh one power of the velocity, as a damping term."""
+    return weighed(b, sums_on([("power",)], Scale(), b.ends[0], float(b.x.min())))
+
+
+def mixture_range(log_weight: np.ndarray, mean: np.ndarray, variance: np.ndarray) -> Quantity:
+    """Return median and 95 % interval of a mixture of normals that is truncated at 0 and POWER_MOST.
+
+    Parameters
+    ----------
+    log_weight, mean, variance : ndarray, shape (n,)
+        Of the normals.
+    """
+    weight = np.exp(log_weight - log_weight.max())
+    grid = np.linspace(0.0, POWER_MOST, EXPONENTS)
+    density = np.zeros_like(grid)
+    for w, m, v in zip(weight, mean, variance, strict=True):
+        if w > NEGLIGIBLE:
+            density += w / np.sqrt(v) * np.exp(-0.5 * (grid - m) ** 2 / v)
+    total = np.cumsum(density)
+    if not total[-1] > 0:  # narrower than the grid, or beyond one of its ends
+        centre = float(np.clip(weight @ mean / weight.sum(), 0.0, POWER_MOST))
+        half = 0.5 * (POWER_MOST / (EXPONENTS - 1))
+        return Quantity(centre, max(centre - half, 0.0), min(centre + half, POWER_MOST))
+    low, middle, high = (float(q) for q in np.interp([0.025, 0.5, 0.975], total / total[-1], grid))
+    return Quantity(middle, low, high)

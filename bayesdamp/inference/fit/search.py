@@ -124,8 +124,16 @@ def find_mode(
     displaced = keeps_step = False
 
     def planned() -> Iterator[_Start]:
-        """Plan each start when it is asked for."""
-        for same, z in _distinct(target, seeds):
+        """Plan each start when it is asked for; refined estimates that agree are one start."""
+        distinct: list[tuple[list[Seed], np.ndarray]] = []
+        for seed, values in seeds.items():
+            z = target.scores(values)
+            same = next((own for own, other in distinct if np.max(np.abs(z - other)) <= 1e-6), None)
+            if same is None:
+                distinct.append(([seed], z))
+            else:
+                same.append(seed)
+        for same, z in distinct:
             starts.append(_begun(target, same, z, tolerance))
             yield starts[-1]
 
@@ -218,22 +226,3 @@ def _grown(
 
 def _rms(r: np.ndarray) -> float:
     return float(np.sqrt(np.mean(r**2)))
-
-
-def _distinct(
-    target: Target, seeds: Mapping[Seed, Mapping[str, float]]
-) -> Sequence[tuple[list[Seed], np.ndarray]]:
-    """Return the distinct starts, each as its seeds and its scores, (d,).
-
-    Refined estimates that agree are climbed from once.
-    """
-    starts: list[tuple[list[Seed], np.ndarray]] = []
-    for seed, values in seeds.items():
-        z = target.scores(values)
-        for same, other in starts:
-            if np.max(np.abs(z - other)) <= 1e-6:
-                same.append(seed)
-                break
-        else:
-            starts.append(([seed], z))
-    return starts

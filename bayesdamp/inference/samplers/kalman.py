@@ -148,7 +148,15 @@ class Kalman(Sampler):
         names = tuple(target.names[i] for i in index)
         passes = {"passes": last.passes}
         posterior = approximate_posterior(self.name, target, mode, z, log_density, settings, more=passes)
-        return replace(posterior, running=names, arrays=_running(target, names, online, last))
+        # Means and sds in natural units against time, (m, k): coefficients are truncated at zero, each on its own.
+        at = np.unique(np.linspace(0, target.signal.t.size - 1, SHOWN).astype(int))
+        sds = np.sqrt(np.diagonal(last.covariances, axis1=1, axis2=2))
+        arrays = {"running/t": target.signal.t[at]}
+        for label, means, spread in (("online", online.means, online.sds), ("restarted", last.means, sds)):
+            pairs = [natural(target.priors[n], means[at, i], spread[at, i]) for i, n in enumerate(names)]
+            arrays[f"running/{label}/mean"] = np.stack([m for m, _ in pairs], axis=1)
+            arrays[f"running/{label}/sd"] = np.stack([s for _, s in pairs], axis=1)
+        return replace(posterior, running=names, arrays=arrays)
 
 
 def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
@@ -192,23 +200,6 @@ def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
         if np.max(np.abs(np.linalg.solve(width, new - mean))) < SETTLED:
             return Restarted(means, covariances, now, passes)
     raise Refusal(f"the restarted filter did not settle in {PASSES} passes")
-
-
-def _running(
-    target: Target, names: tuple[str, ...], online: Online, last: Restarted
-) -> dict[str, np.ndarray]:
-    """Return means and sds in natural units against time, (m, k), of the first pass and of the last.
-
-    Each coefficient is truncated at zero on its own here, regardless of correlations.
-    """
-    at = np.unique(np.linspace(0, target.signal.t.size - 1, SHOWN).astype(int))
-    sds = np.sqrt(np.diagonal(last.covariances, axis1=1, axis2=2))
-    arrays = {"running/t": target.signal.t[at]}
-    for label, means, spread in (("online", online.means, online.sds), ("restarted", last.means, sds)):
-        pairs = [natural(target.priors[n], means[at, i], spread[at, i]) for i, n in enumerate(names)]
-        arrays[f"running/{label}/mean"] = np.stack([m for m, _ in pairs], axis=1)
-        arrays[f"running/{label}/sd"] = np.stack([s for _, s in pairs], axis=1)
-    return arrays
 
 
 def natural(prior: Prior, mean: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
