@@ -209,6 +209,53 @@ class AddedForm:
 
 
 @dataclass(frozen=True)
+class FitCheck:
+    """The checks of a model at its mode.
+
+    Attributes
+    ----------
+    windows
+        Fits of the whole record and of three halves of it.
+    rms, share
+        Of the residuals, in the unit of the record, and as a share of half the fit's range.
+    residual_autocorrelation
+        Of the residuals at one lag.
+    predictive_p, tails_p
+        Posterior predictive p of the structure in whitened residuals, and of their kurtosis.
+    line_p
+        Chance of the part of their spectrum that stands out most.
+    form_p
+        Chance of the force, of those that no candidate has, which they show most.
+    kurtosis
+        Of the whitened residuals, in excess of a normal's.
+    window_spread, window_p
+        Largest shift of a damping coefficient between a half and the whole record, in the sds that it has by chance,
+        and the chance of a shift as large.
+    forecast
+        Of the second half by the first, where the first half determines it.
+    rivals
+        The model with other forms of damping added.
+    verdict
+        Whether the model fits, and why not.
+    """
+
+    windows: tuple[PartialFit, ...] = ()
+    rms: float = float("nan")
+    share: float = float("nan")
+    residual_autocorrelation: float = float("nan")
+    predictive_p: float = float("nan")
+    line_p: float = float("nan")
+    form_p: float = float("nan")
+    kurtosis: float = float("nan")
+    tails_p: float = float("nan")
+    window_spread: float = float("nan")
+    window_p: float = float("nan")
+    forecast: Forecast | None = None
+    rivals: tuple[AddedForm, ...] = ()
+    verdict: str = ""
+
+
+@dataclass(frozen=True)
 class NestedRatio:
     """Log Bayes factor (nats) of a model without a damping term against the one with it, by Savage and Dickey.
 

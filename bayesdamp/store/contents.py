@@ -12,15 +12,14 @@ from bayesdamp.serial import join, split
 from bayesdamp.store.cells import CellResult
 from bayesdamp.types import (
     OK,
-    AddedForm,
     Estimate,
     Evidence,
     FeaturesSeen,
+    FitCheck,
     Forecast,
     Friction,
     InputError,
     NestedRatio,
-    PartialFit,
     Posterior,
     Ratio,
     Reference,
@@ -143,13 +142,13 @@ class MaximumContent:
 
 
 @dataclass(frozen=True)
-class ModeContent(Content):
+class ModeContent(FitCheck, Content):
     """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`).
 
     values, sd: of the inferred parameters; known: the others; priors in words. climbs, modes: the searches and the
     maxima that they found; touching_zero: coefficients within a standard deviation of zero. refused: seeds without
     values. stored: an `inference.fit.mode.StoredMode`, as `bayesdamp.serial` splits it; its arrays are `stored/...`.
-    The other fields are checks of the fit, which `inference.checks.checks.FitCheck` explains.
+    The checks of its fit are those of `FitCheck`.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -162,20 +161,6 @@ class ModeContent(Content):
     modes: tuple[MaximumContent, ...] = ()
     touching_zero: tuple[str, ...] = ()
     refused: tuple[RefusedSeed, ...] = ()
-    windows: tuple[PartialFit, ...] = ()
-    rms: float = NAN
-    share: float = NAN
-    residual_autocorrelation: float = NAN
-    predictive_p: float = NAN
-    line_p: float = NAN
-    form_p: float = NAN
-    kurtosis: float = NAN
-    tails_p: float = NAN
-    window_spread: float = NAN
-    window_p: float = NAN
-    forecast: Forecast | None = None
-    rivals: tuple[AddedForm, ...] = ()
-    verdict: str = ""
     stored: Mapping[str, Any] = field(default_factory=dict)
 
 

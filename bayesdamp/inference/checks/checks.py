@@ -30,7 +30,7 @@ from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.outcomes import P_LIMIT, Fitting
-from bayesdamp.types import AddedForm, Forecast, PartialFit, Refusal
+from bayesdamp.types import FitCheck, Forecast, PartialFit, Refusal
 
 DRAWS = 200
 FORECAST_DRAWS = 50
@@ -56,66 +56,6 @@ HEAVY = 1.0
 WINDOW_LIMIT = 0.005
 """Chance of the largest shift of a coefficient between a window and the record, for all shifts together, below which
 the coefficients change."""
-
-
-@dataclass(frozen=True)
-class FitCheck:
-    """The checks of a model at its mode.
-
-    Attributes
-    ----------
-    fit, residual : ndarray, shape (n,)
-        In the unit of the record.
-    whitened : ndarray, shape (n,)
-        Residuals as independent standard scores.
-    autocorrelation : ndarray, shape (l,)
-        Of the whitened residuals by lag.
-    rms : float
-        Of the residuals, in the unit of the record.
-    share : float
-        The rms as a share of half the fit's range.
-    residual_autocorrelation : float
-        Of the residuals at one lag.
-    predictive_p, tails_p : float
-        Posterior predictive p of the structure in whitened residuals, and of their kurtosis.
-    line_p : float
-        Chance of the part of their spectrum that stands out most.
-    form_p : float
-        Chance of the force, of those that no candidate has, which they show most.
-    kurtosis : float
-        Of the whitened residuals, in excess of a normal's.
-    windows : tuple of PartialFit
-        Fits of the whole record and of three halves of it.
-    window_spread : float
-        Largest shift of a damping coefficient between a half and the whole record, in the sds that it has by chance.
-    window_p : float
-        Chance of a shift as large.
-    forecast : Forecast or None
-        Of the second half by the first, where the first half determines it.
-    rivals : tuple of AddedForm
-        The model with other forms of damping added.
-    verdict : str
-        Whether the model fits, and why not.
-    """
-
-    fit: np.ndarray
-    residual: np.ndarray
-    whitened: np.ndarray
-    autocorrelation: np.ndarray
-    rms: float
-    share: float
-    residual_autocorrelation: float
-    predictive_p: float
-    line_p: float
-    form_p: float
-    kurtosis: float
-    tails_p: float
-    windows: tuple[PartialFit, ...]
-    window_spread: float
-    window_p: float
-    forecast: Forecast | None
-    rivals: tuple[AddedForm, ...]
-    verdict: str
 
 
 def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
@@ -178,7 +118,7 @@ def _comparable(mode: Mode, r: np.ndarray) -> np.ndarray:
     return r if mode.likelihood.target.noise_model.heavy_tailed else mode.likelihood.whitened(r, mode.z)
 
 
-def check_fit(target: Target, mode: Mode, period: float, seed: int) -> FitCheck:
+def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[FitCheck, dict[str, np.ndarray]]:
     """Make all checks of a model at its mode.
 
     Parameters
@@ -191,6 +131,14 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> FitCheck:
         Of the oscillation in s; structure is looked for up to this lag.
     seed : int
         Of the draws.
+
+    Returns
+    -------
+    check : FitCheck
+        The checks.
+    arrays : dict of str to ndarray
+        The fit and its residual, (n,), in the unit of the record; the whitened residuals, (n,), as independent standard
+        scores; and their autocorrelation by lag, (l,).
     """
     t, n, r = target.signal.t, target.signal.t.size, mode.likelihood.residual(mode.z)
     white = mode.likelihood.whitened(r, mode.z)
@@ -215,26 +163,30 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> FitCheck:
     windows, spread, looks, later = _windows(target, mode, seed)
     window_p = min(1.0, looks * math.erfc(spread / math.sqrt(2)))
     rms = float(np.sqrt(np.mean(r**2)))
-    return FitCheck(
-        fit=target.signal.y - r,
-        residual=r,
-        whitened=white,
-        autocorrelation=autocorrelation(white, min(3 * lags, n // 2)),
+    fit = target.signal.y - r
+    arrays = {
+        "fit": fit,
+        "residual": r,
+        "whitened": white,
+        "autocorrelation": autocorrelation(white, min(3 * lags, n // 2)),
+    }
+    check = FitCheck(
+        windows=windows,
         rms=rms,
-        share=rms / max(0.5 * float(np.ptp(target.signal.y - r)), 1e-300),
+        share=rms / max(0.5 * float(np.ptp(fit)), 1e-300),
         residual_autocorrelation=float(autocorrelation(r, 1)[1]),
         predictive_p=p,
         line_p=line.chance,
         form_p=form.chance,
         kurtosis=tails,
         tails_p=p_tails,
-        windows=windows,
         window_spread=spread,
         window_p=window_p,
         forecast=later,
         rivals=form.rivals,
         verdict=_verdict(target.noise_model, p, line, form, window_p, p_tails < P_LIMIT and tails > HEAVY),
     )
+    return check, arrays
 
 
 def _verdict(

@@ -17,9 +17,6 @@ from bayesdamp.serial import split
 from bayesdamp.store.contents import EstimateContent, MaximumContent, ModeContent, RefusedSeed
 from bayesdamp.types import OK, Refusal, Seed
 
-CHECKS = ("fit", "residual", "whitened", "autocorrelation")
-"""Checks of a fit that are stored as arrays."""
-
 
 def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[RefusedSeed, ...]]:
     """Return seeds with their values, and the outcomes of methods that have none.
@@ -67,8 +64,8 @@ def compute_mode(branch: Branch) -> Product:
     )
     fit, target = Fit.at_mode(branch.record.signal, branch.case.model, mode), mode.likelihood.target
     seed = cell_seed(branch.study, f"checks/{branch.spec.name}/{branch.repeat}")
-    checks = check_fit(target, mode, branch.record.features.period, seed)
-    arrays = {"t": branch.record.signal.t, **{k: getattr(checks, k) for k in CHECKS}}
+    checks, residuals = check_fit(target, mode, branch.record.features.period, seed)
+    arrays = {"t": branch.record.signal.t, **residuals}
     maxima, numbers = basins(mode)
     climbs = []
     for search, number in zip(mode.searches, numbers, strict=True):
@@ -80,7 +77,7 @@ def compute_mode(branch: Branch) -> Product:
     # Later tasks read the mode from its cell, as a run that was cut off in between does: the solver's plan is made
     # again there, and evidence on the plan that found the mode differs by some 1e-8 nats.
     content = {
-        **{k: v for k, v in vars(checks).items() if k not in CHECKS},
+        **vars(checks),
         "climbs": climbs,
         "modes": [
             MaximumContent(climb.end, share, {n: float(v) for n, v in target.values(climb.z).items()})

@@ -256,7 +256,11 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, SeenFloor | None]:
         if flat > 0:
             floor, floor_at = max(floor, flat), count - 1
             measured = SeenFloor(floor)
-    end = min(count, begin + _calm_levels(yb[begin:]))
+    end, after = count, yb[begin:]
+    if after.size >= 2 * WILD_OVER:  # where levels scatter as at a floor, a decay cannot be recognised
+        bends = (after[1:-1] - 0.5 * (after[:-2] + after[2:])) ** 2 / 1.5
+        wild = np.flatnonzero(np.convolve(bends, np.ones(WILD_OVER) / WILD_OVER, "valid") > WILD**2)
+        end = min(count, begin + int(wild[0]) + WILD_OVER // 2) if wild.size else count
     if floor_at == count and floor < 10.0 ** (-ABOVE_FLOOR / 10.0) * np.exp(2.0 * x[-1]):
         return end, None
     if _steepens(t, y, int(edges[begin]), int(edges[floor_at]), stop):
@@ -301,12 +305,3 @@ def _flat_end(t: np.ndarray, y: np.ndarray) -> float:
     usual = float(y[:part].mean() - y[middle].mean()) / float(t[middle].mean() - t[:part].mean())
     fell = 10.0 * np.log10(before.mean() / last.mean())
     return float(last.mean()) if fell < FLAT * usual * step else 0.0
-
-
-def _calm_levels(y: np.ndarray) -> int:
-    """Return how many levels there are before they scatter as at a floor, where a decay cannot be recognised."""
-    if y.size < 2 * WILD_OVER:
-        return y.size
-    bends = (y[1:-1] - 0.5 * (y[:-2] + y[2:])) ** 2 / 1.5
-    wild = np.flatnonzero(np.convolve(bends, np.ones(WILD_OVER) / WILD_OVER, "valid") > WILD**2)
-    return int(wild[0]) + WILD_OVER // 2 if wild.size else y.size

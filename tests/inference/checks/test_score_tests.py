@@ -126,7 +126,7 @@ def test_the_verdict_names_the_form() -> None:
     for size in (0.1, 0.0):
         target = target_of(moved(0, size) + NOISE * noise)
         mode = find_mode(target, {Seed("truth"): TRUTH}, noise_level=NOISE)
-        collected.append(check_fit(target, mode, 2 * np.pi / np.sqrt(K), 0))
+        collected.append(check_fit(target, mode, 2 * np.pi / np.sqrt(K), 0)[0])
     assert collected[0].form_p < 0.005
     assert collected[0].verdict.startswith("does not fit")
     assert collected[1].form_p > 0.05
