@@ -101,7 +101,14 @@ def standing_out(t: np.ndarray, scores: np.ndarray, period: float, absorbed: np.
     ]
     if cycles > 2 * (across + 1):
         bands.append((SLOW, np.array(SLOW_TURNS) / length))
-    lines = [SpectralLine(_excess(t, scores, f[f < fastest], absorbed), words) for words, f in bands]
+    lines = []
+    for words, frequencies in bands:
+        phase = 2 * np.pi * np.outer(t - t[0], frequencies[frequencies < fastest])
+        waves = orthonormal(np.hstack([np.cos(phase), np.sin(phase)]))
+        u, s, _ = np.linalg.svd(waves - absorbed @ (absorbed.T @ waves), full_matrices=False)
+        left = u[:, s > ABSORBED]
+        power = 0.5 * np.sum((left.T @ scores) ** 2)
+        lines.append(SpectralLine(float(gammaincc(0.5 * left.shape[1], power)) if left.size else 1.0, words))
     lines.append(_highest(scores, cycles, across))
     best = min(lines, key=lambda line: line.chance)
     return SpectralLine(min(1.0, len(lines) * best.chance), best.words)
@@ -127,17 +134,6 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
         return columns
     u, s, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
     return u[:, s > 1e-6 * s[0]]
-
-
-def _excess(t: np.ndarray, scores: np.ndarray, frequencies: np.ndarray, absorbed: np.ndarray) -> float:
-    """Return the chance of as much power as scores (n,) have in waves of these frequencies (Hz)."""
-    if frequencies.size == 0:
-        return 1.0
-    phase = 2 * np.pi * np.outer(t - t[0], frequencies)
-    waves = orthonormal(np.hstack([np.cos(phase), np.sin(phase)]))
-    u, s, _ = np.linalg.svd(waves - absorbed @ (absorbed.T @ waves), full_matrices=False)
-    left = u[:, s > ABSORBED]
-    return float(gammaincc(0.5 * left.shape[1], 0.5 * np.sum((left.T @ scores) ** 2))) if left.size else 1.0
 
 
 def _highest(scores: np.ndarray, cycles: float, across: int) -> SpectralLine:
