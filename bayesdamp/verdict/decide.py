@@ -105,6 +105,15 @@ def decide(
         grade is not Grade.DEVIATES and findings.damping[first] >= thresholds.DECIDED and same and not twins
     )
     shares = [Share(t, q.value, q.low, q.high, findings.term[t]) for t, q in findings.energy.items()]
+    # Those of the best damping and restoring law, without those of start and noise.
+    law, terms = findings.best.restoring, [TERMS.get(t) for t in findings.best.damping]
+    further = (name for t in terms for name in (t.parameter, *(p.name for p in t.inferred)))
+    parameters = {*LAWS.get(law).parameters, *further}
+    coefficients = tuple(
+        Coefficient(n, q.value, q.sd_noise, q.sd_law, q.low, q.high, parameter_unit(n, law, unit))
+        for n, q in findings.coefficients.items()
+        if n in parameters
+    )
     verdict = Verdict(
         record=record,
         grade=grade,
@@ -131,7 +140,7 @@ def decide(
         restoring_deviation=interval_of(findings.restoring_deviation) if approximate else None,
         law_free=instead is not None,
         contradicted=contradicted,
-        coefficients=_coefficients(findings, unit),
+        coefficients=coefficients,
         window=window,
         averages=averages,
         quantity=quantity,
@@ -219,18 +228,3 @@ def _over_law(findings: Findings, unit: str) -> OverLaw | None:
         return None
     _, amplitude, q = max(off, key=lambda item: item[0])
     return OverLaw(amplitude, unit, q.value, q.low, q.high)
-
-
-def _coefficients(findings: Findings, unit: str) -> tuple[Coefficient, ...]:
-    """Return the parameters of the best damping and restoring law, without those of start and noise."""
-    terms = [TERMS.get(t) for t in findings.best.damping]
-    law = findings.best.restoring
-    own = {
-        *LAWS.get(law).parameters,
-        *(n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))),
-    }
-    return tuple(
-        Coefficient(n, q.value, q.sd_noise, q.sd_law, q.low, q.high, parameter_unit(n, law, unit))
-        for n, q in findings.coefficients.items()
-        if n in own
-    )

@@ -92,7 +92,14 @@ class NoiseMap:
         fine = np.append(
             (scores[:-1, None] + np.diff(scores)[:, None] * np.arange(PARTS) / PARTS).ravel(), scores[-1]
         )
-        level = _normal_scores(fine, scipy.interpolate.Akima1DInterpolator(scores, heights)(fine))
+        heights = scipy.interpolate.Akima1DInterpolator(scores, heights)(fine)
+        density = np.exp(heights - np.max(heights))
+        parts = 0.5 * (density[1:] + density[:-1]) * np.diff(fine)
+        # The normal score of the cumulative probability. Each half is computed from its own end, so that no digits are
+        # lost in the tails. Both ends are infinite.
+        below = np.append(0.0, np.cumsum(parts)) / parts.sum()
+        above = np.append(np.cumsum(parts[::-1])[::-1], 0.0) / parts.sum()
+        level = np.where(below < above, ndtri(np.minimum(below, 0.5)), -ndtri(np.minimum(above, 0.5)))
         inside = np.abs(level) < WIDEST
         shift = scipy.interpolate.Akima1DInterpolator(scores, firsts)(fine) - mode.z[first]
         level, values = level[inside], np.stack([fine, shift], axis=1)[inside]
@@ -242,18 +249,6 @@ def _profile(
         np.array([p[1] for p in points]),
         np.array([p[2][place] for p in points]),
     )
-
-
-def _normal_scores(x: np.ndarray, log_density: np.ndarray) -> np.ndarray:
-    """Return Φ⁻¹ of the cumulative probability at points x, (m,), with an unnormalised log density there.
-
-    Each half is computed from its own end, so that no digits are lost in the tails. Both ends are infinite.
-    """
-    density = np.exp(log_density - np.max(log_density))
-    parts = 0.5 * (density[1:] + density[:-1]) * np.diff(x)
-    below = np.append(0.0, np.cumsum(parts)) / parts.sum()
-    above = np.append(np.cumsum(parts[::-1])[::-1], 0.0) / parts.sum()
-    return np.where(below < above, ndtri(np.minimum(below, 0.5)), -ndtri(np.minimum(above, 0.5)))
 
 
 @dataclass(frozen=True)

@@ -208,7 +208,17 @@ class Likelihood:
         roots = self.target.noise_model.information_root(tangents, self.gaps, self.target.noise_values(z))
         information[np.ix_(moving, moving)] += roots @ roots.T
         if still.size:
-            information[np.ix_(still, still)] += self._noise_information(line.residual, z)
+            # Minus the second differences of the log density of the residuals, without negative curvature.
+            steps = WIDE * np.eye(z.size)[still]
+            of_noise = np.zeros((len(steps), len(steps)))
+            for i, a in enumerate(steps):
+                for j, b in enumerate(steps[: i + 1]):
+                    corners = [self.log_noise(line.residual, z + s) for s in (a + b, a - b, b - a, -a - b)]
+                    bend = (corners[0] - corners[1] - corners[2] + corners[3]) / (4 * WIDE**2)
+                    of_noise[i, j] = of_noise[j, i] = -bend
+            if np.all(np.isfinite(of_noise)):
+                values, axes = np.linalg.eigh(of_noise)
+                information[np.ix_(still, still)] += (axes * np.maximum(values, 0.0)) @ axes.T
         return value, gradient, information
 
     def whitened(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -265,17 +275,3 @@ class Likelihood:
     def _slope(self, line: Line, z: np.ndarray) -> np.ndarray:
         by_parameters = self._slopes_by_parameters(line.residual, line.slopes, self.target.noise_values(z))
         return self._prior(z)[1] + self.target.rates(z) * by_parameters
-
-    def _noise_information(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Return minus the second derivatives by the noise's scores, (s, s), without negative curvature."""
-        steps = WIDE * np.eye(z.size)[self.target.still]
-        information = np.zeros((len(steps), len(steps)))
-        for i, a in enumerate(steps):
-            for j, b in enumerate(steps[: i + 1]):
-                corners = [self.log_noise(residual, z + step) for step in (a + b, a - b, b - a, -a - b)]
-                bend = (corners[0] - corners[1] - corners[2] + corners[3]) / (4 * WIDE**2)
-                information[i, j] = information[j, i] = -bend
-        if not np.all(np.isfinite(information)):
-            return np.zeros_like(information)
-        values, axes = np.linalg.eigh(information)
-        return (axes * np.maximum(values, 0.0)) @ axes.T

@@ -226,20 +226,15 @@ def read_envelope(
     bracketed = re.search(r"[\[(]([^\])]+)[\])]\s*$", column)
     in_brackets = bracketed[1].strip() if bracketed else ""
     chosen = unit or unit_in(column) or in_brackets or "units"
-    frequency = frequency if frequency is not None else _stated_frequency(facts)
-    return made_record(path.name, t, raw.y, chosen, frequency, facts, about.sentences)
-
-
-def _stated_frequency(facts: dict[str, str]) -> float | None:
-    """Return the oscillation's frequency in Hz that a fact states; None where none does."""
-    for name, text in facts.items():
+    for name, text in facts.items() if frequency is None else ():
         if not re.search(r"\bfrequency\b", name, re.IGNORECASE) or re.search("sampl", name, re.IGNORECASE):
             continue
-        unit = re.search(r"\b([kMG]?Hz)\b", f"{name} {text}", re.IGNORECASE)
+        hertz = re.search(r"\b([kMG]?Hz)\b", f"{name} {text}", re.IGNORECASE)
         number = re.match(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?", text)
         if number and float(number[0]) > 0:
-            return float(number[0]) * (_HERTZ[unit[1].lower()] if unit else 1.0)
-    return None
+            frequency = float(number[0]) * (_HERTZ[hertz[1].lower()] if hertz else 1.0)
+            break
+    return made_record(path.name, t, raw.y, chosen, frequency, facts, about.sentences)
 
 
 def scale_of(record: EnvelopeRecord, sums: Sequence[tuple[str, ...]], log_amplitude: float) -> Scale:
