@@ -156,11 +156,11 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     )
     verdict = replace(verdict, remarks=_remarks(verdict, decay, ranking, twins), sentence=sentence(verdict))
     likelihoods = {
-        c.name: likelihood_of(c, b, decay.reference, decay.record.unit)
+        c.name: likelihood_of(c, b, decay.reference, record.unit)
         for c in ranking.candidates
         if c.name in {s.name for s in ranking.sums if not s.count}
     }
-    return EnvelopeAnswer(verdict, decay.curve(*ranking.fitted.curve(decay.blocks)), likelihoods)
+    return EnvelopeAnswer(verdict, decay.curve(*ranking.fitted.curve(b)), likelihoods)
 
 
 def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Measured:
@@ -176,7 +176,7 @@ def _coefficients_of(
 
     They are relative to the amplitude at the start where the record has no scale.
     """
-    record, best = decay.record, ranking.best
+    record, best, omega = decay.record, ranking.best, decay.blocks.frequency
     amplitude = float(np.exp(-best.start if record.logarithmic else decay.reference))
     unit = record.unit.replace("^2", "").replace("2", "")
     if record.logarithmic or record.unit in ("W", "mW", "uW", "nW", "pW"):
@@ -185,13 +185,11 @@ def _coefficients_of(
     for term in best.terms:
         if term in POWERS:
             whole, exact = draws.rates[term], plain.rates[term]
-            name, values, of = coefficient(term, whole, amplitude, decay.blocks.frequency)
-            same = values
-            if exact.size:
-                same = coefficient(term, exact, amplitude, decay.blocks.frequency)[1]
+            name, values, of = coefficient(term, whole, amplitude, omega)
+            same = coefficient(term, exact, amplitude, omega)[1] if exact.size else values
             results.append(_coefficient(name, of.format(unit), values, same))
         else:
-            results += _registered(term, ranking, (draws, plain), amplitude, decay.blocks.frequency, unit)
+            results += _registered(term, ranking, (draws, plain), amplitude, omega, unit)
     return tuple(results)
 
 

@@ -173,6 +173,71 @@ def sums_on(asked: Sequence[tuple[str, ...]], scale: Scale, start: float, low: f
     )
 
 
+def further_terms(sums: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+    """Return the terms other than viscous, Coulomb and quadratic damping."""
+    return tuple(dict.fromkeys(t for terms in sums for t in terms if t not in POWERS))
+
+
+def assumed(sums: Sequence[tuple[str, ...]], left_out: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the assumptions of an answer under these sums, a sentence each.
+
+    Parameters
+    ----------
+    sums : sequence of tuple of str
+        Terms of each sum.
+    left_out : sequence of str
+        Sentences on sums that are left out.
+    """
+    weighed = () if tuple(sums) == SUMS else (f"Damping sums compared: {', '.join(map('+'.join, sums))}.",)
+    inferred = [p for name in further_terms(sums) for p in TERMS.get(name).inferred]
+    each = ", ".join(f"{p.name} {p.prior(1.0, 1.0).describe()}" for p in inferred)
+    further = (
+        "Further parameters of terms have the terms' own priors, here in units of the amplitude at the start and the "
+        f"angular frequency: {each}.",
+    )
+    return (*weighed, *left_out, *(further if inferred else ()), *ASSUMED)
+
+
+def weighable(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[str, ...]]:
+    """Return the sums that an envelope can distinguish, and a sentence on each sum that is left out.
+
+    Two terms have the same envelope if they lose the same at every amplitude.
+
+    Raises
+    ------
+    InputError
+        Where a sum is too long, or no sum is left.
+    """
+    if set(sums) == set(SUMS):
+        return SUMS, ()
+
+    for asked in sums:
+        if len(asked) > LONGEST:
+            raise InputError(
+                f"damping {'+'.join(asked)}: a sum for an envelope has at most {LONGEST} terms; leave one out"
+            )
+    terms = list(dict.fromkeys([*POWERS, *(t for asked in sums for t in asked)]))
+    for name in terms:
+        if not TERMS.get(name).inferred:
+            log_loss(TERMS.get(name))
+    first = {t: next(u for u in terms if u == t or alike(TERMS.get(u), TERMS.get(t))) for t in terms}
+    weighed: dict[frozenset[str], tuple[str, ...]] = {}
+    left_out = []
+    for asked in dict.fromkeys(sums):
+        distinct, name = frozenset(first[t] for t in asked), "+".join(asked)
+        if len(distinct) < len(asked):
+            twins = " and ".join(t for t in asked if sum(first[u] == first[t] for u in asked) > 1)
+            left_out.append(f"{name} is left out: {twins} lose the same at every amplitude.")
+        elif distinct in weighed:
+            same = "+".join(weighed[distinct])
+            left_out.append(f"{name} is left out: it loses the same as {same} at every amplitude.")
+        else:
+            weighed[distinct] = asked
+    if not weighed:
+        raise InputError(f"damping {left_out[0]} Name other sums")
+    return tuple(weighed.values()), tuple(left_out)
+
+
 def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[Law, float, np.ndarray]:
     """Return a law that fits a record as well as any of these sums, ln A at its start, and its rates.
 
@@ -333,71 +398,6 @@ def _log_normal(points: np.ndarray, mean: np.ndarray, triangle: np.ndarray) -> n
     z = np.linalg.solve(triangle, (points - mean).T)
     log_det = np.log(np.diag(triangle)).sum()
     return -0.5 * np.sum(z * z, axis=0) - log_det - 0.5 * mean.size * np.log(2 * np.pi)
-
-
-def further_terms(sums: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Return the terms other than viscous, Coulomb and quadratic damping."""
-    return tuple(dict.fromkeys(t for terms in sums for t in terms if t not in POWERS))
-
-
-def assumed(sums: Sequence[tuple[str, ...]], left_out: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the assumptions of an answer under these sums, a sentence each.
-
-    Parameters
-    ----------
-    sums : sequence of tuple of str
-        Terms of each sum.
-    left_out : sequence of str
-        Sentences on sums that are left out.
-    """
-    weighed = () if tuple(sums) == SUMS else (f"Damping sums compared: {', '.join(map('+'.join, sums))}.",)
-    inferred = [p for name in further_terms(sums) for p in TERMS.get(name).inferred]
-    each = ", ".join(f"{p.name} {p.prior(1.0, 1.0).describe()}" for p in inferred)
-    further = (
-        "Further parameters of terms have the terms' own priors, here in units of the amplitude at the start and the "
-        f"angular frequency: {each}.",
-    )
-    return (*weighed, *left_out, *(further if inferred else ()), *ASSUMED)
-
-
-def weighable(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[str, ...]]:
-    """Return the sums that an envelope can distinguish, and a sentence on each sum that is left out.
-
-    Two terms have the same envelope if they lose the same at every amplitude.
-
-    Raises
-    ------
-    InputError
-        Where a sum is too long, or no sum is left.
-    """
-    if set(sums) == set(SUMS):
-        return SUMS, ()
-
-    for asked in sums:
-        if len(asked) > LONGEST:
-            raise InputError(
-                f"damping {'+'.join(asked)}: a sum for an envelope has at most {LONGEST} terms; leave one out"
-            )
-    terms = list(dict.fromkeys([*POWERS, *(t for asked in sums for t in asked)]))
-    for name in terms:
-        if not TERMS.get(name).inferred:
-            log_loss(TERMS.get(name))
-    first = {t: next(u for u in terms if u == t or alike(TERMS.get(u), TERMS.get(t))) for t in terms}
-    weighed: dict[frozenset[str], tuple[str, ...]] = {}
-    left_out = []
-    for asked in dict.fromkeys(sums):
-        distinct, name = frozenset(first[t] for t in asked), "+".join(asked)
-        if len(distinct) < len(asked):
-            twins = " and ".join(t for t in asked if sum(first[u] == first[t] for u in asked) > 1)
-            left_out.append(f"{name} is left out: {twins} lose the same at every amplitude.")
-        elif distinct in weighed:
-            same = "+".join(weighed[distinct])
-            left_out.append(f"{name} is left out: it loses the same as {same} at every amplitude.")
-        else:
-            weighed[distinct] = asked
-    if not weighed:
-        raise InputError(f"damping {left_out[0]} Name other sums")
-    return tuple(weighed.values()), tuple(left_out)
 
 
 @dataclass(frozen=True, eq=False)
