@@ -264,9 +264,10 @@ class Verdict(CheckedMethods):
             column = f.metadata["column"]
             if not column.label or value in (None, "", ()) or value != value:
                 continue
-            shown = f"{value:.2g}" if isinstance(value, float) else str(value)
             if hasattr(value, "low"):
                 shown = with_interval(value.value, value.low, value.high)
+            else:
+                shown = f"{value:.2g}" if isinstance(value, float) else str(value)
             facts[column.label] = f"{shown} {column.unit}".rstrip()
         return facts
 

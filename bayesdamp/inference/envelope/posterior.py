@@ -98,7 +98,7 @@ def draw(
     ends = np.ones(ALONG // 2 + 1)
     ends[[0, -1]] = 0.5
     parts = []
-    for place in np.flatnonzero(counts):
+    for place in np.flatnonzero(counts).tolist():
         c, count = candidates[place], counts[place]
         rates, g = c.draws(exact, count, rng)
         # Along the fit time passes as dx/f: a decay that is steep at first has few readings there.

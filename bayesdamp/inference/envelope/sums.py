@@ -370,7 +370,7 @@ def explore(
         root = (1.0 + root) ** (1.0 / (count + 1))
     steps = root ** -np.arange(1.0, count + 1)
     prior = (np.zeros(count), np.eye(count))
-    proposals = [prior]
+    proposals: list[tuple[np.ndarray, np.ndarray]] = [prior]
     points, logs = np.empty((0, count)), np.empty(0)
     while True:
         mean, triangle = proposals[-1]
