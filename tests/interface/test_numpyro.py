@@ -25,7 +25,9 @@ def test_coefficients_share_their_scale() -> None:
         z = density.mode.z + np.linalg.cholesky(density.mode.factor @ density.mode.factor.T) @ u
         x = np.array([float(p.value(v)) for p, v in zip(density.priors.values(), z, strict=True)])
         expected.append(density.log_likelihood(x) + float(density.mode.likelihood.log_prior(z)))
-        separate.append(density.log_likelihood(x) + float(density.mode.likelihood.held(1.0).log_prior(z)))
+        separate.append(
+            density.log_likelihood(x) + float(density.mode.likelihood.with_scale(1.0).log_prior(z))
+        )
     assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], abs=1e-6)
     assert abs(separate[1] - separate[0] - found[1] + found[0]) > 1e-3
 

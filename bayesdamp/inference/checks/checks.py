@@ -17,7 +17,7 @@ from bayesdamp.inference.checks.residual_tests import (
     standing_out,
     strongest,
 )
-from bayesdamp.inference.coordinates.truncated_normal import about, near
+from bayesdamp.inference.coordinates.truncated_normal import near
 from bayesdamp.inference.fit.mode import (
     ROUGHLY,
     Mode,
@@ -77,7 +77,8 @@ def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarr
 
     Folding draws at zero instead would separate coefficients that compensate each other.
     """
-    return about(mode).draw(np.random.default_rng(seed), count)
+    normal = near(mode.near, mode.z, mode.factor)
+    return normal.draw(np.random.default_rng(seed), count)
 
 
 def kurtosis(x: np.ndarray) -> np.ndarray:
@@ -227,7 +228,7 @@ def _windows(
         windows.append(w)
         if first == 0:
             density = whole.log_evidence - w.log_evidence
-            later = forecast(mode.likelihood, part.held(1.0), top.x, factor, density, seed)
+            later = forecast(mode.likelihood, part.with_scale(1.0), top.x, factor, density, seed)
         for name in target.oscillator.coefficients:
             shift = abs(w.values[name] - whole.values[name])
             # The part is contained in the whole: the variance of the shift is the difference (Hausman 1978).

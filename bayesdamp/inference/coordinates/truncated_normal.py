@@ -93,11 +93,6 @@ def truncated_moments(
     return mean, np.linalg.cholesky(0.5 * (covariance + covariance.T))
 
 
-def about(mode: Mode) -> TruncatedNormal:
-    """Return the truncated normal with the mode's covariance and the log posterior's gradient there."""
-    return near(mode.near, mode.z, mode.factor)
-
-
 def near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
     """Return the truncated normal with covariance factor @ factor.T and the log posterior's gradient at z, (d,)."""
     reflected = likelihood.target.reflected

@@ -72,7 +72,7 @@ def maximise_posterior(
     close : float
         As `CLOSE`.
     """
-    curvature = likelihood.held(1.0).curvature
+    curvature = likelihood.with_scale(1.0).curvature
     return maximise(curvature, likelihood.target.reflected, z, retract=retract, close=close)
 
 
@@ -250,7 +250,7 @@ class Mode:
         precision = float(shared_precision(float(squares), int(shared.sum()), scales))
         if self.linear is None:
             factor = whitening(self.information + np.diag((precision - 1.0) * shared))
-        return self.likelihood.held(precision**-0.5), factor
+        return self.likelihood.with_scale(precision**-0.5), factor
 
     @property
     def stored(self) -> StoredMode:
@@ -359,7 +359,7 @@ def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
     """
     target, scales = likelihood.target, np.asarray(likelihood.scales)
     at = np.where(target.reflected, np.abs(z), z)
-    value, gradient, information = likelihood.held(1.0).curvature(at)
+    value, gradient, information = likelihood.with_scale(1.0).curvature(at)
     reflected, shared = np.flatnonzero(target.reflected), target.shared
     if not shared.any():
         return log_integral(value, gradient, information, at, reflected)

@@ -190,7 +190,7 @@ def _begun(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -
         noise = target.noise_model
         estimate = target.scores(noise.start(r, np.diff(target.signal.t)))
         z = np.asarray([estimate[i] if n in noise.parameters else z[i] for i, n in enumerate(target.names)])
-    one_scale = likelihood.held(1.0)
+    one_scale = likelihood.with_scale(1.0)
     return _Start(seeds, z, likelihood, one_scale.log_noise(r, z) + float(one_scale.log_prior(z)), _rms(r))
 
 

@@ -71,7 +71,7 @@ class Likelihood:
         """Return the log density of a target near scores z, (d,), with motions solved within `tolerance`."""
         return cls(target, target.all_values(z), tolerance, part, target.scales)
 
-    def held(self, scale: float) -> Likelihood:
+    def with_scale(self, scale: float) -> Likelihood:
         """Return the same with the scale that coefficients share fixed at one value, in scores."""
         return replace(self, scales=(float(scale),))
 

@@ -42,7 +42,7 @@ def test_a_climb_along_the_curve_arrives_where_a_straight_one_creeps() -> None:
     mode = find_mode(target, {Seed("s"): SEED}, noise_level=0.01)
     assert mode.searches[0].converged
     z = target.scores(SEED)
-    curvature = mode.likelihood.held(1.0).curvature
+    curvature = mode.likelihood.with_scale(1.0).curvature
     along = maximise(curvature, target.reflected, z, limit=120, retract=target.followed)
     straight = maximise(curvature, target.reflected, z, limit=120)
     assert along.converged
