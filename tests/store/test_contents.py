@@ -25,28 +25,11 @@ from bayesdamp.store.contents import (
 )
 from tests.failures import Failures
 
-KOOPMAN = Seed("koopman", "initial", grown=True)
-RECORD = RecordContent(
-    "bench", "rad", "angle", 0.001, {"start": 2.0, "notes": ["cut"]},
-    features=FeaturesSeen(0.1, 0.3, 0.1, 4.5, 1.4, 9.0, 140.0, 0.001),
-    anomalies=("it beats",), reference=Reference(0.3, 4.5), known={"epsilon": 0.02}, noisy=True,
-)  # fmt: skip
-MODE = ModeContent(
-    values={"zeta": 0.05}, sd={"zeta": 0.001}, known={}, priors={"zeta": "halfnormal"}, log_posterior=12.5,
-    error_budget={"step_error": 1e-8}, touching_zero=("mu_c",),
-    climbs=(Climb(KOOPMAN, (Seed("prior 1", drawn=True),), -5.0, 12.5, 30, -2.0, True, 1.5, 0),),
-    windows=(PartialFit("whole", 0.0, 6.0, {"zeta": 0.05}, {"zeta": 0.001}, math.inf),),
-    forecast=Forecast(0.1, 0.1, 0.95, 30.0), rms=0.003, verdict="fits: well",
-    refused=(RefusedSeed(Seed("pinn"), "no convergence"),),
-)  # fmt: skip
-ANSWER = AnswerContent(
-    {"record": "bench"}, (WeighedCandidate("viscous", "linear", None, -1.0, 0.003),), {"linear": {"zeta": 0.05}},
-    posteriors=(
-        SampledPosterior("viscous", "linear", {"zeta": {"mean": 0.05}}, (0.0, 0.01, 0.1), 0.0, 9.0, 0.1, 1.0, 1),
-    ),
-    laws=(FoundLaw("viscous", "linear", {"terms": ["viscous"]}),),
-    noise="gaussian", noises=(WeighedNoise("gaussian", -1.5, {"noise_sd": 0.003}),), terms=("viscous",),
-)  # fmt: skip
+PLAIN: dict[type, Iterator[Any]] = {
+    float: cycle([1 / 3, math.inf, math.nan, -5e-324]), int: cycle([0, 7]), bool: cycle([True, False]),
+    str: cycle(["é", "it said: no"]), np.ndarray: cycle([np.array([])]),
+}  # fmt: skip
+ANYTHING = {"notes": ["cut", {"omega": None}], "start": 2.0}
 
 
 def example(kind: Any) -> Any:

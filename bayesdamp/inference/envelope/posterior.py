@@ -13,8 +13,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference.curves.weighted import shares
-from bayesdamp.inference.deviation.linear import grid_of
-from bayesdamp.inference.deviation.linear import DampingLikelihood, damping_likelihood
+from bayesdamp.inference.deviation.linear import DampingLikelihood, damping_likelihood, grid_of
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, EnvelopeCandidate
 from bayesdamp.physics.amplitude import hats
 

@@ -17,8 +17,9 @@ from scipy.optimize import nnls
 from scipy.special import ndtri
 
 from bayesdamp.inference.curves.weighted import effective, shares
-from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.draws import Quantity
+from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
+from bayesdamp.inference.deviation.linear import EXACT, MEAN_G
 from bayesdamp.inference.envelope.candidates import (
     POWER_MOST,
     Blocks,
