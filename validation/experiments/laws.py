@@ -207,7 +207,7 @@ class Row:
 def verdict_on(c: Case, term: str, sample: bool, results: dict[str, Weighing]) -> Verdict:
     """Answer a record with the paper's sums, and a term alone and with viscous damping; add to `results`."""
     sums = [*all_sums(), term, f"viscous+{term}"]
-    return answer(c.signal, damping=sums, restoring=["linear"], sample=sample, made=results).verdict
+    return answer(c.signal, damping=sums, restoring=["linear"], sample=sample, weighings=results).verdict
 
 
 def first_sum(verdict: Verdict) -> str:
