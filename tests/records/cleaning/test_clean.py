@@ -51,20 +51,6 @@ def test_asked_window_in_the_files_own_seconds():
     assert signal.t[-1] == pytest.approx(8.0)
 
 
-def test_units():
-    t = np.arange(1000) * 0.01
-    for unit, scale, base, quantity in (
-        ("deg", np.pi / 180, "rad", "angle"),
-        ("in", 0.0254, "m", "velocity"),
-        ("mV", 1e-3, "V", "acceleration"),
-    ):
-        signal = clean(record(t, decay(t)), name="x", unit=unit, quantity=quantity)
-        zero = signal.provenance.offset
-        np.testing.assert_allclose(signal.y + zero, scale * decay(t)[: signal.y.size], atol=1e-12 * scale)
-        assert zero == (0.0 if quantity == "angle" else pytest.approx(0.1 * scale, rel=0.02))
-        assert (signal.unit, signal.quantity) == (base, quantity)
-
-
 def test_a_swing_of_more_than_half_a_turn_is_told_of():
     """Degrees that nobody said are degrees; not a length, nor an angle below it."""
     t = np.arange(1000) * 0.01
