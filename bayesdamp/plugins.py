@@ -114,12 +114,18 @@ class Registry(Generic[T]):
     def add(self, name: str, plugin: T, source: str | None = None) -> None:
         """Add a plug-in that has no module in the package (a user's own).
 
-        source: of its code; by default that of its class, where it is available. Raises InputError for a shipped name.
+        source: of its code; by default that of the module of its class, or the class's name where it has no file.
+        Raises InputError for a shipped name.
         """
         if name in self._modules:
             raise InputError(f"a {self.kind} {name!r} ships already; give it another name")
-        self._added[name] = plugin
-        self._sources[name] = _source_of(plugin) if source is None else source
+        if source is None:
+            cls = type(plugin)
+            try:
+                source = inspect.getsource(sys.modules[cls.__module__])
+            except (OSError, TypeError, KeyError):  # a class without a file
+                source = cls.__qualname__
+        self._added[name], self._sources[name] = plugin, source
         _EXTENDED.append(name)
 
     def remove(self, name: str) -> None:
@@ -286,15 +292,6 @@ def _load_entry(entry: importlib.metadata.EntryPoint, kind: str) -> Any:
         what = f"its own name is {plugin.name!r}; its package must use the same name for both"
         raise InputError(f"{kind} {entry.name!r}: {what}")
     return plugin
-
-
-def _source_of(plugin: object) -> str:
-    """Return the source of the module of a plug-in's class, or the class's name where it has no file."""
-    cls = type(plugin)
-    try:
-        return inspect.getsource(sys.modules[cls.__module__])
-    except (OSError, TypeError, KeyError):
-        return cls.__qualname__
 
 
 def extended() -> bool:

@@ -57,11 +57,11 @@ def columns_table(contents: Contents) -> Table:
     return Table(["", "column", "unit", "samples", "from", "to"], rows, (1, 2))
 
 
-def view_motion(record: FileRecord, several: bool) -> RecordView:
-    """Return what is shown of an oscillation; several: whether its file has others, so that its label is needed."""
+def view_motion(record: FileRecord) -> RecordView:
+    """Return what is shown of an oscillation."""
     raw, signal = record.raw, record.signal
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
-    name = (several and record.label) or raw.channel or "the record"
+    name = (record.several and record.label) or raw.channel or "the record"
     unit, what = record.unit, record.quantity
     if record.unit in UNITS:
         unit, what = UNITS[record.unit].of(record.quantity), UNITS[record.unit].called(record.quantity)

@@ -149,7 +149,7 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
         raws = options.read(path)
     except InputError as error:
         raise _with_command(error, path, options) from None
-    records = [FileRecord(path, raw, *options.interpret(raw)) for raw in raws]
+    records = [FileRecord(path, raw, *options.interpret(raw), several=len(raws) > 1) for raw in raws]
     return [_cleaned(record, options) for record in records] if cleaned else records
 
 
@@ -187,8 +187,7 @@ def first_words_on(records: Sequence[FileRecord], options: ReadingOptions) -> li
         if options.assumes_rad(record.raw, record.unit, record.quantity):
             assumed[record.path.name] = None
         other = no_free_decay(signal)
-        label = _own_label(record, records) if record.several else ""
-        whose = ", ".join(filter(None, (record.path.name, label)))
+        whose = ", ".join(filter(None, (record.path.name, _own_label(record, records))))
         if other is not None:
             lines.append(f"{whose}: {in_unit(other, UNITS[record.unit]).sentence}")
             continue
@@ -278,7 +277,7 @@ def _choose(
         notes.append(f"{path.name}: {FROM_FIRST} ({raw.began:.15g} s).")
     notes += doubts(path, records, (Kind.CONSTANT,))
     doubted = doubts(path, records, [kind for kind in Kind if kind is not Kind.CONSTANT])
-    return [replace(record, several=several) for record in records], doubted, notes
+    return records, doubted, notes
 
 
 def doubts(path: Path, records: Sequence[FileRecord], kinds: Iterable[Kind] = Kind) -> list[str]:
@@ -288,7 +287,9 @@ def doubts(path: Path, records: Sequence[FileRecord], kinds: Iterable[Kind] = Ki
 
 
 def _own_label(record: FileRecord, records: Sequence[FileRecord]) -> str:
-    """Return what distinguishes a record from the others of its file: its run, its channel, or both."""
+    """Return what distinguishes a record from the others of its file: its run, its channel, or both; else nothing."""
+    if not record.several:
+        return ""
     channels = {other.raw.channel for other in records if other.path == record.path}
     return f"run {record.raw.run}" if record.raw.run and len(channels) == 1 else record.label
 
@@ -315,7 +316,7 @@ def as_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[A
                 "start": o.start,
                 "stop": o.stop,
                 "time_unit": o.time_unit,
-                "label": _own_label(record, records) if record.several else "",
+                "label": _own_label(record, records),
                 "specimen": specimen,
             }
         )

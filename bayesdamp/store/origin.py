@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from bayesdamp import __version__
 from bayesdamp.machine.threads import cores
 
 
@@ -23,20 +24,43 @@ def provenance(inputs: Mapping[str, Path] | None = None, packages: Iterable[str]
     inputs
         Files whose SHA-256 is recorded, by the names that they are recorded under.
     packages
-        Names of distributions; by default all that bayesdamp requires.
+        Names of distributions; by default bayesdamp and all that it requires.
 
     Returns
     -------
     dict
-        versions {package: version}, revision, machine {system, processor, cpus, python} and inputs {name: hash}.
+        versions {package: version}; revision: the commit of a checkout ("+changes" where files differ from it), else
+        the package's version; machine {system, processor, cpus, python}; and inputs {name: hash}.
     """
+    names, versions = set(packages), dict[str, str]()
+    if not names:
+        names = {"bayesdamp", "jaxlib"}
+        with suppress(importlib.metadata.PackageNotFoundError):
+            required = importlib.metadata.requires("bayesdamp") or []
+            names |= {re.split(r"[^\w.-]", r)[0] for r in required if "extra ==" not in r}
+    for name in sorted(names):
+        with suppress(importlib.metadata.PackageNotFoundError):
+            versions[name] = importlib.metadata.version(name)
+    file = Path(__file__)
+    package = file.parents[1]
+
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(package), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=20).stdout.strip()
+
+    try:
+        # an installed copy may lie inside somebody else's checkout: then this file is not tracked there
+        git("ls-files", "--error-unmatch", str(file.relative_to(package)))
+        revision = git("rev-parse", "HEAD") + ("+changes" if git("status", "--porcelain", "--", ".") else "")
+    except (OSError, subprocess.SubprocessError):
+        revision = f"version {__version__}"
     processor = platform.processor() or platform.machine()
     with suppress(OSError):
         model = re.search(r"^model name.*?:(.*)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.M)
         processor = model.group(1).strip() if model else processor
     return {
-        "versions": _versions(packages),
-        "revision": _revision(),
+        "versions": versions,
+        "revision": revision,
         "machine": {
             "system": platform.platform(),
             "processor": processor,
@@ -51,34 +75,3 @@ def sha256(path: Path) -> str:
     """Return the hexadecimal SHA-256 of a file's content."""
     with Path(path).open("rb") as handle:
         return hashlib.file_digest(handle, "sha256").hexdigest()
-
-
-def _versions(packages: Iterable[str]) -> dict[str, str]:
-    names = set(packages)
-    if not names:
-        names = {"bayesdamp", "jaxlib"}
-        with suppress(importlib.metadata.PackageNotFoundError):
-            required = importlib.metadata.requires("bayesdamp") or []
-            names |= {re.split(r"[^\w.-]", r)[0] for r in required if "extra ==" not in r}
-    versions = {}
-    for name in sorted(names):
-        with suppress(importlib.metadata.PackageNotFoundError):
-            versions[name] = importlib.metadata.version(name)
-    return versions
-
-
-def _revision() -> str:
-    """Return the commit of a checkout ("+changes" where files differ from it), else the package's version."""
-    file = Path(__file__)
-    package = file.parents[1]
-
-    def git(*arguments: str) -> str:
-        command = ["git", "-C", str(package), *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=20).stdout.strip()
-
-    try:
-        # an installed copy may lie inside somebody else's checkout: then this file is not tracked there
-        git("ls-files", "--error-unmatch", str(file.relative_to(package)))
-        return git("rev-parse", "HEAD") + ("+changes" if git("status", "--porcelain", "--", ".") else "")
-    except (OSError, subprocess.SubprocessError):
-        return "version " + _versions(["bayesdamp"]).get("bayesdamp", "unknown")

@@ -72,7 +72,7 @@ def look(
             raise
         for line in [*doubts(file, every), *one_command(every, options)]:
             console.print(f"! {line}", style="yellow", markup=False, highlight=False)
-        views = [looking.view_motion(record, len(every) > 1) for record in every]
+        views = [looking.view_motion(record) for record in every]
         show_file()
     for i, view in enumerate(views):
         console.print(f"\n{view.name}: {view.reading}", style="bold", markup=False, highlight=False)

@@ -115,8 +115,21 @@ class AnswerSection(Section):
             v = answer.verdict
             claim, remarks = v.sentence, v.remarks
             if v.quantity == "envelope":
-                numbers, parts = _numbers(v), _envelope(run, answer)
+                numbers, embed = _numbers(v), len(run.signals) <= EMBEDDED
                 remarks = (*([f"The decay {v.window.why}."] if v.window else []), *remarks)
+                png = answer.arrays["picture"].tobytes()
+                parts.append(run.drawings.show(f"answer-{signal}", LEVELS, png, embed))
+                if v.decay_rate:
+                    parts.append(decay_table(v.decay_rate, v.quality_factor_at))
+                if v.damping:
+                    sums, terms = (
+                        fmt.listing(
+                            f"{words.model(n)} {fmt.probability(p)}" for n, p in each.items() if p >= SHOWN
+                        )
+                        for each in (v.probabilities, {share.term: share.probability for share in v.energy})
+                    )
+                    text = f"Probability of each damping sum: {sums}. Of each term in any sum: {terms}."
+                    parts.append(paragraph(text))
             elif v.grade is Grade.NO_FREE_DECAY:
                 cell = run.cell("signal", signal, run.repeats(signal)[0])
                 if cell is not None and "t" in cell.arrays and v.modes:
@@ -223,22 +236,6 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     caption = "Log Bayes factors relative to the best model, in nats"
     table = Table.of(sorted(rows, key=lambda r: -log[id(r)]), compared, (0, 1), caption)
     return [*parts, folded("All damping models that were compared", table)]
-
-
-def _envelope(run: RunFolder, answer: RecordAnswer) -> list[object]:
-    """Return the figure and the table of an answer on an envelope, and how probable each damping is."""
-    v, embed = answer.verdict, len(run.signals) <= EMBEDDED
-    png = answer.arrays["picture"].tobytes()
-    parts: list[object] = [run.drawings.show(f"answer-{answer.signal}", LEVELS, png, embed)]
-    if v.decay_rate:
-        parts.append(decay_table(v.decay_rate, v.quality_factor_at))
-    if v.damping:
-        sums, terms = (
-            fmt.listing(f"{words.model(name)} {fmt.probability(p)}" for name, p in each.items() if p >= SHOWN)
-            for each in (v.probabilities, {share.term: share.probability for share in v.energy})
-        )
-        parts.append(paragraph(f"Probability of each damping sum: {sums}. Of each term in any sum: {terms}."))
-    return parts
 
 
 class OverviewSection(Section):
