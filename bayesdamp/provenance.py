@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Self
 
+from bayesdamp.serial import join
+
 Fact = str | float
 
 
@@ -65,6 +67,5 @@ class Provenance:
         """Return the provenance of which `to_dict` made this, also after it was a file."""
         own = {f.name for f in fields(cls)} - {"more"}
         values = {name: value for name, value in given.items() if name in own and value is not None}
-        values |= {name: tuple(values.get(name, ())) for name in ("warnings", "notes", "constant_columns")}
-        values["decays"] = tuple(FreeDecay(**decay) for decay in values.get("decays", ()))
-        return cls(**values, more={name: value for name, value in given.items() if name not in own})
+        more = {name: value for name, value in given.items() if name not in own}
+        return join(cls, {**values, "more": more})

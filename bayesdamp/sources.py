@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import re
 from collections.abc import Iterable
 from functools import cache
@@ -95,12 +94,5 @@ def _text(name: str) -> str | None:
 @cache
 def _files() -> dict[str, Path]:
     """Map the package's modules to their files: a test of each file that an import may mean takes ten times as long."""
-    modules: dict[str, Path] = {}
-    for folder, below, files in os.walk(ROOT):
-        below[:] = [name for name in below if name != "__pycache__"]
-        path = Path(folder)
-        package = ".".join((PACKAGE, *path.relative_to(ROOT).parts))
-        modules |= {f"{package}.{name[:-3]}": path / name for name in files if name.endswith(".py")}
-        if f"{package}.__init__" in modules:
-            modules[package] = modules.pop(f"{package}.__init__")
-    return modules
+    parts = {path: path.relative_to(ROOT.parent).with_suffix("").parts for path in ROOT.rglob("*.py")}
+    return {".".join(part for part in each if part != "__init__"): path for path, each in parts.items()}

@@ -6,9 +6,9 @@ Records are computed in series, chunk by chunk, until enough of them are accepte
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor, as_completed
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 
@@ -193,13 +193,12 @@ def gather(
     workers = workers or cores()
     with progress_bar(console, TimeRemainingColumn()) as progress, pool_of(workers, None) as pool:
         bars = {s.name: progress.add_task(s.name, total=s.wanted) for s in wanted}
+        compute = partial(_chunk, study, store.folder.resolve())
         while wave := [(s, first) for s in wanted for first in next_wave(s, results[s.name])]:
-            chunks = dict[tuple[RecordSeries, int], CellResult]()
-            for (series, first), chunk in _compute(study, wave, store.folder.resolve(), pool):
-                chunks[series, first] = chunk
+            chunks = (map if pool is None else pool.map)(compute, *zip(*wave))
+            for (series, _), chunk in zip(wave, chunks, strict=True):
+                results[series.name].append(chunk)
                 progress.update(bars[series.name], advance=accepted([chunk]))
-            for series, first in wave:
-                results[series.name].append(chunks[series, first])
     return results
 
 
@@ -222,23 +221,6 @@ def next_wave(series: RecordSeries, results: Sequence[CellResult]) -> list[int]:
 def is_failed(result: CellResult) -> bool:
     """Return whether the program failed on a chunk."""
     return status_of(result.outcome) is Status.FAILED
-
-
-def _compute(
-    study: Study, wave: Sequence[tuple[RecordSeries, int]], folder: Path, pool: Executor | None
-) -> Iterator[tuple[tuple[RecordSeries, int], CellResult]]:
-    """Compute the chunks of a wave, in this process or in others, and return each when it is done."""
-    if pool is None:
-        for task in wave:
-            yield task, _chunk(study, folder, *task)
-        return
-    futures = {pool.submit(_chunk, study, folder, *task): task for task in wave}
-    try:
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    finally:
-        for future in futures:
-            future.cancel()
 
 
 def _chunk(study: Study, folder: Path, series: RecordSeries, first: int) -> CellResult:

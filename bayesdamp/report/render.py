@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 
 from markupsafe import Markup
@@ -70,8 +71,7 @@ def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]
     if pool is None or extended():  # a user's own section exists in this process only
         bodies = [_section(run, name) for name in names]
     else:
-        resolved = RunFolder(run.folder.resolve())
-        bodies = [job.result() for job in [pool.submit(_section, resolved, name) for name in names]]
+        bodies = list(pool.map(partial(_section, RunFolder(run.folder.resolve())), names))
     css, script = (
         Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("style.css", "page.js")
     )

@@ -74,13 +74,9 @@ def write_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, 
         return repr(float(value)) if isinstance(value, float) else str(value)
 
     buffer = io.StringIO(newline="")
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(columns)
-    for row in rows:
-        unknown = set(row) - set(columns)
-        if unknown:
-            raise ValueError(f"{Path(path).name} has no column {', '.join(sorted(unknown))}")
-        writer.writerow([field(row.get(c)) for c in columns])
+    writer = csv.DictWriter(buffer, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({column: field(value) for column, value in row.items()} for row in rows)
     write_bytes(path, buffer.getvalue().encode())
 
 
