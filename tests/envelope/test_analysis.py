@@ -6,10 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import halfnorm
 
-from bayesdamp.inference.envelope.candidates import Blocks, weigh, weigh_power
-from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.amplitude import ClosedForm
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
@@ -17,7 +14,6 @@ from bayesdamp.records.envelope.window import EnvelopeWindow, bounded
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.envelope import specimen
-from tests.envelope.weighed import place_as_given
 from validation.truth.ringdowns import NEPER, Ringdown, simulate
 
 RING = {"fall": 45.0, "scatter": 0.02, "scatter_time": 0.5, "behind": 15.0}
@@ -51,25 +47,6 @@ def test_the_damping_that_made_a_record_is_named(rates, damping, power):
     assert sum(item.share for item in result.energy) == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.slow
-def test_coverage_of_the_rate():
-    """Thirty viscous ring-downs, nominal 95 %: fewer than 24 covered happen once in 3,000 runs.
-
-    Mean squares of standardised errors of 30 normals are above 2 once in 1,000; far too wide intervals show below 0.2.
-    """
-    covered, squares = [], []
-    for seed in range(30):
-        rng = np.random.default_rng([7, seed])
-        record, _ = ringdown(
-            {"viscous": 0.2}, [8, seed], drop=rng.choice([0.0, 5.0]), slow_share=rng.random(), drift=0.1
-        )
-        rate = verdict(record).rate
-        covered.append(rate.low <= 0.2 <= rate.high)
-        squares.append((rate.value - 0.2) ** 2 / (rate.sd_noise**2 + rate.sd_law**2))
-    assert sum(covered) >= 24
-    assert 0.2 < np.mean(squares) < 2.0
-
-
 def test_a_drive_that_is_left_in_is_seen():
     """Negative control: the held drive within the bounds that are asked for."""
     record, truth = ringdown({"viscous": 0.2}, 5, drop=0.0, before=20.0, hold=0.3)
@@ -81,17 +58,6 @@ def test_a_drive_that_is_left_in_is_seen():
     assert with_drive.deviation.value > 0.05
     width = [np.hypot(r.rate.sd_noise, r.rate.sd_law) for r in (clean, with_drive)]
     assert width[1] > 2 * width[0]
-
-
-def test_a_window_in_which_the_level_does_not_fall_is_refused():
-    record, truth = ringdown({"viscous": 0.2}, 6)
-    driven = truth.release - 5.0
-    result = verdict(record, bounded(record.t, record.level, driven, driven + 4.5))
-    assert result.grade == "no_free_decay"
-    assert "3 are needed" in result.sentence
-    # Control: the same length where it does.
-    start = truth.release + 2.0
-    assert verdict(record, bounded(record.t, record.level, start, start + 4.5)).rate is not None
 
 
 def test_a_law_that_bends_is_not_called_exact_and_its_curve_is_followed():
@@ -125,51 +91,6 @@ def test_a_table_of_half_lives():
     assert result.quality_factor is None
     assert result.decay_rate[0].unit == "mm"
     assert any("frequency is not known" in line for line in result.remarks)
-
-
-def test_units_of_the_same_decay_agree():
-    record, _ = ringdown({"viscous": 0.1, "quadratic": 0.8}, 3)
-    volts = made_record("x", record.t, 10 ** (record.level / 20), "V", 1e6)
-    watts = made_record("x", record.t, 10 ** (record.level / 10), "W", 1e6)
-    answers = [verdict(item) for item in (record, volts, watts)]
-    assert answers[1].rate.value == pytest.approx(answers[0].rate.value, rel=1e-3)
-    assert answers[2].rate.value == pytest.approx(answers[1].rate.value, rel=1e-9)
-    assert answers[1].decay_rate[1].amplitude == pytest.approx(
-        10 ** (answers[0].decay_rate[1].amplitude / 20)
-    )
-
-
-def shared_prior(rates: np.ndarray, duration: float) -> np.ndarray:
-    """Density of rates in 1/s, (..., d), of one sum on a record without a frequency, by its definition: half-normals
-    with one scale, of which 25 between 1e-8 and 0.3 of a unit are equally probable; their middle is 1/duration."""
-    scales = 1e-8 * (0.3 / 1e-8) ** ((np.arange(25) + 0.5) / 25)
-    scales = scales / (duration * np.sqrt(scales[0] * scales[-1]))
-    return np.mean([np.prod(halfnorm.pdf(rates, scale=item), axis=-1) for item in scales], axis=0)
-
-
-def test_the_evidence_of_a_power_is_its_integral():
-    """White noise of known sd and an exact law: any power of the amplitude from 0 to 3, equally probable, by a sum over
-    a fine grid of its closed form. The rate's prior is a mixture of half-normals, the start's is normal, of sd 100."""
-    rng = np.random.default_rng(9)
-    t = np.linspace(0.0, 10.0, 50)
-    noises, inverse = ((Noise(1e-4, 1.0, 1e-8, 1.0, 0.02), 0.02**2 * np.eye(50)),), np.eye(50) / 0.02
-    x = 1.0 - 0.2 * t + 0.02 * rng.standard_normal(50)
-    b = Blocks(t, x, 10.0, 0.2, noises=noises, inverse=inverse)
-    log_z, _, _ = weigh_power(b)
-    at = place_as_given(weigh(b, ClosedForm(("viscous",))))
-    rates, powers = np.linspace(0.18, 0.22, 81), np.linspace(0.901, 1.101, 80)  # 1 itself is another formula
-    starts = np.linspace(0.95, 1.05, 61)
-    c, q, x0 = np.meshgrid(rates, powers - 1.0, starts, indexing="ij")
-    squares = sum(
-        (x - x0 + np.log1p(q * c * np.exp(q * x0) * s) / q) ** 2 for s, x in zip(t, b.x, strict=True)
-    )
-    log_likelihood = -0.5 * squares / 0.02**2 - 50 * np.log(0.02 * np.sqrt(2 * np.pi))
-    prior = shared_prior(c[..., None], 10.0) / 3.0
-    prior = prior / (100.0 * np.sqrt(2 * np.pi))
-    most = log_likelihood.max()
-    cell = (rates[1] - rates[0]) * (powers[1] - powers[0]) * (starts[1] - starts[0])
-    truth = most + np.log(np.sum(np.exp(log_likelihood - most) * prior) * cell)
-    assert log_z[at] - np.log(0.8) + np.log(3.0) == pytest.approx(truth, abs=0.02)
 
 
 def test_repeats_are_pooled():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-from functools import cache
 
 import numpy as np
 import pytest
@@ -15,16 +14,10 @@ from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.types import InputError
-from bayesdamp.verdict import Verdict
-from validation.truth.turning_points import FORCES, FREQUENCY, OMEGA, START, readings, turning_points
+from validation.truth.turning_points import FORCES, FREQUENCY, OMEGA, readings, turning_points
 
-SUMS = (
-    ("viscous",),
-    ("coulomb",),
-    ("quadratic",),
-    ("viscous", "quadratic"),
-    ("viscous", "coulomb"),
-    ("cubic",),
+SUMS = tuple(
+    map(parse_model, ["viscous", "coulomb", "quadratic", "viscous+quadratic", "viscous+coulomb", "cubic"])
 )
 THINNING = '''
 from bayesdamp.physics.damping import DampingTerm
@@ -52,11 +45,6 @@ def envelope(force, seed: int, unit: str = "rad") -> EnvelopeRecord:
     return made_record("x", t, 20 * np.log10(a) if unit == "dB" else a, unit, FREQUENCY)
 
 
-@cache
-def verdict_on(term: str, *more: str, unit: str = "rad") -> Verdict:
-    return analyse(envelope(FORCES[term], 1, unit), sums=(*SUMS, *((item,) for item in more))).verdict
-
-
 @pytest.mark.parametrize(
     ("term", "truths", "unit"),
     [
@@ -68,10 +56,10 @@ def verdict_on(term: str, *more: str, unit: str = "rad") -> Verdict:
 )
 def test_a_term_is_named_and_its_numbers_are_recovered(term, truths, unit):
     """Without a scale, numbers that have one are relative to the amplitude at the start."""
-    result = verdict_on(term, *(() if term == "cubic" else (term,)), unit=unit)
+    answer = analyse(envelope(FORCES[term], 1, unit), sums=(*SUMS, *([] if term == "cubic" else [(term,)])))
+    result, level = answer.verdict, answer.curve.level[:3]
     assert result.damping == term
     assert result.decided
-    level = analyse(envelope(FORCES[term], 1, unit)).curve.level[:3]
     start = float(np.exp(np.mean(np.log(10.0) / 20.0 * level))) if unit == "dB" else 1.0
     powers = {"mu_3": 2, "mu_k": -1, "mu_p": -1, "stribeck_velocity": -1}
     values = {c.name: c for c in result.coefficients}
@@ -81,31 +69,8 @@ def test_a_term_is_named_and_its_numbers_are_recovered(term, truths, unit):
     assert sum(item.share for item in result.energy) == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_term_of_the_paper_stays_named_beside_others():
-    """The control: what this record has is not one of the terms with more parameters."""
-    result = verdict_on("quadratic", "power")
-    assert result.damping == "quadratic"
-    assert result.probability > 0.8
-
-
-@pytest.mark.slow
-def test_friction_that_rises_away_from_rest_is_not_told_from_coulomb_and_quadratic_damping():
-    """4 μ A (1 + q A²/3) a cycle is what these two take together, if q is not negative."""
-    both = (("coulomb",), ("coulomb", "quadratic"), ("dry_position",))
-    result = analyse(envelope(FORCES["dry_position"], 1), sums=both).verdict
-    assert not result.decided
-    assert "Coulomb (dry friction) + quadratic (drag) (0." in result.sentence
-    assert any("probabilities are just the prior ones" in text for text in result.remarks)
-    assert verdict_on("dry_position", "dry_position").decided  # control: where these two are not weighed
-    falling = analyse(
-        envelope(lambda x, v: FORCES["coulomb"](x, v) * (1 - 0.9 * (x / START) ** 2), 1), sums=both
-    ).verdict
-    assert falling.damping == "dry_position"  # control: what no sum of these loses
-    assert not any("probabilities are just the prior ones" in text for text in falling.remarks)
-
-
-def written(path, term: str = "thinning", unit: str = "rad", seed: int = 3) -> str:
-    record = envelope(FORCES[term], seed)
+def written(path, unit: str = "rad") -> str:
+    record = envelope(FORCES["thinning"], 3)
     y = 10 ** (record.level / 20)
     rows = "\n".join(f"{t:.7g},{a:.9g}" for t, a in zip(record.t, y))
     path.write_text(f"time (s),amplitude ({unit})\n{rows}\n")

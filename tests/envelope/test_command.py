@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.records.envelope.record import are_envelopes, read_envelope, unit_in
-from bayesdamp.store import Store
+from bayesdamp.records.envelope.record import are_envelopes, read_envelope
 from bayesdamp.types import InputError
 from validation.truth.ringdowns import Ringdown, simulate
 
 HEAD = "% Frequency [Hz]: 1562325.84\n% Quality factor: 2.5e7\n%\n% time [s], power [dBm]\n"
-DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data" / "ringdown"
 
 
 def written(path: Path, seed: int = 1, head: str = HEAD) -> Path:
@@ -90,12 +87,6 @@ def test_some_in_decibels_and_some_not_is_refused(tmp_path):
     assert are_envelopes([other], None, None, "envelope")
 
 
-def test_units_in_names():
-    units = {"power [dBm]": "dBm", "level / dB": "dB", "Power (mW)": "mW", "sound level in dBA": "dBA"}
-    units |= {"angle (deg)": None, "time [s]": None, "rpm": None}
-    assert {name: unit_in(name) for name in units} == units
-
-
 def test_the_frequency_is_read_from_the_head(tmp_path):
     """A sampling frequency is not the oscillation's."""
     for head, frequency in (
@@ -105,82 +96,6 @@ def test_the_frequency_is_read_from_the_head(tmp_path):
     ):
         found = read_envelope(written(tmp_path / "r.txt", head=head)).frequency
         assert found == (None if frequency is None else pytest.approx(frequency))
-
-
-@pytest.mark.slow
-def test_repeats_of_measured_samples_agree_within_their_intervals():
-    """Four ring-downs of one sample and two of another: pairs' standardised differences, and the Q that the authors of
-    the records found, within 8 %."""
-    if not DATA.exists():
-        pytest.skip("the measured decays are not here")
-    from bayesdamp.interface.envelopes import analyse
-    from bayesdamp.verdict.envelope import specimen
-
-    for sample, count in (("SP23-62", 4), ("0344", 2)):
-        records = [read_envelope(path) for path in sorted(DATA.glob(f"*{sample}.txt"))]
-        results = [analyse(record) for record in records]
-        common = specimen(sample, results)
-        assert common is not None
-        assert common.records == count
-        assert common.standardised < 3.0
-        for record, item in zip(records, (answer.verdict for answer in results)):
-            assert item.quality_factor is not None
-            stated = float(record.facts["Quality factor"])
-            assert item.quality_factor.value == pytest.approx(stated, rel=0.12 if count == 2 else 0.05)
-            assert max(item.probabilities, key=item.probabilities.__getitem__) == "viscous"
-
-
-def test_the_page_is_made_anew_and_nothing_is_computed(tmp_path, capsys):
-    files = [written(tmp_path / f"r{k}.txt", k) for k in (1, 2)]
-    flat = tmp_path / "flat.txt"
-    flat.write_text("time [s], level [dB]\n" + "\n".join(f"{k}, {(7 * k) % 5}" for k in range(300)) + "\n")
-    out = tmp_path / "out"
-    assert main(["compare", *map(str, [*files, flat]), "--repeats", "--out", str(out)]) == 0
-    page = (out / "report.html").read_bytes()
-    (out / "report.html").unlink()
-    capsys.readouterr()
-    assert main(["report", str(out)]) == 0
-    assert capsys.readouterr().out.strip() == str(out / "report.html")
-    assert (out / "report.html").read_bytes() == page
-    # Negative control: it is the stored answers that are shown.
-    store = Store(out)
-    cell = store.read("answer/r1/0")
-    verdict = {**cell.meta["verdict"], "sentence": "Another sentence."}
-    store.write(replace(cell, meta={**cell.meta, "verdict": verdict}))
-    assert main(["report", str(out)]) == 0
-    assert "Another sentence" in (out / "report.html").read_text()
-
-
-def test_two_questions_do_not_share_a_folder(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    file, places = str(written(tmp_path / "r.txt")), []
-    for more in ([file], [file, "--frequency", "2e6"], [file]):
-        assert main(["compare", *more]) == 0
-        text = capsys.readouterr()
-        places.append(text.out.splitlines()[-1].split("/")[1])
-        assert ("another question" in text.err) == (places[-1] != "r")
-    assert places == ["r", "r-2", "r"]
-
-
-def test_records_in_two_processes_are_those_of_one(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("bayesdamp.cli.commands.compare.ALONE", 1)
-    t = np.arange(0.0, 120.0, 4.0)
-    for k in range(3):
-        y = 2.0 * np.exp(-(0.02 + 0.002 * k) * t + 0.01 * np.random.default_rng(k).standard_normal(t.size))
-        text = "\n".join(f"{a},{b}" for a, b in zip(t, y))
-        (tmp_path / f"r{k}.csv").write_text("time (s),amplitude (mm)\n" + text + "\n")
-    files = [str(tmp_path / f"r{k}.csv") for k in range(3)]
-    for workers in "12":
-        more = ["--quantity", "envelope", "--workers", workers, "--out", str(tmp_path / workers)]
-        assert main(["compare", *files, *more]) == 0
-    first, two = (
-        list(csv.DictReader((tmp_path / w / "verdicts.csv").read_text().splitlines())) for w in "12"
-    )
-    assert [row["record"] for row in two] == [f"r{k}" for k in range(3)]
-    for a, b in zip(first, two):
-        assert float(a["rate"]) == pytest.approx(float(b["rate"]), rel=1e-6)
-        assert a["damping"] == b["damping"]
-    assert len(list((tmp_path / "2" / "figures").glob("*.png"))) == 3
 
 
 def test_amplitudes_that_are_not_said_to_be_an_envelope_are_hinted_at(tmp_path, capsys):

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
-import pytest
 
 from bayesdamp.inference.deviation.linear import grid_of
 from bayesdamp.inference.envelope.candidates import KNOTS
@@ -16,40 +13,15 @@ from bayesdamp.physics.amplitude import SUMS
 from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.store.contents import AnswerContent
-from bayesdamp.types import InputError
-from bayesdamp.verdict.envelope import EnvelopeAnswer, joint_damping, shared_likelihoods, specimen
+from bayesdamp.verdict.envelope import joint_damping, specimen
 from bayesdamp.verdict.specimen import probabilities
 from validation.truth.ringdowns import Ringdown, simulate
 
-SIZES = grid_of(KNOTS, phases=False).log_prior
-"""Log prior probability of each size and length of the deviation."""
 
-
-def record(
-    seed: int, frequency: float | None = 1e6, unit: str = "dBm", scatter: float = 0.1
-) -> EnvelopeRecord:
+def record(seed: int, scatter: float = 0.1) -> EnvelopeRecord:
     ringdown = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=scatter, scatter_time=0.5, behind=15.0)
     truth = simulate(ringdown, np.random.default_rng(seed))
-    return made_record(f"r{seed}", truth.t, truth.level, unit, frequency)
-
-
-@lru_cache
-def answered(seed: int) -> EnvelopeAnswer:
-    return analyse(record(seed))
-
-
-def test_records_of_one_specimen_share_coordinates():
-    """The damping ratio by the maximum of each likelihood; another unit is refused."""
-    answers = [answered(seed) for seed in (5, 6)]
-    shared = shared_likelihoods(answers)
-    assert set(shared) == set(map("+".join, SUMS))
-    for item in shared["viscous"]:
-        ratio = SCORE_RATIO * item.slope[0, 0] / item.information[0, 0, 0]
-        assert ratio == pytest.approx(0.16 / (2 * np.pi * 1e6), rel=0.3)
-    by_rate = shared_likelihoods([analyse(record(seed, frequency=None)) for seed in (5, 6)])
-    assert all(item.log.shape == SIZES.shape for item in by_rate["coulomb"])
-    with pytest.raises(InputError, match="dBm and dB"):
-        shared_likelihoods([answers[0], analyse(record(6, unit="dB"))])
+    return made_record(f"r{seed}", truth.t, truth.level, "dBm", 1e6)
 
 
 def test_more_records_of_one_damping_say_more():
@@ -66,9 +38,8 @@ def test_more_records_of_one_damping_say_more():
     assert spread["q2.5"] < 0.05 < spread["q97.5"]
     assert joint_damping(answers[:1]) is None
     further = "viscous+coulomb+quadratic"
-    apart = sum(
-        np.log(item[further] / item[truth]) for item in (two.verdict.probabilities for two in answers)
-    )
+    each = [item.verdict.probabilities for item in answers]
+    apart = sum(np.log(p[further] / p[truth]) for p in each)
     apart -= 3 * np.log(odds(further.split("+")) / odds(truth.split("+")))
     assert apart < np.log(0.01 * probability[further] / probability[truth])
 
@@ -79,7 +50,7 @@ def test_a_stored_answer_gives_the_same_specimen():
     stored = [answer_envelope(item, None, SUMS, 0, repeated=True) for item in records]
     answers = [Answer(AnswerContent.of_meta(item.content.meta()), item.arrays) for item in stored]
     again = specimen_of_envelopes("one", answers)
-    direct = specimen("one", [answered(seed) for seed in (5, 6)])
+    direct = specimen("one", [analyse(item) for item in records])
     assert again is not None
     assert direct is not None
     assert again.to_dict() == direct.to_dict()

@@ -46,31 +46,6 @@ def test_bounds_of_the_papers_pendulum(parameter, samples, known, unknown):
     assert per_cent(parameter, samples, free) == pytest.approx(unknown, abs=6e-4)
 
 
-def cosine(t: np.ndarray, zeta: float, theta0: float, k: float = 25.0) -> np.ndarray:
-    w = math.sqrt(k - zeta**2)
-    return theta0 * np.exp(-zeta * t) * (np.cos(w * t) + zeta / w * np.sin(w * t))
-
-
-def test_a_viscous_oscillator_in_closed_form():
-    t, zeta, theta0, sd = np.linspace(0.0, 8.0, 700), 0.08, 0.4, 0.01
-    h = 1e-5
-    columns = np.stack(
-        [
-            (cosine(t, zeta + h, theta0) - cosine(t, zeta - h, theta0)) / (2 * h),
-            (cosine(t, zeta, theta0 + h) - cosine(t, zeta, theta0 - h)) / (2 * h),
-        ]
-    )
-    expected = sd * np.sqrt(np.diag(np.linalg.inv(columns @ columns.T)))
-    known = {"stiffness": 25.0, "rest_angle": 0.0, "omega0": 0.0}
-    problem = Problem(("viscous",), System("linear", known, {"theta0": None}))
-    bound = cramer_rao(problem, {**known, "zeta": zeta, "theta0": theta0}, t, sd)
-    assert list(bound) == ["zeta", "theta0"]
-    assert list(bound.values()) == pytest.approx(expected.tolist(), rel=1e-5)
-    # Negative control: with another damping it is another bound.
-    other = cramer_rao(problem, {**known, "zeta": 2 * zeta, "theta0": theta0}, t, sd)
-    assert other["zeta"] != pytest.approx(bound["zeta"], rel=0.05)
-
-
 def test_what_the_record_does_not_tell_has_no_bound():
     """The velocity of a linear oscillator does not know where it is."""
     known = {"stiffness": 25.0, "omega0": 0.0}
@@ -80,14 +55,3 @@ def test_what_the_record_does_not_tell_has_no_bound():
     assert bound["rest_angle"] == bound["theta0"] == math.inf
     assert 0 < bound["zeta"] < 0.01
     assert all(math.isfinite(b) for b in cramer_rao(problem, p, np.linspace(0.0, 8.0, 300), 0.01).values())
-
-
-def test_misuse_raises():
-    known = {"stiffness": 25.0, "rest_angle": 0.0, "theta0": 0.4, "omega0": 0.0}
-    problem, t = Problem(("viscous",), System("linear", known)), np.linspace(0, 8, 100)
-    with pytest.raises(ValueError, match="must be positive"):
-        cramer_rao(problem, {**known, "zeta": 0.08}, t, 0.0)
-    with pytest.raises(ValueError, match="is none of"):
-        cramer_rao(problem, {**known, "zeta": 0.08}, t, 0.01, "jerk")
-    with pytest.raises(ValueError, match="'zeta' is missing"):
-        cramer_rao(problem, known, t, 0.01)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bayesdamp.estimators import ELEVEN, ESTIMATORS, Estimator, Options, names_for_all, parse_options, run
+from bayesdamp.estimators import ESTIMATORS, Estimator, Options, names_for_all, parse_options, run
 from bayesdamp.provenance import Provenance
 from bayesdamp.types import Estimate, InputError, Refusal, Signal
 from tests.estimators.truths import SHORT, pendulum
@@ -90,12 +90,6 @@ def test_topological_refuses_sums():
     assert outcomes == {"persistence lifetimes give one damping coefficient, not a sum of terms"}
 
 
-def test_only_the_stages_asked_for(noisy):
-    (estimate,) = run("least_squares", *noisy, stages=["refined"], seed=1)
-    assert estimate.stage == "refined"
-    assert run("least_squares", *noisy, stages=[], seed=1) == []
-
-
 @pytest.mark.parametrize(
     ("options", "hint"),
     [({"varient": "wls"}, "did you mean 'variant'"), ({"variant": "wsl"}, "'ols', 'wls', 'irls' or 'tls'")],
@@ -111,12 +105,6 @@ def test_unknown_names_are_refused(noisy):
         run("envelop", *noisy, seed=1)
     with pytest.raises(InputError, match="did you mean 'refined'"):
         run("envelope", *noisy, stages=["refine"], seed=1)
-
-
-def test_all_means_those_of_the_eleven_that_are_there():
-    names = names_for_all()
-    assert set(NAMES) <= set(names) <= set(ELEVEN)
-    assert names == [name for name in ELEVEN if name in names]
 
 
 class Stub(Estimator):

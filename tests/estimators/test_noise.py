@@ -62,11 +62,3 @@ def test_a_coefficient_is_never_negative_and_its_bound_is_told():
     assert initial.values["mu_q"] < 0.0  # the regression says so as it is
     assert refined.values["mu_q"] == 0.0
     assert "mu_q is at its bound 0" in refined.outcome
-
-
-def test_outliers_do_not_carry_the_regression_away():
-    signal, problem = pendulum({"zeta": 0.05}, noise=0.003)
-    y = signal.y.copy()
-    y[::500] += 1.0
-    (estimate,) = run("least_squares", type(signal)(signal.t, y), problem, stages=["initial"], seed=1)
-    assert error(estimate.values["zeta"], 0.05) < 10.0

@@ -8,10 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.estimators import ESTIMATORS, names_for_all, parse_options, run
+from bayesdamp.estimators import names_for_all
 from bayesdamp.estimators._protocol import optional_package
-from bayesdamp.types import Refusal
-from tests.estimators.truths import pendulum
 
 NEEDS = {
     "pinn": ["torch"],
@@ -27,21 +25,6 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def missing(package):
     return f'this estimator needs {package}; install it with: pip install "bayesdamp[paper]"'
-
-
-def test_a_missing_package_is_a_refusal_that_says_what_to_type(monkeypatch):
-    """The second package of one estimator; the last test has the first of each."""
-    name, package = "neural_ode", "torchdiffeq"
-    monkeypatch.setitem(sys.modules, package, None)
-    signal, problem = pendulum({"zeta": 0.05}, samples=500)
-    line = missing(package)
-    estimator = ESTIMATORS.get(name)
-    with pytest.raises(Refusal) as raised:
-        estimator.initial(signal, problem, parse_options(name, None), None)
-    assert str(raised.value) == line
-    initial, refined = run(name, signal, problem, seed=1)
-    assert initial.outcome == line
-    assert refined.outcome == f"no initial estimate to refine: {line}"
 
 
 def test_a_fault_inside_a_package_is_not_a_missing_package(tmp_path, monkeypatch):

@@ -8,6 +8,7 @@ import pytest
 from bayesdamp.estimators import run
 from bayesdamp.estimators.methods.least_squares import _covariance
 from bayesdamp.types import Problem, Signal, System
+from tests.physics.independent import viscous
 
 RATE, FREQUENCY, START, NOISE = 4.5e-3, 4.5, 0.3, 0.003
 KNOWN = {"stiffness": FREQUENCY**2, "rest_angle": 0.0, "theta0": START, "omega0": 0.0}
@@ -16,9 +17,9 @@ T = np.linspace(0.0, 40 * 2 * np.pi / FREQUENCY, 1601)
 
 def record(number: int) -> Signal:
     """θ̈ + 2ζθ̇ + ω²θ = 0 in closed form, from rest."""
-    own = np.sqrt(FREQUENCY**2 - RATE**2)
-    y = START * np.exp(-RATE * T) * (np.cos(own * T) + RATE / own * np.sin(own * T))
-    noisy = y + NOISE * np.random.default_rng([7, number]).standard_normal(T.size)
+    noisy = viscous(T, RATE, FREQUENCY, START) + NOISE * np.random.default_rng([7, number]).standard_normal(
+        T.size
+    )
     return Signal(T, noisy, name=f"ring-down {number}")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
@@ -28,14 +27,6 @@ def test_as_printed_gives_what_the_printed_equations_give(damping):
     assert error(found, truth) == pytest.approx(off, rel=0.01)
     # Negative control: the published formulae are not off like that.
     assert error(value(damping, "published"), truth) < 1.0
-
-
-def test_repeated_values_are_one_plateau():
-    signal, problem = pendulum({"zeta": 0.05})
-    step = 0.002
-    quantised = type(signal)(signal.t, step * np.round(signal.y / step), step=step)
-    (estimate,) = run("topological", quantised, problem, stages=["initial"], seed=1)
-    assert error(estimate.values["zeta"], 0.05) < 5.0
 
 
 def test_noise_above_the_decay_is_refused():

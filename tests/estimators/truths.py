@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from bayesdamp.estimators import names_for_all
 from bayesdamp.types import Problem, Signal, System
+from tests.physics.independent import trajectory, viscous, with_coulomb
 
 TERM = {"zeta": "viscous", "mu_c": "coulomb", "mu_q": "quadratic"}
 PAPER = ({"zeta": 0.05}, {"mu_c": 0.03}, {"mu_q": 0.05})
@@ -33,8 +32,6 @@ def pendulum(
     *,
     k: float = 20.0,
     theta0: float = 0.3,
-    epsilon: float = 0.1,
-    duration: float = 10.0,
     samples: int = 5000,
     noise: float = 0.0,
     seed: int = 0,
@@ -43,22 +40,12 @@ def pendulum(
     model: tuple[str, ...] | None = None,
 ) -> tuple[Signal, Problem]:
     """The paper's pendulum (γ = 1, θ_s = 0, θ̇0 = 0), and the problem of finding its damping."""
-    zeta, mu_c, mu_q = (damping.get(name, 0.0) for name in TERM)
-
-    def slope(_: float, y: np.ndarray) -> tuple[float, float]:
-        drag = 2 * zeta * y[1] + mu_c * math.tanh(y[1] / epsilon) + mu_q * y[1] * abs(y[1])
-        return y[1], -drag - k * y[0] + math.cos(y[0])
-
-    t = np.linspace(0.0, duration, samples)
-    y = solve_ivp(slope, (0.0, duration), (theta0, 0.0), "DOP853", t, rtol=1e-11, atol=1e-13, max_step=0.02).y
-    values = {
-        "angle": lambda: y[0],
-        "velocity": lambda: y[1],
-        "acceleration": lambda: np.array([slope(0.0, column)[1] for column in y.T]),
-    }[quantity]()
-    values = values + noise * np.random.default_rng(seed).normal(size=samples)
+    t = np.linspace(0.0, 10.0, samples)
     known = {"stiffness": k, "gravity": 1.0, "spring_angle": 0.0, "theta0": theta0, "omega0": 0.0}
-    known["epsilon"] = epsilon
+    known["epsilon"] = 0.1
+    motion = trajectory("horizontal_pendulum", {**known, **damping}, t, longest=0.02)
+    values = motion[:, ("angle", "velocity", "acceleration").index(quantity)]
+    values = values + noise * np.random.default_rng(seed).normal(size=samples)
     system = System(
         "horizontal_pendulum",
         {name: value for name, value in known.items() if name not in free},
@@ -70,22 +57,17 @@ def pendulum(
 def damped_cosine(zeta: float = 0.08, k: float = 25.0, theta0: float = 0.4) -> tuple[Signal, Problem]:
     """Linear spring and viscous damping, in closed form."""
     t = np.linspace(0.0, 12.0, 3000)
-    w = math.sqrt(k - zeta**2)
-    y = theta0 * np.exp(-zeta * t) * (np.cos(w * t) + zeta / w * np.sin(w * t))
     known = {"stiffness": k, "rest_angle": 0.0, "theta0": theta0, "omega0": 0.0}
-    return Signal(t, y), Problem(("viscous",), System("linear", known))
+    return Signal(t, viscous(t, zeta, k**0.5, theta0)), Problem(("viscous",), System("linear", known))
 
 
-def dry_friction(mu: float = 0.2, k: float = 25.0, theta0: float = 0.4) -> tuple[Signal, Problem]:
-    """Linear spring and exact dry friction, in closed form: amplitude drops by 2μ/k each half-cycle."""
+def dry_friction() -> tuple[Signal, Problem]:
+    """Linear spring and exact dry friction of 0.2, in closed form: amplitude drops by 2μ/k each half-cycle."""
     t = np.linspace(0.0, 10.0, 3000)
-    w, shift = math.sqrt(k), mu / k
-    half = np.floor(t * w / math.pi)
-    # In half-cycle j a cosine about ±μ/k, its amplitude θ0 − (2j + 1)μ/k; no sticking before 10 s.
-    assert theta0 - (2 * half[-1] + 1) * shift > shift
-    y = (theta0 - (2 * half + 1) * shift) * np.cos(w * t) + shift * (-1.0) ** half
-    known = {"stiffness": k, "rest_angle": 0.0, "theta0": theta0, "omega0": 0.0, "epsilon": 0.0}
-    return Signal(t, y), Problem(("coulomb",), System("linear", known))
+    known = {"stiffness": 25.0, "rest_angle": 0.0, "theta0": 0.4, "omega0": 0.0, "epsilon": 0.0}
+    return Signal(t, with_coulomb({**known, "mu_c": 0.2}, t)[:, 0]), Problem(
+        ("coulomb",), System("linear", known)
+    )
 
 
 def error(value: float, truth: float) -> float:

@@ -7,12 +7,14 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
+from scipy.special import erf, logsumexp
 from scipy.stats import norm
 
 from bayesdamp.inference.curves.weighted import summarise
 from bayesdamp.inference.deviation.repeats import Repeats, RunLikelihood, joined
 from bayesdamp.priors import SHARED_SCALES, HalfNormal, Normal, Prior, SharedHalfNormal
 from tests.inference.runs import Summed, by_quadrature, run_of
+from tests.physics.independent import viscous
 
 EXACTLY = np.zeros(1)
 """Log prior of the sizes of deviations where there is one combination alone."""
@@ -75,48 +77,6 @@ def test_one_coefficient(prior: Prior, places: tuple[float, ...]) -> None:
     assert (same > truth.log_evidence) is (places[0] == places[1])
 
 
-def test_without_a_spread_runs_are_one_set_of_data() -> None:
-    """The product of their likelihoods under one prior. Negative control: the product of their evidences."""
-    places, prior = (0.05, 0.0508, 0.0495, 0.0502), SharedHalfNormal(per_ratio=1.0)
-    runs = [run_at(p, 0.001) for p in places]
-    together = by_quadrature(runs, *line(prior, 0.04, 0.06), spread=0.0).log_evidence
-    one_set = run_at(float(np.mean(places)), 0.0005, -0.5 * float(np.var(places)) * 4 / 0.001**2)
-    for result in (
-        joined(runs, {"zeta": prior}, EXACTLY, spread=0.0),
-        joined(runs, {"zeta": prior}, EXACTLY, spread=1e-5),
-        joined([one_set], {"zeta": prior}, EXACTLY),
-    ):
-        assert result.log_evidence == pytest.approx(together, abs=NATS)
-    product = sum(joined([r], {"zeta": prior}, EXACTLY).log_evidence for r in runs)
-    assert abs(product - together) > 5
-
-
-def test_two_coefficients_of_which_one_is_nearly_zero() -> None:
-    """Their prior scale is one and unknown; by brute force over both, the factors and the spread."""
-    priors: Mapping[str, Prior] = {"zeta": SharedHalfNormal(1.0), "mu_c": SharedHalfNormal(1.6)}
-    covariance = np.array([[0.002**2, -0.8 * 0.002 * 0.003], [-0.8 * 0.002 * 0.003, 0.003**2]])
-    runs = [
-        run_of(["zeta", "mu_c"], place, covariance, 1.0)
-        for place in ([0.050, 0.001], [0.053, -0.001], [0.049, 0.002])
-    ]
-    a, b = np.linspace(0.03, 0.075, 120), np.linspace(0.0, 0.02, 81)
-    grid = np.stack(np.meshgrid(a, b, indexing="ij"), axis=-1).reshape(-1, 2)
-    ratios = grid / [1.0, 1.6]
-    each = (
-        -0.5 * np.sum(ratios**2, axis=1)[:, None] / SHARED_SCALES**2
-        + 2 * np.log(np.sqrt(2 / np.pi) / SHARED_SCALES)
-        - np.log(SHARED_SCALES.size)
-    )
-    widths = np.full(b.size, b[1] - b[0])
-    widths[[0, -1]] *= 0.5
-    cells = np.tile(np.log(widths), a.size) + np.log(a[1] - a[0])
-    log_prior = np.log(np.exp(each).sum(axis=1)) - np.log(1.6) + cells
-    truth = by_quadrature(runs, grid, log_prior, factors=301, reach=1.0)
-    result = joined(runs, priors, EXACTLY)
-    agrees(result, truth, grid)
-    assert np.all(result.draws >= 0)
-
-
 def test_a_term_s_own_parameter_is_the_same_in_all_runs() -> None:
     """Runs of one exponent whose coefficients differ. Control: if the factors multiplied the exponent too, evidence
     would be another."""
@@ -134,18 +94,38 @@ def test_a_term_s_own_parameter_is_the_same_in_all_runs() -> None:
     assert abs(joined(scaled, priors, EXACTLY).log_evidence - truth.log_evidence) > 5 * NATS
 
 
-def test_deviations_have_one_size_in_all_runs() -> None:
-    """Two combinations, of which each run prefers another: their likelihoods are multiplied before they are summed.
-    Control: summed run by run they are larger by what one change of size costs."""
-    prior = HalfNormal(0.3)
-    runs = [run_at(0.05, 0.001, np.array([0.0, -9.0])), run_at(0.05, 0.001, np.array([-9.0, 0.0]))]
-    log_sizes = np.log([0.3, 0.7])
-    result = joined(runs, {"zeta": prior}, log_sizes, spread=0.0)
-    plain = joined([run_at(0.05, 0.001)] * 2, {"zeta": prior}, EXACTLY, spread=0.0)
-    assert result.log_evidence - plain.log_evidence == pytest.approx(-9.0, abs=1e-6)
-    assert np.mean(result.combos == 1) == pytest.approx(0.7, abs=0.03)
-    apart = np.log(0.3 + 0.7 * np.exp(-9)) + np.log(0.7 + 0.3 * np.exp(-9))
-    assert apart > -9.0 + 5
+def test_runs_of_records_are_joined_to_the_evidence_of_quadrature() -> None:
+    """Three viscous decays in closed form, all else known, whose coefficients differ: summed over the coefficient, the
+    runs' factors and their spread. Control: the product of their own evidences."""
+    omega, noise, spreads = 4.5, 0.012, np.linspace(1e-3, 0.5, 200)
+    t, x = np.linspace(0.0, 16.0, 160), np.geomspace(0.015, 0.15, 801)
+    known = {"stiffness": omega**2, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0, "noise_sd": noise}
+
+    runs, logs, rng = [], [], np.random.default_rng(22)
+    for factor in (0.92, 1.01, 1.07):
+        y = viscous(t, 0.05 * factor, omega, 0.3) + noise * rng.standard_normal(t.size)
+        weighing = weighing_of(
+            Signal(t, y), damping=["viscous"], restoring=["linear"], known=known, reference=Reference(0.3, omega),
+            approximate=False,
+        )  # fmt: skip
+        runs.append(damping_run(weighing, weighing.results[0], np.array([0.2, 0.1]), False))
+        logs.append(np.array([norm.logpdf(y, viscous(t, z, omega, 0.3), noise).sum() for z in x]))
+    # Of one half-normal ratio whose scale is log-uniform; in its logarithm.
+    prior = erf(x / omega / 1e-8 / 2**0.5) - erf(x / omega / 0.3 / 2**0.5)
+    log_prior = np.log(prior / np.log(0.3 / 1e-8) * np.log(x[1] / x[0]))
+    alone = [logsumexp(log + log_prior) for log in logs]
+    steps = np.log(x) - np.log(x)[:, None]
+    together = []
+    for spread in spreads:
+        kernel = norm.logpdf(steps / spread) - logsumexp(norm.logpdf(steps / spread), axis=1, keepdims=True)
+        together.append(logsumexp(sum(logsumexp(log + kernel, axis=1) for log in logs) + log_prior))
+    weights = norm.pdf(spreads / SPREAD) / norm.pdf(spreads / SPREAD).sum()
+    wanted = logsumexp(together, b=weights)
+    priors = damping_priors(["viscous"], Reference(0.3, omega))
+    each = [joined([run], priors, EXACTLY).log_evidence for run in runs]
+    assert each == pytest.approx(alone, abs=NATS)
+    assert joined(runs, priors, EXACTLY).log_evidence == pytest.approx(wanted, abs=NATS)
+    assert abs(sum(each) - wanted) > 1.0
 
 
 def test_what_cannot_be_joined_is_a_fault() -> None:

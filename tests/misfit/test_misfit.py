@@ -13,7 +13,6 @@ from scipy.stats import binom
 
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
-from validation.misfit import scoring
 from validation.misfit.cases import INSIDE, drawn
 from validation.misfit.scoring import OPEN, REFUSED, RIGHT, WRONG, outcome, score
 from validation.misfit.summary import page
@@ -48,12 +47,6 @@ def test_the_page_counts_what_is_wrong_and_unwarned():
     assert "in 1 of 2 (" in said
     assert "rightly in 1 of 1 (" in said
     assert "| cubic | 2 | 0 | 1 | 0 | 1 |" in said
-
-
-def test_a_file_that_cannot_be_read_counts_as_refused(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(scoring, "_verdict", lambda case, file: "no oscillation")
-    found = score(drawn("clean", 0, 5))
-    assert (found["outcome"], found["sentence"]) == (REFUSED, "no oscillation")
 
 
 def too_many(wrong: int, count: int) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.physics.independent import viscous
 from validation.misfit import records as rec
 from validation.misfit.cases import INSIDE, SAMPLES, drawn
 
@@ -18,9 +19,7 @@ def spring(x: float) -> float:
 def test_viscous_damping_is_the_closed_form_and_leaves_what_was_asked() -> None:
     damping = rec.damping_of({"viscous": 1.0}, 40 / (2 * np.pi), 0.3)
     ratio = -np.log(0.3) / 40
-    turn = np.sqrt(1 - ratio**2)
-    exact = np.exp(-ratio * T) * (np.cos(turn * T) + ratio / turn * np.sin(turn * T))
-    assert rec.free(damping, spring, T) == pytest.approx(exact, abs=1e-5)
+    assert rec.free(damping, spring, T) == pytest.approx(viscous(T, ratio, 1.0, 1.0), abs=1e-5)
     assert rec.fall(lambda v: 2 * ratio * np.asarray(v), 0.5) == pytest.approx(ratio * 0.5, rel=1e-9)
 
 

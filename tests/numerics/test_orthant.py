@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import ks_2samp, multivariate_normal, norm
 
-from bayesdamp.numerics.orthant import draw, log_probability, truncated
+from bayesdamp.numerics.orthant import draw, log_probability
 
 FALSE_ALARM = 1e-4
 """Of each comparison of draws."""
@@ -61,22 +61,6 @@ def test_unlikely_coordinates_in_either_order(mean: tuple[float, float], r: floa
     assert found == pytest.approx(by_quadrature(np.array(mean), r), abs=2e-3)
 
 
-def test_scales_do_not_matter() -> None:
-    mean, covariance = np.array([0.5, -1.0, 0.2]), covariance_of(np.random.default_rng(5), 3)
-    scale = np.array([1e-3, 1.0, 1e4])
-    one = log_probability(mean[None], covariance[None])
-    other = log_probability((mean * scale)[None], (covariance * np.outer(scale, scale))[None])
-    assert other == pytest.approx(one, abs=1e-12)
-
-
-def test_truncated_quantiles() -> None:
-    shares = np.array([[0.01, 0.5, 0.99]])
-    for mean, sd in ((2.0, 1.0), (-3.0, 0.7), (0.0, 2.0)):
-        found = truncated(np.array([mean]), np.array([sd]), shares)[0]
-        above = norm.sf(0, mean, sd)
-        assert norm.sf(found, mean, sd) == pytest.approx((1 - shares[0]) * above, rel=1e-9)
-
-
 def rejected(rng: np.random.Generator, mean: np.ndarray, factor: np.ndarray, places: list[int]) -> np.ndarray:
     """Draws by rejection, as many as remain of 400,000."""
     draws = mean + rng.standard_normal((400_000, mean.size)) @ factor.T
@@ -110,36 +94,3 @@ def test_one_wall_is_the_normal_distribution_function() -> None:
     means = np.array([-200.0, -30.0, -3.0, 0.0, 2.0])
     found = log_probability(means[:, None], np.full((5, 1, 1), 4.0))
     assert found == pytest.approx(norm.logcdf(means / 2), rel=1e-12)
-
-
-def test_far_out_in_the_tail_of_two_walls() -> None:
-    mean = np.array([[-60.0, -80.0]])
-    found = log_probability(mean, np.eye(2)[None])[0]
-    assert found == pytest.approx(float(np.sum(norm.logcdf(mean))), rel=1e-9)
-
-
-def cut_off(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    factor = np.linalg.cholesky(covariance)
-    return draw(np.random.default_rng(0), mean, factor, np.arange(mean.size), 4000)
-
-
-def test_cut_off_normal_on_a_thin_sheet():
-    """Coefficients of which the sum alone is known, to a share of 1e-4: between the walls they are uniform on a
-    triangle, whose moments are those of Dirichlet's distribution. 2,000 effective draws: sds of 0.005; the control is
-    the normal's own mean, which is far outside."""
-    total, away = 0.03, np.array([-0.2, 0.1, 0.13])
-    loose = 0.25**2 * (np.eye(3) - 1 / 3) + (1e-4 * total) ** 2 / 3
-    found = cut_off(away, loose) / total
-    np.testing.assert_allclose(found.sum(axis=1), 1.0, atol=1e-3)
-    np.testing.assert_allclose(found.mean(axis=0), 1 / 3, atol=0.03)
-    np.testing.assert_allclose(found.std(axis=0), 1 / np.sqrt(18), atol=0.03)
-    assert np.min(away / total) < -1
-
-
-def test_cut_off_far_from_the_wall_and_far_beyond_it():
-    """A normal that hardly meets the wall keeps its moments; far beyond, what is left is exponential."""
-    far = cut_off(np.array([30.0]), np.array([[1.0]]))
-    assert far.mean() == pytest.approx(30.0, abs=0.1)
-    beyond = cut_off(np.array([-50.0]), np.array([[1.0]]))
-    assert beyond.mean() == pytest.approx(1 / 50, rel=0.1)
-    assert beyond.std() == pytest.approx(1 / 50, rel=0.15)

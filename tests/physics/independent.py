@@ -107,6 +107,12 @@ def trajectory(
         t, x, v = float(run.t[-1]), float(run.y[0, -1]), 0.0
 
 
+def viscous(t: np.ndarray, zeta: float, omega: float, start: float) -> np.ndarray:
+    """θ of θ̈ + 2ζθ̇ + ω²θ = 0 from rest at the start, in closed form."""
+    w = math.sqrt(omega**2 - zeta**2)
+    return start * np.exp(-zeta * t) * (np.cos(w * t) + zeta / w * np.sin(w * t))
+
+
 def with_coulomb(p: Mapping[str, float], times: np.ndarray) -> np.ndarray:
     """θ, θ̇, θ̈ of k(θ − θ_e) with exact Coulomb friction in closed form, shape (n, 3): half cosines about centres that
     are μ_c/k off the rest angle, then rest."""

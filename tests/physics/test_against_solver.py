@@ -31,23 +31,13 @@ def test_table_covers_every_law_and_sum():
 
 @pytest.mark.parametrize("law", LAWS)
 def test_every_law_and_damping(law):
+    """The control: a coefficient that is off by one part in ten thousand."""
     for model in SUMS if law == "linear" else SUMS[-1:]:
         p = parameters(model, law)
         y = simulate(Oscillator(tuple(model.split("+")), law), p, TIMES)
         assert np.max(np.abs(y - trajectory(law, p, TIMES)[:, 0])) < LIMIT, model
-
-
-PEAK = 0.3 * 20**0.5
-"""Peak velocity of the paper's pendulum, rad/s."""
-
-
-@pytest.mark.parametrize(("model", "share"), [("coulomb", 0.02), ("viscous+coulomb+quadratic", 0.002)])
-def test_sharp_friction(model, share):
-    """ε down to 0.2 % of the peak velocity, and friction strong enough to stop the pendulum."""
-    p = parameters(model, "horizontal_pendulum", epsilon=share * PEAK, mu_c=0.2)
-    y = simulate(Oscillator(tuple(model.split("+")), "horizontal_pendulum"), p, TIMES)
-    truth = trajectory("horizontal_pendulum", p, TIMES, longest=0.01)[:, 0]
-    assert np.max(np.abs(y - truth)) < LIMIT
+        wrong = {n: v * (1.0001 if n in PAPER else 1.0) for n, v in p.items()}
+        assert np.max(np.abs(y - trajectory(law, wrong, TIMES)[:, 0])) > LIMIT, model
 
 
 @pytest.mark.parametrize(
@@ -65,22 +55,6 @@ def test_unusual_motions(law, changed):
     y = simulate(Oscillator(("viscous", "quadratic"), law), p, TIMES)
     truth = trajectory(law, p, TIMES, longest=0.01)[:, 0]
     assert np.max(np.abs(y - truth)) < LIMIT * max(1.0, abs(p["theta0"]))
-
-
-def test_irregular_times():
-    """Samples anywhere, several in a step, one twice, the first not at 0: the motion starts there."""
-    times = 3.0 + np.sort(np.concatenate([[0.0], np.random.default_rng(1).uniform(0, 4, 300), [2.0, 2.0]]))
-    p = parameters("viscous+coulomb", "horizontal_pendulum")
-    y = simulate(Oscillator(("viscous", "coulomb"), "horizontal_pendulum"), p, times)
-    assert np.max(np.abs(y - trajectory("horizontal_pendulum", p, times)[:, 0])) < LIMIT
-
-
-def test_negative_control():
-    """The comparison sees a coefficient that is off by one part in ten thousand."""
-    p = parameters("viscous", "linear")
-    y = simulate(Oscillator(("viscous",), "linear"), p, TIMES)
-    other = trajectory("linear", {**p, "zeta": p["zeta"] * 1.0001}, TIMES)[:, 0]
-    assert np.max(np.abs(y - other)) > LIMIT
 
 
 def test_missing_parameter_and_unknown_quantity():

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from bayesdamp.physics.damping import GIVEN, TERMS, DampingTerm, all_sums, median, parse_model
+from bayesdamp.physics.damping import GIVEN, TERMS, DampingTerm, median, parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
 from bayesdamp.physics.restoring import RestoringLaw
 from bayesdamp.types import InputError
-from tests.physics.independent import LAWS, drag, restoring
+from tests.physics.independent import LAWS, restoring
 
 GRID = np.linspace(-0.6, 0.7, 57)
 
@@ -53,13 +53,6 @@ def test_the_force_on_arrays_is_the_kernel(name):
     assert np.allclose(force, other, atol=1e-9) != term.switches  # control
 
 
-def test_an_exact_switch_is_the_sign():
-    v = np.linspace(-3, 3, 13)
-    np.testing.assert_allclose(TERMS.get("coulomb").force(0 * v, v, 0.0), np.sign(v), atol=0)
-    rough = TERMS.get("stribeck").force(0 * v, v, 0.0, 0.5, 0.3)
-    np.testing.assert_allclose(rough, np.sign(v) * (1 + 0.5 * np.exp(-((v / 0.3) ** 2))), atol=1e-15)
-
-
 class Branching(DampingTerm):
     """F = c θ̇ outside a dead zone."""
 
@@ -69,25 +62,6 @@ class Branching(DampingTerm):
     def kernel(x: float, v: float, epsilon: float) -> float:
         """0 within 0.01."""
         return v if abs(x) > 0.01 else 0.0
-
-
-class Foreign(DampingTerm):
-    """F = c √(2|θ̇|) sgn θ̇, with what arrays do not have."""
-
-    name, parameter, unit = "foreign", "c_foreign", "1/s"
-
-    @staticmethod
-    def kernel(x: float, v: float, epsilon: float) -> float:
-        """With math.fsum."""
-        return math.copysign(math.sqrt(math.fsum([abs(v), abs(v)])), v)
-
-
-@pytest.mark.parametrize("term", [Branching(), Foreign()])
-def test_a_kernel_of_numbers_alone_is_called_number_by_number(term):
-    x, v = np.linspace(-0.02, 0.02, 9), np.linspace(-1, 1, 9)
-    found = term.force(x, v, 0.1)
-    np.testing.assert_allclose(found, [term.kernel(*one, 0.1) for one in zip(x.tolist(), v.tolist())])
-    assert found.shape == x.shape
 
 
 class Kinked(RestoringLaw):
@@ -109,18 +83,18 @@ class Kinked(RestoringLaw):
         raise NotImplementedError
 
 
-def test_a_law_of_numbers_alone_is_called_number_by_number():
+def test_a_kernel_of_numbers_alone_is_called_number_by_number():
     x = np.linspace(-1, 1, 5)
+    np.testing.assert_allclose(Branching().force(x, 3 * x, 0.1), np.where(np.abs(x) > 0.01, 3 * x, 0.0))
     np.testing.assert_allclose(Kinked().force(x, {"stiffness": 3.0}), np.where(x < 0, 3 * x, 6 * x))
     each = Kinked().force(x[:, None], {"stiffness": np.array([1.0, 2.0])})
     np.testing.assert_allclose(each, np.where(x < 0, x, 2 * x)[:, None] * [1.0, 2.0])
 
 
 @pytest.mark.parametrize("name", TERMS.names())
-@pytest.mark.parametrize(("amplitude", "frequency"), [(0.3, 4.47), (1.7, 0.6)])
-def test_equivalent_ratio(name, amplitude, frequency):
+def test_equivalent_ratio(name):
     """Energy lost in a cycle of a harmonic motion, by SciPy's quadrature, over that of a viscous ratio of 1."""
-    term = TERMS.get(name)
+    term, amplitude, frequency = TERMS.get(name), 1.7, 0.6
     known = {"rest": 0.2, "reference_velocity": amplitude * frequency, "reference_amplitude": amplitude}
     known |= {p.name: median(p.prior(amplitude, frequency)) for p in term.inferred}
     force = term.at(known)
@@ -140,39 +114,17 @@ def test_equivalent_ratio(name, amplitude, frequency):
     assert by_rule != pytest.approx(1.01 * lost, rel=1e-6)  # control
 
 
-CLOSED = {
-    "cubic": ({}, lambda a, w: 3 * math.pi / 4 * w**3 * a**4),
-    "displacement": ({}, lambda a, w: math.pi / 4 * w * a**4),
-    "structural": ({}, lambda a, w: 2 * a**2),
-    "power": ({"exponent": 2.0, "reference_velocity": 1.0}, lambda a, w: 8 / 3 * w**2 * a**3),
-    "stribeck": ({"static_excess": 0.0, "stribeck_velocity": 0.3}, lambda a, w: 4 * a),
-    "dry_position": (
-        {"friction_slope": 0.3, "friction_curvature": 0.7, "reference_amplitude": 0.5},
-        lambda a, w: 4 * a * (1 + 0.7 * (a / 0.5) ** 2 / 3),
-    ),
-}
-
-
-@pytest.mark.parametrize("name", CLOSED)
-def test_energy_in_a_cycle_by_closed_forms(name):
-    further, lost = CLOSED[name]
-    assert TERMS.get(name).work(0.4, 3.0, further) == pytest.approx(lost(0.4, 3.0), rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("name", "further"),
     [
         ("power", {"exponent": -0.3}),
-        ("power", {"exponent": 0.5, "reference_velocity": 0.2}),
-        ("power", {"exponent": 3.3}),
+        ("power", {"exponent": 3.3, "reference_velocity": 0.2}),
         ("stribeck", {"static_excess": 0.8, "stribeck_velocity": 0.02}),
-        ("stribeck", {"static_excess": 3.0, "stribeck_velocity": 0.9}),
         # Without friction on one side, on both, within, and nowhere.
         ("dry_position", {"friction_slope": 2.0, "friction_curvature": 0.5}),
         ("dry_position", {"friction_slope": 0.1, "friction_curvature": -3.0}),
         ("dry_position", {"friction_slope": -2.5, "friction_curvature": 1.4, "reference_amplitude": 0.3}),
         ("dry_position", {"friction_slope": 0.0, "friction_curvature": 0.0}),
-        ("dry_position", {"friction_slope": 1.5, "friction_curvature": 0.0}),
     ],
 )
 def test_a_closed_form_is_the_work_of_the_kernel(name, further):
@@ -199,25 +151,6 @@ def test_a_closed_form_is_the_work_of_the_kernel(name, further):
     by_rule = DampingTerm.work(term, a, w, further)  # across breaks too
     assert by_rule == pytest.approx(lost, rel=1e-3)
     assert term.work(a, w, further) != pytest.approx(1.0001 * lost, rel=1e-8)  # control
-
-
-def test_a_stribeck_friction_that_nowhere_rises_is_its_kinetic_one():
-    """At a Stribeck velocity far above the motion's it is the static friction all along."""
-    term = TERMS.get("stribeck")
-    static = term.work(0.4, 3.0, {"static_excess": 0.5, "stribeck_velocity": 1e4})
-    assert static == pytest.approx(1.5 * 4 * 0.4, rel=1e-6)
-
-
-@pytest.mark.parametrize("model", all_sums())
-def test_force_of_every_sum(model):
-    osc = Oscillator(parse_model(model), "linear")
-    p = {
-        n: v
-        for n, v in {"zeta": 0.4, "mu_c": 0.3, "mu_q": 0.2, "epsilon": 0.1}.items()
-        if n in osc.parameters
-    }
-    expected = [drag(p)(float(v), 0.0) for v in GRID]
-    np.testing.assert_allclose(osc.damping_force(np.zeros(GRID.size), GRID, p), expected, atol=1e-12)
 
 
 def test_names_of_models():
@@ -272,15 +205,6 @@ def test_start_has_the_frequency_and_the_rest_position(name):
     assert osc.natural_frequency(p, 0.2) == pytest.approx(6.3, rel=1e-9)
 
 
-@pytest.mark.parametrize("gravity", [1.0, -243.0, 30.0])
-def test_start_with_known_gravity(gravity):
-    p = LAW_PLUGINS.get("horizontal_pendulum").start(20.0, 0.5, {"gravity": gravity})
-    osc = Oscillator(("viscous",), "horizontal_pendulum")
-    assert p["gravity"] == gravity
-    assert osc.equilibrium(p, 0.5) == pytest.approx(0.5, abs=1e-9)
-    assert osc.natural_frequency(p, 0.5) == pytest.approx(20.0, rel=1e-9)
-
-
 @pytest.mark.parametrize("name", LAW_PLUGINS.names())
 def test_start_keeps_what_is_known(name):
     law = LAW_PLUGINS.get(name)
@@ -289,15 +213,6 @@ def test_start_keeps_what_is_known(name):
         law.parameters[-1]: LAWS[name][law.parameters[-1]],
     }
     assert {n: law.start(4.0, 0.1, known)[n] for n in known} == known
-
-
-def test_equilibrium_of_the_paper():
-    """kθ = cos θ for the paper's numbers, and ω_n = √(k + sin θ) there."""
-    osc = Oscillator(("viscous",), "horizontal_pendulum")
-    p = LAWS["horizontal_pendulum"]
-    at = osc.equilibrium(p)
-    assert 20 * at == pytest.approx(math.cos(at), abs=1e-10)
-    assert osc.natural_frequency(p) == pytest.approx(math.sqrt(20 + math.sin(at)), rel=1e-12)
 
 
 def test_no_equilibrium_is_an_error():

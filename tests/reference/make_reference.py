@@ -24,36 +24,32 @@ from scipy.integrate import solve_ivp
 
 LOG_2PI = math.log(2 * math.pi)
 
-PROBLEMS: dict[str, dict] = {
-    "viscous_coulomb": {
-        "damping": ["viscous", "coulomb"],
-        "restoring": "horizontal_pendulum",
-        "noise": "gaussian",
-        "known": {"stiffness": 20.0, "gravity": 1.0, "spring_angle": 0.0, "epsilon": 0.1},
-        "truth": {"zeta": 0.04, "mu_c": 0.02, "theta0": 0.3, "omega0": 0.0, "noise_sd": 0.006},
-        "priors": {
-            "zeta": {"prior": "halfnormal", "scale": 0.4},
-            "mu_c": {"prior": "halfnormal", "scale": 0.8},
-            "theta0": {"prior": "normal", "mean": 0.05, "sd": 0.6},
-            "omega0": {"prior": "normal", "mean": 0.0, "sd": 2.0},
-            "noise_sd": {"prior": "lognormal", "median": 0.005, "sigma": 1.0},
-        },
-        "duration": 8.0,
-        "samples": 200,
-        "seed": 11,
+VISCOUS_COULOMB: dict = {
+    "damping": ["viscous", "coulomb"],
+    "restoring": "horizontal_pendulum",
+    "noise": "gaussian",
+    "known": {"stiffness": 20.0, "gravity": 1.0, "spring_angle": 0.0, "epsilon": 0.1},
+    "truth": {"zeta": 0.04, "mu_c": 0.02, "theta0": 0.3, "omega0": 0.0, "noise_sd": 0.006},
+    "priors": {
+        "zeta": {"prior": "halfnormal", "scale": 0.4},
+        "mu_c": {"prior": "halfnormal", "scale": 0.8},
+        "theta0": {"prior": "normal", "mean": 0.05, "sd": 0.6},
+        "omega0": {"prior": "normal", "mean": 0.0, "sd": 2.0},
+        "noise_sd": {"prior": "lognormal", "median": 0.005, "sigma": 1.0},
     },
+    "duration": 8.0,
+    "samples": 200,
+    "seed": 11,
+}
+PROBLEMS: dict[str, dict] = {
+    "viscous_coulomb": VISCOUS_COULOMB,
     "coulomb_correlated": {
         "damping": ["coulomb"],
         "restoring": "linear",
         "noise": "correlated",
         "known": {"rest_angle": 0.0, "epsilon": 0.03},
         "truth": {
-            "mu_c": 0.05,
-            "stiffness": 20.0,
-            "theta0": 0.3,
-            "omega0": 0.1,
-            "noise_sd": 0.006,
-            "noise_time": 0.05,
+            "mu_c": 0.05, "stiffness": 20.0, "theta0": 0.3, "omega0": 0.1, "noise_sd": 0.006, "noise_time": 0.05,
         },
         "priors": {
             "mu_c": {"prior": "halfnormal", "scale": 0.8},
@@ -68,23 +64,11 @@ PROBLEMS: dict[str, dict] = {
         "seed": 12,
     },
     "touching_zero": {
-        "damping": ["viscous", "coulomb"],
-        "restoring": "horizontal_pendulum",
-        "noise": "gaussian",
-        "known": {"stiffness": 20.0, "gravity": 1.0, "spring_angle": 0.0, "epsilon": 0.1},
-        "truth": {"zeta": 0.05, "mu_c": 0.0, "theta0": 0.3, "omega0": 0.0, "noise_sd": 0.006},
-        "priors": {
-            "zeta": {"prior": "halfnormal", "scale": 0.4},
-            "mu_c": {"prior": "halfnormal", "scale": 0.8},
-            "theta0": {"prior": "normal", "mean": 0.05, "sd": 0.6},
-            "omega0": {"prior": "normal", "mean": 0.0, "sd": 2.0},
-            "noise_sd": {"prior": "lognormal", "median": 0.005, "sigma": 1.0},
-        },
-        "duration": 8.0,
-        "samples": 200,
+        **VISCOUS_COULOMB,
+        "truth": {**VISCOUS_COULOMB["truth"], "zeta": 0.05, "mu_c": 0.0},
         "seed": 13,
     },
-}
+}  # fmt: skip
 
 ENSEMBLES = 3
 WALKERS = 512
@@ -116,17 +100,8 @@ def record_of(problem: dict) -> tuple[np.ndarray, np.ndarray]:
     t = np.linspace(0.0, problem["duration"], n)
     if problem["noise"] == "correlated":
         t[1:-1] += rng.uniform(-0.3, 0.3, n - 2) * t[1]
-    slope = slope_of(problem, truth)
-    run = solve_ivp(
-        slope,
-        (0.0, t[-1]),
-        (truth["theta0"], truth["omega0"]),
-        method="DOP853",
-        rtol=1e-11,
-        atol=1e-13,
-        t_eval=t,
-        max_step=0.005,
-    )
+    start, fine = (truth["theta0"], truth["omega0"]), {"rtol": 1e-11, "atol": 1e-13, "max_step": 0.005}
+    run = solve_ivp(slope_of(problem, truth), (0.0, t[-1]), start, "DOP853", t_eval=t, **fine)
     noise = rng.standard_normal(n)
     if problem["noise"] == "correlated":
         rho = np.exp(-np.diff(t) / truth["noise_time"])

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import fields
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
-from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
+from scipy.integrate import solve_ivp
 
 from bayesdamp.provenance import Provenance
 from bayesdamp.types import InputError
 from validation.truth import discrepancies as odd
 from validation.truth.drawing import Draw
-from validation.truth.motion import solved
 from validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS, Oscillator
 from validation.truth.records import FAMILY, KINDS, Case, case, in_turn
 
@@ -78,55 +74,6 @@ def test_cases_come_from_their_seed() -> None:
     assert copy.ratio(made.amplitudes[1]) == made.ratio(made.amplitudes[1])
 
 
-@pytest.mark.parametrize("kind", ["family", "jitter"])
-def test_ten_times_the_samples_are_of_the_same_motion(kind: str) -> None:
-    made, dense = case(kind, 1, 3), case(kind, 1, 3, oversample=10)
-    assert dense.name == made.name + "-x10"
-    assert dense.signal.t.size >= 10 * made.signal.t.size - 10
-    assert dense.signal.t[::10][: made.signal.t.size] == pytest.approx(made.signal.t)
-    same = {f.name for f in fields(Case)} - {"name", "signal", "oversample", "ratio"}
-    assert all(getattr(dense, name) == getattr(made, name) for name in same)
-    apart = dense.signal.y[::10][: made.signal.t.size] - made.signal.y
-    assert np.std(apart) == pytest.approx(np.sqrt(2) * made.noise_sd, rel=5 / np.sqrt(2 * apart.size))
-
-
-@pytest.mark.parametrize(("seed", "number"), [(3, 29), pytest.param(4, 15, marks=pytest.mark.slow)])
-def test_nats_are_those_of_least_squares_on_the_true_motion(seed: int, number: int) -> None:
-    """Coulomb friction's only full rival is viscous and quadratic: fitted here by SciPy alone to the noise-free record.
-
-    Half its least χ² is the nats within 3 %: those count samples roughly, and compare 24 a cycle.
-    """
-    made = case(FAMILY, seed, number)
-    assert (made.damping, made.parameters["omega0"], made.parameters["epsilon"]) == ("coulomb", 0.0, 0.0)
-    truth = oscillator_of(made)
-    t, zero = made.signal.t, truth.equilibrium()
-    frequency = 2 * np.pi * made.cycles / t[-1]
-    true = solved(truth, made.parameters["theta0"] - zero, frequency, t[-1]).at(t)[0]
-    law, size = dict(truth.parameters), abs(made.parameters["theta0"] - zero)
-    scales = [abs(v) for v in law.values()]
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        moved = {n: v + s * d for (n, v), s, d in zip(law.items(), scales, x, strict=False)}
-        ratio = made.ratio(made.amplitudes[1]) * x[-2:]
-        damping = {"viscous": ratio[0] * frequency, "quadratic": ratio[1] / made.amplitudes[1]}
-        pull = Oscillator(made.restoring, moved, damping).acceleration()
-        start = [zero + size * (np.sign(true[0] - zero) + x[-4]), size * frequency * x[-3]]
-        found = solve_ivp(
-            lambda t, s: [s[1], pull(t, s[0], s[1], 0.0)], (0.0, t[-1]), start, method="DOP853", t_eval=t, rtol=1e-8,
-            atol=1e-9 * size,
-        )  # fmt: skip
-        return (found.y[0] - true) / made.noise_sd
-
-    x0 = np.append(np.zeros(len(law) + 2), [1.0, 0.1])
-    low = np.append(np.full(len(law) + 2, -np.inf), [0.0, 0.0])
-
-    def jacobian(x: np.ndarray) -> np.ndarray:
-        return np.column_stack([(residual(x + h) - residual(x - h)) / 2e-4 for h in 1e-4 * np.eye(x.size)])
-
-    fit = least_squares(residual, x0, jacobian, bounds=(low, np.inf), x_scale="jac")
-    assert made.nats == pytest.approx(fit.cost, rel=0.03)
-
-
 W, A, ZETA = 5.0, 0.3, 0.1
 
 
@@ -135,43 +82,6 @@ def a_draw() -> Draw:
     spring = {"stiffness": W * W, "rest_angle": 0.2}
     oscillator = Oscillator("linear", spring, {"viscous": ZETA, "coulomb": 0.02})
     return Draw(oscillator, -A, W, 20.0, 50.0, 0.0, 0.1, 0.01)
-
-
-def sensed(kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, what the sensor reads, and the displacements, from the release on."""
-    draw, times = a_draw(), np.linspace(0.0, 10.0, 500)
-    motion = solved(draw.oscillator, draw.displacement, W, draw.duration)
-    observe = odd.KINDS[kind](np.random.default_rng(1), draw)
-    return times, observe(motion, times), motion.at(times)[0] - motion.equilibrium
-
-
-def test_a_cubic_sensor_is_off_by_half_a_percent_at_the_release() -> None:
-    _, read, x = sensed("cubic_sensor")
-    assert np.abs(read / x - 1) == pytest.approx(0.005 * (x / A) ** 2)
-
-
-def test_a_second_mode_is_one_percent_and_decays() -> None:
-    times, read, x = sensed("second_mode")
-    added = np.abs(read - x)
-    assert 0.8 * 0.003 < added[times < 1].max() <= 0.003
-    assert added[times > 5].max() < 0.3 * 0.003
-
-
-def test_a_lagging_sensor_is_a_filter_of_first_order() -> None:
-    """τẏ = x − y from rest at the release, by another solver."""
-    times, read, x = sensed("sensor_lag")
-    motion = CubicSpline(times, x)
-    found = solve_ivp(
-        lambda t, y: (motion(t) - y) * W / 0.1,
-        (0.0, 10.0),
-        [-A],
-        t_eval=times,
-        rtol=1e-9,
-        atol=1e-10,
-        method="LSODA",
-    )
-    assert read == pytest.approx(found.y[0], abs=1e-5)
-    assert np.max(np.abs(read - x)) > 0.02  # the control
 
 
 def test_changes_of_the_damping_are_as_large_as_they_say() -> None:
@@ -194,14 +104,6 @@ def test_changes_of_the_damping_are_as_large_as_they_say() -> None:
     assert stribeck is not None
     assert stribeck(0.0, 0.0, 1.0) == pytest.approx(0.5 * 0.02)
     assert stribeck(0.0, 0.3 * A * W, 1.0) == pytest.approx(0.5 * 0.02 / np.e)
-
-
-def test_a_stiffening_spring_has_its_potential() -> None:
-    made = odd.missing_spring(np.random.default_rng(2), a_draw())
-    assert made.spring is not None
-    assert made.potential is not None
-    assert abs(made.spring(A)) == pytest.approx(0.01 * W**2 * A)
-    assert made.potential(0.2) == pytest.approx(quad(made.spring, 0.0, 0.2)[0])
 
 
 def test_discrepant_records_name_their_family_part() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,17 +12,12 @@ from tests.validation.test_scoring import At, Rival, Said
 from validation.answers import Answering
 from validation.repeats import (
     agreement,
-    amplitude_range,
-    halves,
     mean_square,
     named_possible,
     runs,
     share_possible,
-    split,
     table,
 )
-
-DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data"
 
 
 def decay(first: float = 0.3, seconds: float = 20.0, noise: float = 0.003, seed: int = 0) -> Signal:
@@ -63,15 +57,6 @@ def test_all_pairs_of_runs_are_compared_at_common_amplitudes() -> None:
         runs([decay(0.3), decay(0.01)], honest(np.random.default_rng(2)))
 
 
-def test_halves_are_compared_at_the_amplitude_between_them() -> None:
-    found = halves(decay(), honest(np.random.default_rng(3)))
-    assert found.amplitudes == pytest.approx(0.3 * np.exp(-1.0), rel=0.02)
-    first, second = split(decay())
-    assert first.t.size + second.t.size == 1500
-    assert second.t[0] == 0.0
-    assert second.t[-1] == pytest.approx(10.0, abs=0.02)
-
-
 def test_a_sum_that_the_other_half_rules_out_is_seen() -> None:
     span = (At(0.1, 0.01, 0.009, 0.011),)
     one = Said(True, "viscous", 0.94, "exact", span, None, (Rival("coulomb", 0.03), Rival("quadratic", 0.03)))
@@ -82,32 +67,3 @@ def test_a_sum_that_the_other_half_rules_out_is_seen() -> None:
     assert share_possible([found, agreement("a", one, "a", one)]) == 0.75
     assert named_possible([found, agreement("a", other, "b", one)]) == (2, 2)
     assert named_possible([agreement("b", replace(other, decided=True), "a", one)]) == (1, 2)
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.01])
-def test_the_range_of_amplitudes_is_the_envelopes(noise: float) -> None:
-    """Half a period, 0.45 s, within the record; noise of 0.01 moves the sine through 67 samples by 0.0017."""
-    first, last = amplitude_range(decay(noise=noise))
-    assert first == pytest.approx(0.3 * np.exp(-0.045), abs=0.003 + 0.5 * noise)
-    assert last == pytest.approx(0.3 * np.exp(-1.955), abs=0.003 + 0.5 * noise)
-    with pytest.raises(Refusal, match="fewer than 3 periods"):
-        amplitude_range(decay(seconds=2.0))
-
-
-def test_measured_runs_have_the_amplitudes_that_an_eye_sees() -> None:
-    from bayesdamp.records.cleaning.clean import clean
-    from bayesdamp.records.oscillation.features import features
-    from bayesdamp.records.read import read_record
-
-    if not DATA.exists():
-        pytest.skip("the measured decays are not here")
-    for file, columns, unit in (
-        ("horizontal_pendulum/60.txt", {"time": "Time_Elapsed(s)", "value": "Angle(deg)"}, "deg"),
-        ("ship_roll/model_test_21338.csv", {"time": "time", "value": "phi"}, "rad"),
-        ("video_pendulum/lab1_data.txt", {"time": 1, "value": 2}, "rad"),
-    ):
-        signal = clean(read_record(DATA / file, **columns), name="rig", unit=unit)
-        high, low = amplitude_range(signal)
-        seen = features(signal)
-        assert high == pytest.approx(seen.amplitude, rel=0.1)
-        assert low == pytest.approx(seen.final_amplitude, rel=0.3)

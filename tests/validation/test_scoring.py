@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -95,15 +95,6 @@ def test_a_wrong_answer_is_wrong_outright() -> None:
     assert np.isnan(cautious["right"])
 
 
-def test_a_term_too_many_is_wrong_and_counted() -> None:
-    """All three terms, said of each of the seven sums."""
-    rng = np.random.default_rng(1)
-    cases = [a_case(n) for n in range(7)]
-    pairs = [(case, replace(said(case, rng), damping=SUMS[6])) for case in cases]
-    line = score(pairs)
-    assert (line["right"], line["more"], line["wrong"]) == pytest.approx((1 / 7, 6 / 7, 6 / 7))
-
-
 def test_an_overconfident_answer_does_not_cover() -> None:
     """Intervals of a third of the width hold the truth with 1 − 2Φ(−1.96/3) = 0.486."""
     line = table_of(sure=3.0)
@@ -112,25 +103,15 @@ def test_an_overconfident_answer_does_not_cover() -> None:
 
 
 def test_grades_and_modes_are_told_apart() -> None:
-    rng = np.random.default_rng(2)
-    rows = []
+    rng, rows = np.random.default_rng(2), []
     for mode, sure in (("none", 1.0), ("auto", 0.5)):
-        for n in range(20):
-            for kind in ("family", "drift", "jitter"):
-                case = a_case(n, kind)
-                answer = said(case, rng, sure=sure, grade="deviates" if kind == "drift" else "exact")
-                rows.append(row_of(case, lambda signal, amplitudes, answer=answer: answer, mode))
+        for case in (a_case(n, kind) for n in range(20) for kind in ("family", "drift", "jitter")):
+            answer = said(case, rng, sure=sure, grade="deviates" if case.kind == "drift" else "exact")
+            rows.append(row_of(case, lambda signal, amplitudes, answer=answer: answer, mode))
     table = scores(pd.DataFrame(rows)).set_index("group")
-    assert list(table.index) == [
-        "family/none", "drift/none", "jitter/none", "all discrepancies/none",
-        "family/auto", "drift/auto", "jitter/auto", "all discrepancies/auto",
-    ]  # fmt: skip
-    assert table.loc["drift/auto", "deviates"] == 1.0
-    assert table.loc["all discrepancies/auto", "deviates"] == 0.5
-    assert table.loc["family/auto", "relative_width"] == pytest.approx(2.0)
-    assert table.loc["family/none", "relative_width"] == pytest.approx(1.0)
-    text = markdown(table.reset_index())
-    assert "| drift/auto | 20 | 20 | 1.00 (0.84–1.00) |" in text
+    assert table.loc[["drift/auto", "all discrepancies/auto"], "deviates"].tolist() == [1.0, 0.5]
+    assert table.loc[["family/none", "family/auto"], "relative_width"].tolist() == pytest.approx([1.0, 2.0])
+    assert "| drift/auto | 20 | 20 | 1.00 (0.84–1.00) |" in markdown(table.reset_index())
 
 
 def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
@@ -147,14 +128,6 @@ def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
     ]
     line = scores(pd.DataFrame(rows)).iloc[0]
     assert (line["records"], line["answered"], line["decided"], line["coverage"]) == (10, 5, 0.5, 1.0)
-
-
-def test_an_answer_at_other_amplitudes_is_a_fault() -> None:
-    case = a_case(0)
-    answer = said(case, np.random.default_rng(1))
-    other = Said(True, "viscous", 0.9, "exact", tuple(reversed(answer.damping_ratio)))
-    with pytest.raises(ValueError, match=r"0\.3 rad was requested"):
-        row_of(case, lambda signal, amplitudes: other, "auto")
 
 
 def test_wilsons_interval_is_scipys() -> None:

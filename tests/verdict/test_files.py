@@ -81,16 +81,3 @@ def test_another_shape_is_seen(envelope: Verdict) -> None:
     ]
     for change, said in cases:
         assert said in faults(Verdict, {**envelope.to_dict(), **change})
-
-
-def test_other_terms_have_columns_too(envelope: Verdict, tmp_path: Path) -> None:
-    """Control: without one there is none."""
-    t = 12.0 * np.arange(10.0)
-    other = analyse(
-        made_record("swing.csv", t, 3.0 * 0.5 ** (t / 12.0), "mm"), sums=(("viscous",), ("cubic",))
-    ).verdict
-    for verdicts, there in (([envelope, other], True), ([envelope], False)):
-        save_verdicts(tmp_path, verdicts)
-        columns = (tmp_path / "verdicts.csv").read_text().splitlines()[0].split(",")
-        assert ("cubic" in columns) is there
-        assert columns.index("quadratic") + 1 == columns.index("cubic" if there else "other_forms")

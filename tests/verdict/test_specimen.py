@@ -10,7 +10,6 @@ import pytest
 
 from bayesdamp.inference.deviation.linear import LEAST_KNOTS, grid_of
 from bayesdamp.inference.deviation.specimen import (
-    FAR,
     DampingRun,
     Model,
     OtherForm,
@@ -30,7 +29,6 @@ from tests.inference.runs import by_quadrature, run_of
 AMPLITUDE = np.array([0.1, 0.2, 0.4])
 REFERENCE = Reference(1.0, 1.0)
 V, Q, C = ("viscous", "linear"), ("quadratic", "linear"), ("coulomb", "linear")
-NATS = 0.05
 
 
 def damping_run(damping: str, ratio: float, sd: float, log: float | np.ndarray = 0.0) -> DampingRun:
@@ -103,53 +101,9 @@ def test_probabilities_are_those_of_all_records_together() -> None:
     )
 
 
-def quadrature(places: list[float], sd: float, spread: float | None):
-    """Of viscous records with these ratios: the grid of ratios and the posterior over it."""
-    prior = SharedHalfNormal(per_ratio=1.0)
-    x = np.geomspace(0.4 * min(places), 2.5 * max(places), 1201)
-    runs = [run_of(["zeta"], [p], np.array([[sd**2]])) for p in places]
-    log_prior = prior.log_density(x) + np.log(np.gradient(x))
-    return x, by_quadrature(runs, x[:, None], log_prior, spread)
-
-
-def test_one_set_of_coefficients_is_paid_for_once() -> None:
-    """Without a spread between runs the evidence is that of all data together, and with one that of a sum over it.
-    Negative control: the product of the records' own evidences is neither."""
-    places, sd = [0.0100, 0.0102, 0.0099, 0.0101], 0.0002
-    runs = [weighed_run(p, sd, {V: 0.0}) for p in places]
-    same = weigh_specimen(runs, spread=0.0).log_evidence[V]
-    assert same == pytest.approx(quadrature(places, sd, 0.0)[1].log_evidence, abs=NATS)
-    assert weigh_specimen(runs, spread=1e-5).log_evidence[V] == pytest.approx(same, abs=1e-3)
-    assert weigh_specimen(runs).log_evidence[V] == pytest.approx(
-        quadrature(places, sd, None)[1].log_evidence, abs=NATS
-    )
-    product = sum(weigh_specimen([r]).log_evidence[V] for r in runs)
-    assert abs(product - same) > 100 * NATS
-
-
-def test_many_records_that_prefer_one_damping_by_their_sizes_alone() -> None:
-    """Viscous records have one ratio, quadratic ones ratios that differ: two records more make that surer. Control:
-    under one likelihood for both nothing tells."""
-    apart = {V: [0.010] * 4, Q: [0.008, 0.010, 0.012, 0.009]}
-    runs = [
-        WeighedRun(
-            {V: 0.0, Q: 0.0},
-            (),
-            {m: damping_run(m[0], places[i], 0.0001) for m, places in apart.items()},
-            REFERENCE,
-            AMPLITUDE[::-1],
-        )
-        for i in range(4)
-    ]
-    two, four = (weigh_specimen(runs[:n]).probability[V] for n in (2, 4))
-    assert 0.6 < two < four
-    alike = weigh_specimen([weighed_run(0.01, 0.0001, {V: 0.0, Q: 0.0})] * 4)
-    assert alike.probability[V] == pytest.approx(0.5, abs=1e-3)
-
-
 def test_how_far_a_law_holds_is_the_specimens_not_the_records() -> None:
     """By hand: four records, each of which prefers another law by a nat to viscous damping with deviations of one size.
-    That this size was unlikely counts once. Control: records whose likelihoods were summed over sizes before."""
+    That this size was unlikely counts once."""
     prior = grid_of(LEAST_KNOTS).log_prior
     size = int(np.argmin(prior))
     told = np.where(np.arange(prior.size) == size, -prior[size], -300.0)
@@ -160,10 +114,7 @@ def test_how_far_a_law_holds_is_the_specimens_not_the_records() -> None:
     assert ahead > 10
     weighed = weigh_specimen([a.weighed for a in each])
     assert weighed.log_evidence[V] - weighed.log_evidence[Q] == pytest.approx(ahead, abs=1e-3)
-    found = specimen("rig", each)
-    assert found.damping == "viscous"
-    summed = weigh_specimen([weighed_run(0.01, 0.001, {V: 0.0, Q: 1.0})] * 4)
-    assert summed.log_evidence[V] - summed.log_evidence[Q] == pytest.approx(-4.0, abs=1e-3)
+    assert specimen("rig", each).damping == "viscous"
 
 
 def test_each_further_term_is_less_likely_before() -> None:
@@ -180,14 +131,10 @@ def test_a_damping_that_a_record_did_not_weigh_is_far_behind() -> None:
     assert found.damping == "viscous"
     assert found.probability == thresholds.CAP
     assert found.decided
-    weighed = weigh_specimen([weighed_run(0.01, logs={V: 0.0, Q: 2.0}), weighed_run(0.01, logs={V: 0.0})])
-    assert weighed.log_evidence[Q] < FAR + 5
-    assert Q not in weighed.repeats
 
 
 def test_another_form_that_is_ahead_in_every_record_is_ahead_of_all() -> None:
-    """By hand: in two records 3 nats ahead of viscous damping, with a tenth of its prior shared by two forms; in one
-    of them under another law, that is as good."""
+    """By hand: in two records 3 nats ahead of viscous damping, with a tenth of its prior shared by two forms."""
     hard = "viscous", "duffing"
     form, other = OtherForm("displacement", "linear", 3.0), OtherForm("cubic", "linear", -9.0, "coulomb")
     one = answered("a", 0.01, {V: 0.0, hard: -40.0}, others=(form, other))
@@ -198,20 +145,8 @@ def test_another_form_that_is_ahead_in_every_record_is_ahead_of_all() -> None:
     assert found.probability == pytest.approx(1 / (1 + alone), rel=1e-3)
     assert found.rivals[0].damping == "displacement"
     assert not found.decided
-    elsewhere = OtherForm("displacement", "duffing", -37.0)
-    moved = specimen("rig", [one, answered("b", 0.01, {V: 0.0, hard: -40.0}, others=(elsewhere,))])
-    assert moved.probability == pytest.approx(found.probability, rel=1e-3)
     behind = specimen("rig", [one, answered("b", 0.01, {V: 0.0, hard: -40.0})])
     assert behind.probability == thresholds.CAP
-
-
-def test_another_form_that_was_not_weighed_is_the_sum_that_it_comes_to() -> None:
-    """Weighed in one record of two, of which the other has the sum with a coefficient of its own."""
-    form = OtherForm("displacement", "linear", 5.0, "coulomb")
-    one = weighed_run(0.01, 0.001, {C: 0.0, V: -9.0}, (form,))
-    weighed = weigh_specimen([one, weighed_run(0.01, 0.001, {C: -1.0, V: 0.0})])
-    alone = weigh_specimen([one]).log_evidence["displacement", "linear"]
-    assert weighed.log_evidence["displacement", "linear"] == pytest.approx(alone - 1.0, abs=1e-6)
 
 
 def test_the_ratio_the_spread_and_one_more_record_are_those_of_a_sum() -> None:
@@ -219,7 +154,10 @@ def test_the_ratio_the_spread_and_one_more_record_are_those_of_a_sum() -> None:
     Control: the next record's interval is wider."""
     places, sd = [0.0100, 0.0112, 0.0106], 0.0002
     found = specimen("rig", [answered(n, r, {V: 0.0}, sd=sd) for n, r in zip("abc", places, strict=True)])
-    x, truth = quadrature(places, sd, None)
+    x = np.geomspace(0.4 * min(places), 2.5 * max(places), 1201)
+    runs = [run_of(["zeta"], [p], np.array([[sd**2]])) for p in places]
+    log_prior = SharedHalfNormal(per_ratio=1.0).log_density(x) + np.log(np.gradient(x))
+    truth = by_quadrature(runs, x[:, None], log_prior)
     below = np.cumsum(truth.mass)
     low, middle, high = (float(np.interp(q, below, x)) for q in (0.025, 0.5, 0.975))
     for one in found.damping_ratio:

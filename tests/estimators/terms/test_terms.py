@@ -123,13 +123,3 @@ def test_who_can_does(name: str, term: str) -> None:
     for parameter, truth in TRUTHS[term][0].items():
         assert abs(found.values[parameter] / truth - 1) < limit, parameter
         assert abs(found.values[parameter] / (1.2 * truth) - 1) > limit, "control"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("term", sorted(FURTHER | POSITION))
-def test_the_second_stage_finds_parameters_too(term: str) -> None:
-    _, found = run("genetic", record(term, 1500), Problem((term,), SYSTEM), seed=1)
-    assert found.outcome == "ok"
-    for parameter, truth in TRUTHS[term][0].items():
-        assert found.values[parameter] == pytest.approx(truth, rel=1e-4), parameter
-        assert found.values[parameter] != pytest.approx(1.01 * truth, rel=1e-4)

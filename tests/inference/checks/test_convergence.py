@@ -66,10 +66,3 @@ def test_the_same_pareto_shape_as_arviz(size: int, degrees: float) -> None:
         assert pareto_k(weights) == pytest.approx(expected, rel=SAME, abs=SAME)
     assert pareto_k(np.full(size, -1299.27)) == -np.inf  # no tail
     assert pareto_k(np.r_[np.zeros(3), np.full(997, -1000.0)]) == np.inf  # too few for a shape
-
-
-def test_the_same_interval_as_arviz() -> None:
-    x = np.random.default_rng(401).gamma(2.0, size=(2, 200))
-    low, high = array_stats.hdi(x.reshape(-1), prob=0.95)
-    summary = diagnostics.summarise(x)
-    assert (summary["hdi_low"], summary["hdi_high"]) == (low, high)

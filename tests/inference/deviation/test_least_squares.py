@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from scipy.optimize import nnls
 
-from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit, nonnegative
+from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel import Solver
@@ -71,41 +70,3 @@ def test_recovers_the_truth(law: str) -> None:
         assert values[name] == pytest.approx(truth, rel=2e-3, abs=2e-4), name
     assert np.sqrt(found.squares / TIMES.size) < 3e-6 * abs(made.truth["theta0"])
     assert found.residual == pytest.approx(made.y - found.motion.y, abs=1e-12)
-
-
-def test_a_wrong_law_does_not_fit() -> None:
-    """Control: a pendulum at 2 rad under a linear spring leaves more than a hundredth of the amplitude."""
-    made, other = case_of("pendulum"), case_of("linear", theta0=2.0)
-    wrong = Case(other.solver, other.parameters, other.truth, made.y)
-    found = fitted(wrong)
-    assert np.sqrt(found.squares / TIMES.size) > 0.02
-
-
-def test_coefficients_are_never_negative() -> None:
-    """For a viscous record with noise, all three terms are at zero or above, and the fit is no worse than the truth."""
-    made = case_of("linear", mu_c=0.0, mu_q=0.0)
-    noisy = made.y + 0.01 * np.random.default_rng(0).standard_normal(TIMES.size)
-    found = fitted(Case(made.solver, made.parameters, made.truth, noisy), noise=1e-3)
-    values = made.parameters.named(found.z)
-    assert all(values[name] >= 0 for name in PAPER)
-    truth = made.parameters.scores(made.truth)
-    at_truth = made.solver.solve(made.parameters.values(truth), found.active)
-    assert at_truth is not None
-    assert found.squares <= float(np.sum((noisy - at_truth.y) ** 2))
-
-
-def test_a_way_that_escapes_is_none() -> None:
-    made = case_of("duffing")
-    z = made.parameters.scores({**made.truth, "theta0": 5.0})
-    assert fit(made.solver, made.parameters, np.ones(3, bool), made.y, z, noise=1e-9) is None
-
-
-def test_nonnegative_least_squares_are_scipys() -> None:
-    rng = np.random.default_rng(0)
-    root, target = rng.standard_normal((12, 3)), rng.standard_normal(12)
-    assert nonnegative(root, target, np.ones(3, bool)) == pytest.approx(nnls(root, target)[0], abs=1e-10)
-    free = nonnegative(root, target, np.zeros(3, bool))
-    assert free == pytest.approx(np.linalg.lstsq(root, target, rcond=None)[0])
-    half = nonnegative(root, target, np.array([True, False, False]))
-    split = nnls(np.column_stack([root, -root[:, 1:]]), target)[0]
-    assert half == pytest.approx([split[0], *(split[1:3] - split[3:])], abs=1e-9)

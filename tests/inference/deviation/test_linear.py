@@ -32,7 +32,8 @@ def dense(columns: np.ndarray, y: np.ndarray, d: int, grid: Grid) -> np.ndarray:
     return np.array(each)
 
 
-def test_evidence_is_that_of_a_dense_normal() -> None:
+def test_evidence_and_posterior_are_those_of_a_dense_normal() -> None:
+    """Means and covariances follow from conditioning a normal in the space of the samples."""
     columns, y = problem(1, 3)
     grid = grid_of(KNOTS, coarse=True)
     model = condensed(columns, y, np.zeros(3, bool))
@@ -40,16 +41,9 @@ def test_evidence_is_that_of_a_dense_normal() -> None:
     truth = dense(columns, y, 3, grid)
     assert found.log_each == pytest.approx(truth, abs=1e-7)
     assert found.log_evidence == pytest.approx(float(logsumexp(truth)), abs=1e-7)
-    assert found.weights.sum() == pytest.approx(1.0)
     other = weigh(model, grid, (1.1 * SD) ** 2, N)
     assert abs(other.log_evidence - float(logsumexp(truth))) > 0.1  # control: another noise
 
-
-def test_posterior_is_that_of_a_dense_normal() -> None:
-    """Means and covariances follow from conditioning a normal in the space of the samples."""
-    columns, y = problem(2, 3)
-    grid = grid_of(KNOTS, coarse=True)
-    found = weigh(condensed(columns, y, np.zeros(3, bool)), grid, SD**2, N)
     for i in (0, 5, len(grid.log_prior) - 1):
         prior = np.eye(3 + 2 * KNOTS)
         prior[3:, 3:] = grid.factors[i] @ grid.factors[i].T
@@ -100,61 +94,3 @@ def test_hardly_any_noise() -> None:
             squares = (record.T * mpmath.lu_solve(covariance, record))[0]
             truth = -(squares + mpmath.log(mpmath.det(covariance)) + N * mpmath.log(2 * mpmath.pi)) / 2
             assert found.log_each[i] == pytest.approx(float(truth) + grid.log_prior[i], abs=0.02)
-
-
-def log_shared_prior(ratios: np.ndarray) -> np.ndarray:
-    """Log density of half-normals, (..., 2), whose scale is log-uniform from 1e-8 to 0.3, in closed form:
-    4/(2π) ∫ s⁻² exp(−R²/2s²) d ln s / ln(0.3/1e-8) with x = R²/2s²."""
-    squares = np.sum(ratios**2, axis=-1)
-    inside = np.exp(-0.5 * squares / 0.3**2) - np.exp(-0.5 * squares / 1e-8**2)
-    return np.log(4 / (2 * np.pi)) + np.log(inside / squares / np.log(0.3 / 1e-8))
-
-
-@pytest.mark.parametrize(("size", "second"), [(0.03, 1.0), (1e-4, 0.05), (1e-6, -0.02)])
-def test_coefficients_whose_prior_scale_is_unknown(size: float, second: float) -> None:
-    """Two coefficients, one of them near or beyond the border, agree with quadrature over the continuous prior.
-
-    The posterior is the same at each size, and so is the evidence, apart from the factor that the sizes' prior
-    contributes.
-    """
-    rng = np.random.default_rng(6)
-    columns = rng.standard_normal((N, 2)) * (4 * SD / size)  # a coefficient of `size` is known to 5 %
-    columns[:, 1] = -0.5 * columns[:, 0] + columns[:, 1]
-    y = columns @ (size * np.array([1.0, second])) + SD * rng.standard_normal(N)
-    both = np.ones(2, bool)
-    model = condensed(columns * SCORE_RATIO, y, both, both)
-    found = weigh(model, grid_of(0, exact=True), SD**2, N)
-    axis = size * np.arange(0.002, 2.0, 0.004)
-    points = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    left = y[:, None] - columns @ points.T
-    logs = -0.5 * np.sum(left**2, axis=0) / SD**2 - 0.5 * N * np.log(2 * np.pi * SD**2)
-    truth = float(logsumexp(logs + log_shared_prior(points))) + 2 * np.log(0.004 * size)
-    assert found.log_evidence == pytest.approx(truth, abs=0.03)
-    weights = np.exp(logs + log_shared_prior(points) - logsumexp(logs + log_shared_prior(points)))
-    mean = weights @ points
-    drawn = np.concatenate([
-        draw(rng, found.means[i], found.factors[i], np.array([0, 1]), round(20_000 * w))
-        for i, w in enumerate(found.weights)
-        if round(20_000 * w)
-    ])  # fmt: skip
-    sd = np.sqrt(weights @ (points - mean) ** 2)
-    assert drawn.mean(axis=0) * SCORE_RATIO == pytest.approx(mean, abs=0.05 * sd.max())
-    # Control: half-normals of one scale each, which the evidence of small coefficients depends on.
-    plain = weigh(condensed(columns * SCORE_RATIO, y, both), grid_of(0, exact=True), SD**2, N)
-    assert abs(plain.log_evidence - truth) > 0.5
-
-
-def test_the_likelihood_of_the_damping_alone() -> None:
-    """For two scores, with all others and the deviations integrated out, it is that of dense normals."""
-    columns, y = problem(7, 3)
-    grid = grid_of(KNOTS, coarse=True)
-    damping = np.array([True, True, False])
-    found = weigh(condensed(columns, y, np.zeros(3, bool), damping=damping), grid, SD**2, N).damping
-    assert found is not None
-    for i in (0, 7, len(grid.log_prior) - 1):
-        rest = columns[:, 3:] @ grid.factors[i]
-        covariance = SD**2 * np.eye(N) + np.outer(columns[:, 2], columns[:, 2]) + rest @ rest.T
-        for x in (np.zeros(2), np.array([0.5, -1.0])):
-            truth = multivariate_normal.logpdf(y - columns[:, :2] @ x, np.zeros(N), covariance)
-            own = found.log[i] + x @ found.slope[i] - 0.5 * x @ found.information[i] @ x
-            assert own == pytest.approx(truth, abs=1e-6)

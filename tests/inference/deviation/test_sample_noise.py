@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy import optimize, stats
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation.candidate import MotionCandidate
@@ -10,51 +9,14 @@ from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.weighing import weigh_all
-from bayesdamp.inference.noise import NOISES, IndependentNoise
 from bayesdamp.inference.noise._residuals import FittedNoise
-from bayesdamp.types import InputError
+from tests.physics.independent import viscous
 
 GAPS = np.full(1999, 0.01)
 T = 0.01 * np.arange(2000)
 MADE = {"stiffness": 20.0, "duration": 12.0, "samples": 600, "noise_sd": 0.002}
 ASKED = {"damping": ["viscous", "coulomb"], "restoring": ["linear"], "sample": False}
 RATIO = 0.05 / 20.0**0.5
-
-
-def straight_line(noise: FittedNoise, y: np.ndarray, columns: np.ndarray, rounds: int) -> np.ndarray:
-    """Return coefficients by repeated least squares to working residuals."""
-    c = np.linalg.lstsq(columns, y, rcond=None)[0]
-    for _ in range(rounds):
-        r = y - columns @ c
-        variance = noise.variance(r, columns[:, 0], GAPS)
-        working = columns @ c + noise.working_residuals(r, GAPS, variance)
-        c = np.linalg.lstsq(columns, working, rcond=None)[0]
-    return c
-
-
-def test_working_residuals_lead_to_the_mode_of_the_density():
-    """SciPy's maximum of Student's likelihood; one fit to the record itself is far from it."""
-    rng = np.random.default_rng(1)
-    columns = np.column_stack([np.cos(4 * T), np.sin(4 * T)])
-    y = columns @ [1.0, 0.5] + 0.05 * rng.standard_t(2.0, T.size)
-    noise = FittedNoise("student_t", {"noise_sd": 0.05, "noise_dof": 2.0})
-
-    def depth(c: np.ndarray) -> float:
-        return -float(np.sum(stats.t.logpdf((y - columns @ c) / 0.05, 2.0)))
-
-    best = optimize.minimize(
-        depth, [1.0, 0.5], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-9}
-    ).x
-    sd = 0.05 * np.sqrt(2 / T.size)
-    assert np.abs(straight_line(noise, y, columns, 20) - best).max() < 1e-3 * sd
-    assert np.abs(straight_line(noise, y, columns, 0) - best).max() > 0.3 * sd
-
-
-def test_variance_of_heavy_tails():
-    """Student's Fisher information is (ν + 1)/(ν + 3)/σ²; 2000 samples leave a few per cent."""
-    r = 0.1 * np.random.default_rng(2).standard_t(3.0, T.size)
-    noise = FittedNoise("student_t", {"noise_sd": 0.1, "noise_dof": 3.0})
-    assert noise.variance(r, np.cos(4 * T), GAPS) == pytest.approx(0.1**2 * 6 / 4, rel=0.1)
 
 
 @pytest.mark.parametrize("frequency", [0.5, 4.0, 30.0])
@@ -117,64 +79,6 @@ def test_what_a_wrong_law_leaves_is_no_heavy_tail():
     assert not any("ahead of Gaussian noise" in remark for remark in verdict.remarks)
 
 
-def test_coarse_steps_are_rounding_and_not_noise():
-    """With steps of a sixteenth of the amplitude the interval under `quantised` contains the truth and is narrower."""
-    plain = bd.simulate({"viscous": 0.05}, "linear", seed=6, theta0=0.3, **MADE)
-    step = 0.3 / 16
-    signal = bd.signal(plain.t, step * np.round(plain.y / step))
-    verdict, own = first_ratio(signal)
-    _, white = first_ratio(signal, noise="gaussian")
-    assert any("quantised" in remark for remark in verdict.remarks)
-    assert own.low < RATIO < own.high
-    assert own.high - own.low < 0.8 * (white.high - white.low)
-
-
-def test_a_fit_with_deviations_has_the_noise_too(tmp_path):
-    """Its interval contains the truth and is narrower than under Gaussian noise; a fit read from a file is the same."""
-    signal = spoilt()
-    own, plain = (
-        bd.fit(signal, bd.Model("viscous", restoring="linear", deviation="law", noise=noise))
-        for noise in ("student_t", "gaussian")
-    )
-    (low, high), (plain_low, plain_high) = own.intervals["zeta"], plain.intervals["zeta"]
-    assert own.noise == "student_t"
-    assert low < 0.05 < high
-    assert high - low < 0.7 * (plain_high - plain_low)
-    own.save(tmp_path / "fit.npz")
-    assert bd.load(tmp_path / "fit.npz").intervals == own.intervals
-
-
-class Laplacian(IndependentNoise):
-    """A user's own noise: double exponential."""
-
-    name = "laplacian"
-    heavy_tailed = True
-
-    def log_density(self, r, p):
-        return -np.abs(r) / p["noise_sd"] - np.log(2 * p["noise_sd"])
-
-
-def test_a_noise_model_of_a_users_own_changes_the_answer():
-    NOISES.add("laplacian", Laplacian())
-    try:
-        signal = spoilt()
-        verdict, own = first_ratio(signal, noise="laplacian")
-        _, plain = first_ratio(signal, noise="gaussian")
-        assert "laplacian" in noises_of("auto")
-    finally:
-        NOISES.remove("laplacian")
-    assert any("laplacian" in remark for remark in verdict.remarks)
-    assert own.low < RATIO < own.high
-    assert own.high - own.low < 0.7 * (plain.high - plain.low)
-
-
-def test_an_unknown_noise_model_is_refused():
-    with pytest.raises(InputError, match="student_t"):
-        bd.compare(spoilt(), noise="student")
-    with pytest.raises(InputError, match="noise_dof"):
-        bd.compare(spoilt(), noise="gaussian", known={"noise_dof": 3.0})
-
-
 @pytest.mark.parametrize("cycles", [450, 3000])
 def test_heavy_tails_over_very_many_cycles_count_for_little(cycles: int):
     """Student's Fisher information is (ν + 1)/(ν + 3)/σ²: with ν = 3 amplitudes and phases vary half as much as
@@ -185,7 +89,7 @@ def test_heavy_tails_over_very_many_cycles_count_for_little(cycles: int):
     frequency = 30.0
     t = np.linspace(0, 2 * np.pi * cycles / frequency, 25 * cycles)
     rng, ratio = np.random.default_rng(7), 1.5 / (2 * np.pi * cycles)
-    motion = 0.3 * np.exp(-ratio * frequency * t) * np.cos(frequency * np.sqrt(1 - ratio**2) * t)
+    motion = viscous(t, ratio * frequency, frequency, 0.3)
     asked = {"damping": ["viscous"], "restoring": ["linear"], "approximate": False}
     heavy = bd.signal(t, motion + 0.003 * rng.standard_t(3.0, t.size))
     own, plain = (weighing_of(heavy, noises=noises_of(noise), **asked) for noise in ("auto", "gaussian"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.interface.answer import answer
 from bayesdamp.types import Ratio, Signal
-from tests.physics.independent import trajectory
+from tests.physics.independent import trajectory, viscous
 
 HERTZ, RATIO, SIZE = 5.0, 5.1e-4, 0.1
 W, A, MU, ZETA = 4.5, 0.3, 0.06, 0.02
@@ -30,9 +29,7 @@ def twins(seed: int) -> Weighing:
     changes with it.
     """
     t, w = np.linspace(0, 500 / HERTZ, 20000), 2 * math.pi * HERTZ
-    turning = w * math.sqrt(1 - RATIO**2)
-    x = SIZE * np.exp(-RATIO * w * t) * (np.cos(turning * t) + RATIO * w / turning * np.sin(turning * t))
-    y = x + 0.01 * SIZE * np.random.default_rng(seed).standard_normal(t.size)
+    y = viscous(t, RATIO * w, w, SIZE) + 0.01 * SIZE * np.random.default_rng(seed).standard_normal(t.size)
     return weighing_of(Signal(t, y), damping=["viscous", "structural"], restoring=["linear"])
 
 
@@ -97,72 +94,3 @@ def test_under_a_wrong_width_they_do_not_hold() -> None:
     """Near rest a tenth of the width gives another loss, which the interval of an unknown width has to allow for."""
     last = ratios(friction(SHARE, 0, {"epsilon": 0.1 * SHARE * PEAK}), AMPLITUDES)[-1]
     assert not last.low < truth(last.amplitude, SHARE) < last.high
-
-
-def test_the_ratio_under_a_width_is_as_the_loss_of_all_terms_under_it() -> None:
-    """Each width is made certain in turn; the losses follow from the fits' coefficients, by closed form and
-    quadrature."""
-    made, amplitude = friction(SHARE, 1), 0.01
-    order = made.solvers["linear"].terms.index
-
-    def lost(f) -> float:
-        viscous, dry = f.coefficients[order("viscous")], f.coefficients[order("coulomb")]
-        return viscous * 2 * math.pi * W * amplitude**2 + dry * dry_loss(amplitude, f.epsilon)
-
-    def told(f) -> float:
-        alone = [replace(other, weight=float(other is f)) for other in made.frictions]
-        return ratios(replace(made, frictions=alone), [amplitude])[0].value
-
-    values, losses = (np.array([get(f) for f in made.frictions]) for get in (told, lost))
-    assert np.ptp(losses) > 0.05 * losses.mean()  # widths do matter here
-    assert values / values[-1] == pytest.approx(losses / losses[-1], rel=0.01)
-
-
-def test_a_term_without_a_coefficient_needs_no_parameters_of_its_own() -> None:
-    """Where the fit under each width has no Stribeck friction, its velocity is not known."""
-    made = friction(SHARE, 1, damping=["viscous+coulomb", "stribeck"])
-    terms = made.solvers["linear"].terms
-    without = [
-        replace(
-            f,
-            coefficients=tuple(
-                c if t != "stribeck" else 0.0 for t, c in zip(terms, f.coefficients, strict=True)
-            ),
-            further=(0.0,) * len(f.further),
-        )
-        for f in made.frictions
-    ]
-    values = [r.value for r in ratios(replace(made, frictions=without), AMPLITUDES)]
-    assert np.isfinite(values).all()
-    assert len(values) == len(AMPLITUDES)
-
-
-def rounded_friction() -> Signal:
-    """A record of closed form with sharp Coulomb friction, without noise, rounded to steps of 0.1 degrees."""
-    omega, zeta, friction, step = 5.0, 0.01, 0.03, np.radians(0.1)
-    damped, offset = np.sqrt(omega**2 - zeta**2), friction / omega**2
-    t = np.linspace(0.0, 40.0, 4000)
-    half = np.floor(t * damped / np.pi)
-    falls, sizes = np.exp(-zeta * np.pi / damped), [0.4 - offset]
-    for _ in range(int(half[-1])):
-        sizes.append(sizes[-1] * falls - 2 * offset)  # about the next offset, on the other side
-    since = t - half * np.pi / damped
-    swing = np.exp(-zeta * since) * (np.cos(damped * since) + zeta / damped * np.sin(damped * since))
-    y = (-1) ** half * (np.array(sizes)[half.astype(int)] * swing + offset)
-    return Signal(t, step * np.round(y / step), step=step)
-
-
-def test_rounded_values_show_how_sharp_friction_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The control: with the width that least squares choose, drag makes up for it, and the friction is wrong."""
-    signal, sums = rounded_friction(), ["viscous+coulomb", "viscous+coulomb+quadratic"]
-
-    def friction() -> tuple[str, float]:
-        verdict = answer(signal, damping=sums, restoring=["linear"], sample=False).verdict
-        return verdict.damping, next(c.value for c in verdict.coefficients if c.name == "mu_c")
-
-    damping, value = friction()
-    assert damping == "viscous+coulomb"
-    assert value == pytest.approx(0.03, rel=3e-4)
-    monkeypatch.setattr("bayesdamp.inference.deviation.weighing.SHARPER", 0.0)
-    damping, value = friction()
-    assert value != pytest.approx(0.03, rel=3e-4)

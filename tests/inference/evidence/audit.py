@@ -71,15 +71,12 @@ def page(rows: Sequence[Mapping[str, str]]) -> str:
         f"Importance and bridge sampling differ from nested sampling by {largest} nats at most, over "
         f"{len(rows)} records.",
         "",
-        "Records of a viscous oscillator, weighed with viscous + Coulomb damping, whose friction is not "
-        "there: the "
-        f"posterior touches zero (a median of {np.median(touching):.2f} of its standard deviations from its "
-        "mode to no "
+        "Records of a viscous oscillator, weighed with viscous + Coulomb damping, whose friction is not there: the "
+        f"posterior touches zero (a median of {np.median(touching):.2f} of its standard deviations from its mode to no "
         f"friction, {max(touching):.1f} at most).",
         "",
-        "| method | median standard error, nats | largest difference from nested, nats | the same in its "
-        "standard errors | "
-        "mean difference and its 95 % interval, nats |",
+        "| method | median standard error, nats | largest difference from nested, nats | the same in its standard "
+        "errors | mean difference and its 95 % interval, nats |",
         "|---|---|---|---|---|",
     ]
     for method, (away, sd) in results.items():
@@ -92,11 +89,10 @@ def page(rows: Sequence[Mapping[str, str]]) -> str:
     observed = 2.8 * max(np.sqrt(np.sum(sd**2)) / sd.size for _, sd in results.values())
     lines += [
         "",
-        f"An error of {observed:.2f} nats in every record would be seen in the mean (5 %) with a probability of "
-        "0.8. A "
+        f"An error of {observed:.2f} nats in every record would be seen in the mean (5 %) with a probability of 0.8. A "
         "forgotten reflection at zero (ln 2 = 0.69 nats) is seen; so says the test that reads the table "
-        "(`tests/inference/evidence/test_audit.py`). `make reports` makes it again, with `ARGS=--full` from "
-        "50 records.",
+        "(`tests/inference/evidence/test_audit.py`). `make reports` makes it again, with `ARGS=--full` from 50 "
+        "records.",
     ]
     return "\n".join(lines) + "\n"
 

@@ -50,12 +50,3 @@ def test_nested_sampling_agrees(method):
 @pytest.mark.parametrize("method", ["importance", "bridge"])
 def test_negative_control_a_forgotten_fold_would_be_seen(method):
     assert not agrees(scores(method, shift=-np.log(2)))
-
-
-def test_the_file_is_what_the_audit_writes():
-    """Two cases anew: within five standard errors of what ships (6e-7 each)."""
-    for number in (0, 7):
-        stored, anew = lines()[number], audit.row(number)
-        for method in audit.METHODS:
-            error = np.hypot(float(stored[f"{method}_stderr"]), float(str(anew[f"{method}_stderr"])))
-            assert abs(float(stored[method]) - float(str(anew[method]))) < 5 * error

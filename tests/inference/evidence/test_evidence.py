@@ -11,18 +11,18 @@ from scipy.special import logsumexp
 from bayesdamp.inference.coordinates.reflected_t import ReflectedT
 from bayesdamp.inference.evidence import EVIDENCES, Draws, EvidenceMethod
 from bayesdamp.inference.evidence.methods import nested
-from bayesdamp.inference.evidence.methods.bridge import fitted, span
+from bayesdamp.inference.evidence.methods.bridge import span
+from bayesdamp.inference.fit.mode import log_evidence_near
+from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.types import Evidence
 from tests.inference.evidence.weighing_problems import (
     CASES,
-    KNOWN,
     LIMIT,
     exact_draws,
     line,
-    log_density,
+    posterior_grid,
     problem,
     quadrature,
-    squares,
 )
 
 METHODS = [
@@ -30,22 +30,6 @@ METHODS = [
     for m in EVIDENCES.names()
     if not EVIDENCES.get(m).approximate
 ]
-
-
-def test_the_two_likelihoods_agree():
-    for case in CASES:
-        target, mode = problem(case)
-        p = target.all_values(mode.z)
-        square = squares(CASES[case][1], *(np.array([p.get(n, 0.0)]) for n in ("zeta", "mu_c")))
-        ours = mode.likelihood.log_likelihood(mode.z)
-        assert ours == pytest.approx(log_density(square, p.get("noise_sd", KNOWN["noise_sd"]))[0], abs=0.01)
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_the_cases_are_what_they_are_called(case):
-    target, mode = problem(case)
-    away = np.min((mode.z / mode.sd())[target.reflected])
-    assert away < 1.5 if "touching" in case else away > 3
 
 
 @lru_cache
@@ -94,7 +78,7 @@ def test_contract(method):
     plugin = EVIDENCES.get(method)
     assert isinstance(plugin, EvidenceMethod)
     assert plugin.name == method
-    case = "one touching"
+    case = "two touching"
     result, other = evidence(case, method), evidence(case, method, 2)
     assert result.method == method
     assert result.model == "model"
@@ -141,27 +125,6 @@ def test_bridge_counts_autocorrelation():
     assert chain_ratio(shuffled=True) > 1.43
 
 
-@pytest.mark.slow
-def test_bridge_takes_its_own_draws():
-    """NUTS, where it is given none; the same number within five standard errors (false-alarm rate below 1e-6)."""
-    target, mode = problem("two touching")
-    result = EVIDENCES.get("bridge").evidence("model", target, mode, 5)
-    assert result.outcome == "ok", result
-    assert abs(result.log_evidence - quadrature("two touching")) < LIMIT
-    given = evidence("two touching", "bridge")
-    assert abs(result.log_evidence - given.log_evidence) < 5 * np.hypot(result.stderr, given.stderr)
-    assert result.evaluations > given.evaluations
-
-
-def test_bridge_distrusts_draws_that_their_sampler_distrusts():
-    target, mode = problem("one far")
-    draws = exact_draws("one far", 1)
-    result = EVIDENCES.get("bridge").evidence(
-        "m", target, mode, 1, Draws(draws.z, "not converged: R-hat is 1.2")
-    )
-    assert result.outcome == "not to be trusted: its posterior draws are not converged: R-hat is 1.2"
-
-
 def test_bridge_distrusts_halves_that_disagree():
     """Negative control: chains that have moved on to somewhere else by their second half."""
     target, mode = problem("one far")
@@ -171,7 +134,7 @@ def test_bridge_distrusts_halves_that_disagree():
     assert result.outcome.startswith("not to be trusted")
 
 
-@pytest.mark.parametrize("case", ["two touching", "two far"])
+@pytest.mark.parametrize("case", ["two touching", "one far"])
 def test_negative_control_no_mirror_images(case):
     """A proposal on one side of an unfolded score: log 2 a coefficient is lost where all are far from zero, unseen
     by the weights; near zero what is lost is some part of it."""
@@ -180,34 +143,26 @@ def test_negative_control_no_mirror_images(case):
     z = proposal.draw(np.random.default_rng(1), 4000)
     weights = mode.likelihood.log_posteriors(z) - proposal.log_density(z)
     result = float(logsumexp(weights) - np.log(weights.size))
-    if case == "two far":
-        assert quadrature(case) - result == pytest.approx(2 * np.log(2), abs=LIMIT)
+    if case == "one far":
+        assert quadrature(case) - result == pytest.approx(np.log(2), abs=LIMIT)
     assert abs(result - quadrature(case)) > LIMIT
 
 
-@pytest.mark.parametrize("case", ["one far", "one touching"])
-def test_negative_control_a_bridge_that_forgets_the_fold(case):
-    """Draws on one side and the unfolded density: log 2 is lost, and no diagnostic of the bridge sees it."""
-    _target, mode = problem(case)
-    z = exact_draws(case, 1).z
-    proposal = fitted(z.reshape(-1, 1), np.zeros(1, bool))
-    drawn = proposal.draw(np.random.default_rng(1), 2000)
-
-    def ratio(y: np.ndarray) -> np.ndarray:
-        return mode.likelihood.log_posteriors(y) - proposal.log_density(y)
-
-    result = span(ratio(z.reshape(-1, 1)).reshape(4, -1), ratio(drawn))
-    assert result.overlap > 0.5
-    assert abs(result.log_evidence - quadrature(case)) > LIMIT
-    if case == "one far":
-        assert quadrature(case) - result.log_evidence == pytest.approx(np.log(2), abs=LIMIT)
+def test_laplaces_method_against_quadrature():
+    for case in ("one far", "one shared", "two shared"):
+        mode = problem(case)[1]
+        assert log_evidence_near(mode.likelihood, mode.z) == pytest.approx(quadrature(case), abs=2 * LIMIT)
 
 
-def test_negative_control_draws_folded_density_not():
-    """Folding the draws but not the proposal's density claims too much where the posterior touches zero."""
-    target, mode = problem("two touching")
-    proposal = ReflectedT(mode.z, mode.factor, target.reflected)
-    y = proposal.draw(np.random.default_rng(1), 4000)
-    one_sided = ReflectedT(mode.z, mode.factor, np.zeros(mode.z.size, bool))
-    result = float(logsumexp(mode.likelihood.folded(y) - one_sided.log_density(y)) - np.log(len(y)))
-    assert result - quadrature("two touching") > LIMIT
+def test_nuts_under_a_shared_scale_against_quadrature():
+    """Means within five Monte Carlo errors, sds within 5 %."""
+    target, mode = problem("two shared")
+    posterior = SAMPLERS.get("nuts").sample(target, mode, Settings(draws=1000, seed=3))
+    axes, logs = posterior_grid("two shared", 56)
+    mass = np.exp(logs - logsumexp(logs))
+    for i, (name, axis) in enumerate(zip(target.names, axes, strict=True)):
+        p = mass.sum(axis=1 - i)
+        mean, sd = p @ axis, np.sqrt(p @ axis**2 - (p @ axis) ** 2)
+        error = sd / np.sqrt(posterior.summaries[name]["ess_bulk"])
+        assert posterior.draws[..., i].mean() == pytest.approx(mean, abs=5 * error)
+        assert posterior.draws[..., i].std() == pytest.approx(sd, rel=0.05)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import gammainc, gammaln, logsumexp
 from scipy.stats import multivariate_normal
 
 from bayesdamp.inference.evidence import Draws
@@ -13,7 +13,7 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import HalfNormal, LogNormal, Normal
+from bayesdamp.priors import HalfNormal, LogNormal, Normal, SharedHalfNormal
 from bayesdamp.types import Seed, Signal
 
 KNOWN = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.1, "theta0": 0.3, "omega0": 0.0, "noise_sd": 0.02}
@@ -25,6 +25,8 @@ PRIORS = {
     "mu_c": HalfNormal(scale=0.9),
     "noise_sd": LogNormal(median=0.01, sigma=1.0),
 }
+PER_RATIO = {"zeta": 20.0**0.5, "mu_c": 0.5 * np.pi * 20.0 * 0.3}
+"""Coefficients of a damping ratio of 1: ζ/ω, and 2μ/(π ω² A) from the energy 4μA lost in a cycle."""
 
 
 def trajectories(zeta: np.ndarray, mu_c: np.ndarray, substeps: int = 20) -> np.ndarray:
@@ -64,34 +66,38 @@ def log_density(square: np.ndarray, sd: np.ndarray | float, n: int = TIMES.size)
     return -0.5 * square / np.square(sd) - n * np.log(np.asarray(sd) * np.sqrt(2 * np.pi))
 
 
+BOTH, TOUCHING = ("viscous", "coulomb"), {"zeta": (0.0, 0.14), "mu_c": (0.0, 0.16)}
 CASES: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, tuple[float, float]]]] = {
     # damping, the record, and the range of each parameter that holds the posterior
     "one far": (("coulomb",), record(0.0, 0.12, 4), {"mu_c": (0.06, 0.18)}),
-    "one touching": (("coulomb",), record(0.0, 0.0, 3), {"mu_c": (0.0, 0.12)}),
-    "two far": (("viscous", "coulomb"), record(0.2, 0.2, 5), {"zeta": (0.0, 0.45), "mu_c": (0.0, 0.4)}),
-    "two touching": (
-        ("viscous", "coulomb"),
-        record(0.06, 0.0, 3),
-        {"zeta": (0.0, 0.14), "mu_c": (0.0, 0.16)},
-    ),
-    "three far": (
-        ("viscous", "coulomb"),
-        record(0.2, 0.2, 5),
-        {"zeta": (0.08, 0.4), "mu_c": (0.0, 0.33), "noise_sd": (0.0135, 0.028)},
-    ),
-    "three touching": (
-        ("viscous", "coulomb"),
-        record(0.06, 0.0, 3),
-        {"zeta": (0.0, 0.14), "mu_c": (0.0, 0.16), "noise_sd": (0.014, 0.028)},
-    ),
+    "two touching": (BOTH, record(0.06, 0.0, 3), TOUCHING),
+    "three touching": (BOTH, record(0.06, 0.0, 3), {**TOUCHING, "noise_sd": (0.014, 0.028)}),
+    "one shared": (("viscous",), record(0.2, 0.0, 3), {"zeta": (0.08, 0.36)}),
+    "two shared": (BOTH, record(0.2, 0.0, 3), {"zeta": (0.02, 0.36), "mu_c": (0.0, 0.3)}),
 }
+"""The coefficients of those that are shared have damping ratios of one unknown scale, as by default."""
+
+
+def log_prior(case: str, axes: dict[str, np.ndarray]) -> np.ndarray:
+    """Log density of the parameters on the product of the axes.
+
+    Half-normals of n ratios with one scale that is log-uniform from 1e-8 to 0.3 have a closed form in their length.
+    """
+    grids = np.meshgrid(*axes.values(), indexing="ij")
+    if "shared" not in case:
+        return sum(np.asarray(PRIORS[n].log_density(x)) for n, x in zip(axes, grids))
+    half, squares = 0.5 * len(axes), sum((x / PER_RATIO[n]) ** 2 for n, x in zip(axes, grids))
+    inside = gammainc(half, 0.5 * squares / 1e-8**2) - gammainc(half, 0.5 * squares / 0.3**2)
+    log = gammaln(half) + np.log(0.5 * inside / np.log(0.3 / 1e-8)) + half * np.log(4 / np.pi / squares)
+    return log - sum(np.log(PER_RATIO[n]) for n in axes)
 
 
 @lru_cache
 def problem(case: str) -> tuple[Target, Mode]:
     damping, y, ranges = CASES[case]
     known = {n: v for n, v in KNOWN.items() if n not in ranges}
-    priors = {n: PRIORS[n] for n in ranges}
+    shared = {n: SharedHalfNormal(per_ratio=r) for n, r in PER_RATIO.items()} if "shared" in case else {}
+    priors = {n: {**PRIORS, **shared}[n] for n in ranges}
     target = Target(Signal(TIMES, y), Oscillator(damping, "linear"), "gaussian", priors, known)  # type: ignore[arg-type]
     seed = {n: 0.5 * (low + high) for n, (low, high) in ranges.items()}
     return target, find_mode(target, {Seed("middle"): seed}, noise_level=KNOWN["noise_sd"])
@@ -112,8 +118,9 @@ def posterior_grid(case: str, count: int) -> tuple[tuple[np.ndarray, ...], np.nd
     logs = (
         log_density(square[..., None], axes["noise_sd"]) if free else log_density(square, KNOWN["noise_sd"])
     )
-    for i, (name, (low, high)) in enumerate(ranges.items()):
-        along = np.asarray(PRIORS[name].log_density(axes[name])) + np.log(0.5 * (high - low) * weights)
+    logs = logs + log_prior(case, axes)
+    for i, (low, high) in enumerate(ranges.values()):
+        along = np.log(0.5 * (high - low) * weights)
         logs = logs + along.reshape([-1 if j == i else 1 for j in range(len(ranges))])
     return tuple(axes.values()), logs
 
@@ -125,10 +132,8 @@ def quadrature(case: str) -> float:
     assert abs(results[0] - results[1]) < 1e-3, "the grid is too coarse"
     logs = posterior_grid(case, 56)[1]
     for axis, (low, _) in enumerate(CASES[case][2].values()):
-        edges = (-1,) if low == 0.0 else (0, -1)
-        assert all(np.take(logs, e, axis).max() < logs.max() - 12 for e in edges), (
-            "the grid cuts the posterior"
-        )
+        edges = [np.take(logs, i, axis).max() for i in ((-1,) if low == 0.0 else (0, -1))]
+        assert max(edges) < logs.max() - 12, "the grid cuts the posterior"
     return results[1]
 
 

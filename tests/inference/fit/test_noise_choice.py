@@ -12,15 +12,13 @@ from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.sample_noise import SampleNoise
 from bayesdamp.inference.deviation.weighing import weigh_all
-from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.target import build_target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise._residuals import fit_noise
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.records.cleaning.clean import recording_step
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Reference, Refusal, Seed, Signal, System
+from bayesdamp.types import Signal
 
 TIMES = np.linspace(0.0, 10.0, 301)
 KNOWN = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.02}
@@ -87,21 +85,3 @@ def test_a_term_that_is_missing_is_not_taken_for_noise():
     """What the quadratic term leaves under the viscous one is in the deviation of the law, not in the residual."""
     candidates = weighed("gaussian", ("viscous",))
     assert (candidates.likeliest, candidates.name) == ("gaussian", "gaussian")
-
-
-@pytest.mark.parametrize("rest", [0.0, 2.0])
-def test_noise_does_not_stand_in_for_another_zero(rest: float) -> None:
-    """A record that swings about 2 rad, which is said to swing about 0 or, the control, 2 rad."""
-    signal = Signal(TIMES, 2.0 + motion(0.2) + noise("correlated", np.random.default_rng(22)))
-    observed = features(signal)
-    system = System("linear", {**KNOWN, "rest_angle": rest})
-    built = build_target(
-        signal, ("viscous", "quadratic"), system, observed, Reference(0.3, 4.5), noise="correlated"
-    )
-    seeds = {Seed("near"): {"zeta": 0.06, "mu_q": 0.15, "theta0": rest + 0.3, "omega0": 0.0}}
-    if rest == 0.0:
-        with pytest.raises(Refusal, match=r"^pruned: the noise model replaces the motion"):
-            find_mode(built, seeds, noise_level=observed.roughness, period=observed.period, thrifty=True)
-    else:
-        mode = find_mode(built, seeds, noise_level=observed.roughness, period=observed.period, thrifty=True)
-        assert np.isfinite(mode.log_posterior)

@@ -7,16 +7,13 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.coordinates.whitening import whitening_of
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.search import basins, find_mode, prior_starts
+from bayesdamp.inference.fit.search import basins, find_mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers import Settings
-from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts
+from bayesdamp.inference.samplers._starts import Start, agreement
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Seed, Signal
-from tests.inference import problems
 
 STEP, FREQUENCY, RATE, SD = 0.35, 4.5, 0.06, 0.005
 ALIAS = 2 * np.pi / STEP - FREQUENCY
@@ -71,24 +68,6 @@ def test_without_aliasing_the_other_mode_is_far_below():
     result, where = basins(mode)
     assert where[0] == 0
     assert all(share < 1e-6 for _, share in result[1:])
-
-
-def test_starts_are_spread_over_the_seeds_and_wider_than_the_posterior():
-    target = problems.target("viscous_coulomb")
-    truth = problems.reference("viscous_coulomb")["truth"]
-    drawn = prior_starts(target, 2, 3)
-    seeds = {Seed("near"): truth, Seed("off"): {n: 1.3 * v for n, v in truth.items()}, **drawn}
-    mode = find_mode(target, seeds, noise_level=truth["noise_sd"])
-    assert basins(mode)[1][:2] == [0, 0]
-    *_, starts = seeded_starts(target, mode, whitening_of(target, mode), 4, Settings(seed=1))
-    assert {s.seed.source for s in starts} == {"near", "off", "prior 1", "prior 2"}
-    many, *_ = seeded_starts(target, mode, whitening_of(target, mode), 200, Settings(seed=2))
-    # A posterior's own draws have a mean square of 1 in these coordinates.
-    assert np.mean(many**2) > 1.5
-    z = whitening_of(target, mode).scores(many)
-    assert np.all(z[:, target.reflected] >= 0)
-    heights = mode.likelihood.log_posteriors(z)
-    assert heights.min() > heights.max() - 8 * z.shape[1]
 
 
 def test_a_chain_that_stays_apart_is_seen():

@@ -8,57 +8,31 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 from scipy import stats
-from scipy.integrate import quad
 
 from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Prior, Uniform
 
 PRIORS = {
-    "normal": (Normal(mean=-0.3, sd=2.0), stats.norm(-0.3, 2.0), (-40.0, 40.0)),
-    "halfnormal": (HalfNormal(scale=0.2), stats.halfnorm(scale=0.2), (0.0, 5.0)),
-    "lognormal": (LogNormal(median=3.0, sigma=0.7), stats.lognorm(0.7, scale=3.0), (1e-9, 300.0)),
-    "uniform": (Uniform(low=-1.0, high=3.0), stats.uniform(-1.0, 4.0), (-1.0, 3.0)),
-    "loguniform": (LogUniform(low=0.01, high=5.0), stats.loguniform(0.01, 5.0), (0.01, 5.0)),
+    "normal": (Normal(mean=-0.3, sd=2.0), stats.norm(-0.3, 2.0)),
+    "halfnormal": (HalfNormal(scale=0.2), stats.halfnorm(scale=0.2)),
+    "lognormal": (LogNormal(median=3.0, sigma=0.7), stats.lognorm(0.7, scale=3.0)),
+    "uniform": (Uniform(low=-1.0, high=3.0), stats.uniform(-1.0, 4.0)),
+    "loguniform": (LogUniform(low=0.01, high=5.0), stats.loguniform(0.01, 5.0)),
 }
-CASES = pytest.mark.parametrize("name", PRIORS)
 
 
-@CASES
-def test_density_is_normalised(name):
-    prior, law, (low, high) = PRIORS[name]
-    middle = float(law.median())
-    total = sum(
-        quad(lambda x: math.exp(float(prior.log_density(x))), *ends, epsabs=1e-11, limit=200)[0]
-        for ends in ((low, middle), (middle, high))
-    )
-    assert total == pytest.approx(1.0, abs=1e-8)
-
-
-@CASES
-def test_density_against_scipy(name):
-    prior, law, _ = PRIORS[name]
+@pytest.mark.parametrize("name", PRIORS)
+def test_density_and_scores_against_scipy(name):
+    prior, law = PRIORS[name]
     x = np.asarray(law.ppf(np.linspace(0.001, 0.999, 41)))
     np.testing.assert_allclose(np.asarray(prior.log_density(x)), law.logpdf(x), atol=1e-10)
-
-
-@CASES
-def test_outside_the_support(name):
-    prior, law, _ = PRIORS[name]
-    low, high = law.support()
-    for x in (low - 0.1, high + 0.1):
-        if math.isfinite(x):
-            assert float(prior.log_density(x)) == -math.inf
-
-
-@CASES
-def test_scores_go_back_and_forth(name):
-    prior, law, _ = PRIORS[name]
-    x = np.asarray(law.ppf(np.linspace(0.001, 0.999, 41)))
+    for end in (law.support()[0] - 0.1, law.support()[1] + 0.1):
+        assert float(prior.log_density(end)) == -math.inf or not math.isfinite(end)
     z = prior.score(x)
     np.testing.assert_allclose(np.asarray(prior.value(z)), x, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(np.asarray(prior.transform(z, *prior.numbers)), x, rtol=1e-10, atol=1e-12)
 
 
-@CASES
+@pytest.mark.parametrize("name", PRIORS)
 def test_normal_scores_have_the_stated_density(name):
     """Change of variables: N(z)·|dz/dx| is the density at x, twice that where the score is reflected."""
     prior = PRIORS[name][0]
@@ -69,16 +43,6 @@ def test_normal_scores_have_the_stated_density(name):
     np.testing.assert_allclose(np.asarray(prior.log_density(prior.value(z))), expected, atol=1e-10)
 
 
-@pytest.mark.parametrize("name", [n for n in PRIORS if n != "normal"])
-def test_negative_control(name):
-    """A normal of the same mean and sd is not taken for any of the others."""
-    prior, law, (low, high) = PRIORS[name]
-    wrong = stats.norm(law.mean(), law.std())
-    x = np.asarray(law.ppf(np.linspace(0.01, 0.99, 21)))
-    assert not np.allclose(np.asarray(prior.log_density(x)), wrong.logpdf(x), atol=1e-2)
-    assert abs(wrong.cdf(high) - wrong.cdf(low) - 1) > 1e-4
-
-
 def test_folded_scores():
     assert HalfNormal(scale=0.1).reflected
     assert not any(PRIORS[n][0].reflected for n in PRIORS if n != "halfnormal")
@@ -86,8 +50,8 @@ def test_folded_scores():
 
 
 def test_scores_at_the_ends_are_finite():
-    for prior, low, high in ((PRIORS["uniform"][0], -1.0, 3.0), (PRIORS["loguniform"][0], 0.01, 5.0)):
-        assert np.all(np.isfinite(np.asarray(prior.score(np.array([low, high])))))
+    for prior, law in (PRIORS["uniform"], PRIORS["loguniform"]):
+        assert np.all(np.isfinite(np.asarray(prior.score(np.array(law.support())))))
 
 
 @pytest.mark.parametrize(
@@ -106,12 +70,6 @@ def test_nonsense_is_refused(table):
         TypeAdapter(Prior).validate_python(table)
 
 
-def test_words():
-    assert Normal(mean=0.5, sd=2.0).describe() == "normal(mean 0.5, sd 2)"
-
-
 def test_a_score_far_out_is_a_finite_parameter() -> None:
-    """Proposals of heavy tails have such scores. Control: Python's own exponential overflows."""
+    """Proposals of heavy tails have such scores."""
     assert math.isfinite(LogNormal.transform(2000.0, 1.0, 1.0))
-    with pytest.raises(OverflowError):
-        math.exp(2000.0)

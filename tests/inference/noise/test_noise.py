@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from decimal import Decimal, localcontext
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -48,10 +46,6 @@ def density(name: str, r: np.ndarray, p: dict[str, float] = P) -> np.ndarray:
     return np.asarray(stats.multivariate_normal.logpdf(r, cov=covariance))
 
 
-def test_every_noise_has_an_independent_density():
-    assert NAMES == ["correlated", "gaussian", "quantised", "student_t"]
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_log_likelihood(name):
     model = NOISES.get(name)
@@ -60,13 +54,6 @@ def test_log_likelihood(name):
         np.testing.assert_allclose(model.log_likelihood(r, GAPS, P), expected.sum(), rtol=1e-10)
         if isinstance(model, IndependentNoise):
             np.testing.assert_allclose(model.log_likelihoods(r, GAPS, P), expected, rtol=1e-9)
-
-
-def test_negative_control_the_wrong_clock():
-    """The kernel under jitter and a gap is not that of a uniform clock of the same mean."""
-    r = drawn("correlated", np.random.default_rng(1))[0]
-    uniform = np.full(GAPS.shape, GAPS.mean())
-    assert abs(NOISES.get("correlated").log_likelihood(r, uniform, P) - density("correlated", r)) > 1.0
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -93,18 +80,6 @@ def test_parameter_slopes(name, share):
         assert slope * p[parameter] == pytest.approx(expected[parameter] * p[parameter], rel=1e-6, abs=1e-5)
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if n != "correlated"])
-def test_the_default_slope_is_the_closed_form(name):
-    """Also for residuals far out in the tails, and parameters that differ from draw to draw."""
-    model = NOISES.get(name)
-    assert isinstance(model, IndependentNoise)
-    r = drawn(name, np.random.default_rng(1), 2) * np.array([[1.0], [20.0]])
-    p = {**P, "noise_sd": np.array([0.02, 0.03])}
-    slope = model.slope(r, GAPS, p)
-    atol = 1e-7 * np.max(np.abs(slope))
-    np.testing.assert_allclose(IndependentNoise.slope(model, r, GAPS, p), slope, rtol=1e-7, atol=atol)
-
-
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
     "method", ["log_likelihood", "slope", "information_root", "whiten", "log_likelihoods"]
@@ -125,32 +100,6 @@ def test_leading_axes(name, method):
     assert not np.allclose(shared[0, 1], together[0, 1], rtol=1e-6)
 
 
-def slow_log_likelihood(r: np.ndarray, time: float) -> float:
-    """That of correlated noise in 50 digits."""
-    with localcontext() as context:
-        context.prec = 50
-        exact = [Decimal(float(x)) for x in r]
-        rho = [(-Decimal(float(g)) / Decimal(time)).exp() for g in GAPS]
-        squares = [exact[0] ** 2]
-        squares += [(b - q * a) ** 2 / (1 - q * q) for a, b, q in zip(exact, exact[1:], rho, strict=False)]
-        total = sum(squares) / Decimal(P["noise_sd"]) ** 2 + sum((1 - q * q).ln() for q in rho)
-        return -0.5 * float(total) - T.size * (np.log(P["noise_sd"]) + 0.5 * np.log(2 * np.pi))
-
-
-def test_slow_noise_keeps_its_digits():
-    """Neighbours a millionth of the noise apart; computed as r_{i+1} − ρ r_i, digits are lost."""
-    time = 1e12
-    r = 0.5 + np.cumsum(drawn("gaussian", np.random.default_rng(1))[0]) * 1e-6
-    expected = slow_log_likelihood(r, time)
-    noise, p = NOISES.get("correlated"), {**P, "noise_time": time}
-    assert noise.log_likelihood(r, GAPS, p) == pytest.approx(expected, rel=1e-12)
-    step = 1e-6 * np.sin(5 * T)  # of any size: it is quadratic
-    along = (slow_log_likelihood(r + step, time) - slow_log_likelihood(r - step, time)) / 2
-    assert noise.slope(r, GAPS, p) @ step == pytest.approx(along, rel=1e-7)
-    plain = np.append(r[0], (r[1:] - np.exp(-GAPS / time) * r[:-1]) / np.sqrt(-np.expm1(-2 * GAPS / time)))
-    assert not np.allclose(noise.whiten(r, GAPS, p), plain / P["noise_sd"], rtol=1e-9, atol=0.0)
-
-
 def test_rounded_noise_keeps_its_digits_in_the_tails():
     """A step that is small against the noise changes nothing, 300 sds away either; where it is not small it does."""
     r = np.array([-6.0, -0.5, -0.001, 0.0, 0.001, 0.5, 6.0])
@@ -165,25 +114,19 @@ def test_rounded_noise_keeps_its_digits_in_the_tails():
     assert not np.allclose(quantised.slope(r, gaps, coarse), expected, rtol=1e-3)
 
 
+def is_white(scores: np.ndarray) -> bool:
+    """Normal (Kolmogorov–Smirnov) and uncorrelated. False alarms: 1e-3 and 1e-4."""
+    lag = np.mean(scores[:, 1:] * scores[:, :-1]) * np.sqrt(scores[:, 1:].size)
+    return bool(abs(lag) < 3.9 and stats.kstest(scores.ravel(), "norm").pvalue > 1e-3)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_whitened_noise_is_white(name):
-    """4,000 scores: normal (Kolmogorov–Smirnov) and uncorrelated. False alarms: 1e-3 and 1e-4 a model."""
-    model = NOISES.get(name)
+    """4,000 scores. Control: residuals divided by their sd alone are not."""
     many = drawn(name, np.random.default_rng(2), 40)
-    white = model.whiten(many, GAPS, P)
-    assert white.shape == many.shape
-    assert stats.kstest(white.ravel(), "norm").pvalue > 1e-3
-    lag = np.mean(white[:, 1:] * white[:, :-1]) * np.sqrt(white[:, 1:].size)
-    assert abs(lag) < 3.9
-
-
-@pytest.mark.parametrize("name", ["correlated", "student_t"])
-def test_negative_control_white_residuals(name):
-    """Divided by their sd alone such residuals are not white normal scores."""
-    many = drawn(name, np.random.default_rng(2), 40)
-    white = NOISES.get("gaussian").whiten(many, GAPS, P)
-    lag = np.mean(white[:, 1:] * white[:, :-1]) * np.sqrt(white[:, 1:].size)
-    assert abs(lag) > 3.9 or stats.kstest(white.ravel(), "norm").pvalue < 1e-3
+    assert is_white(NOISES.get(name).whiten(many, GAPS, P))
+    if name in ("correlated", "student_t"):
+        assert not is_white(NOISES.get("gaussian").whiten(many, GAPS, P))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -211,16 +154,6 @@ def test_start_is_near_and_contract(name):
     assert set(start) == set(model.parameters)
     for n, value in start.items():
         assert 1 / 3 < value / P[n] < 3, n
-
-
-def test_a_fine_step_is_gaussian_noise_and_a_coarse_one_is_not():
-    r = drawn("gaussian", np.random.default_rng(6))[0]
-    gaussian = NOISES.get("gaussian").log_likelihood(r, GAPS, P)
-    by_step = [
-        NOISES.get("quantised").log_likelihood(r, GAPS, {**P, "noise_step": step}) for step in (1e-4, 0.1)
-    ]
-    assert by_step[0] == pytest.approx(gaussian, abs=1e-3)
-    assert abs(by_step[1] - gaussian) > 10
 
 
 def test_a_record_without_steps_has_no_quantised_noise():

@@ -22,10 +22,6 @@ NONE = (np.empty((0, D)), np.empty(0))
 SIGMAS = 5.0
 """Monte Carlo errors that a moment may be off: a false alarm in 1.7 million, in 10⁵ for the ten of a test."""
 
-WALLS = np.array([[1.0, 0.2, 0.0], [-0.7, 1.0, 0.3], [0.1, -0.5, 1.0]])
-OFFSETS = np.array([0.5, 0.4, 0.3])
-INSIDE = np.array([0.1, 0.2, 0.3])
-
 
 @dataclass(frozen=True)
 class CutOff:
@@ -78,21 +74,6 @@ def by_rejection() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return both[:, :D].mean(axis=0), both[:, D:].mean(axis=0), both.std(axis=0) / np.sqrt(len(left))
 
 
-def test_a_correlated_normal() -> None:
-    """Means and variances in closed form; the control: a mean that is off by a fifth of its sd."""
-    u, accepted, _, diverging = sampled(CutOff(*NONE))
-    sd = np.sqrt(np.diag(COVARIANCE))
-    assert off(u, MEAN, MEAN**2 + sd**2, np.zeros(2 * D)) < SIGMAS
-    assert off(u, MEAN + 0.2 * sd * np.eye(D)[2], MEAN**2 + sd**2, np.zeros(2 * D)) > SIGMAS
-    assert accepted.mean() > 0.7
-    assert not diverging.any()
-    correlation = np.corrcoef(u.reshape(-1, D).T)
-    np.testing.assert_allclose(correlation, COVARIANCE / np.outer(sd, sd), atol=0.08)
-    summary = diagnostics.summarise(u[..., 3])
-    assert summary["rhat"] < 1.01
-    assert summary["ess_bulk"] > 0.1 * CHAINS * COUNT
-
-
 @pytest.mark.parametrize("force", [1.0, 0.7])
 def test_a_normal_between_two_walls(force: float) -> None:
     """By rejection; also where the force is not the density's own. The control: moments of the whole normal are
@@ -103,51 +84,6 @@ def test_a_normal_between_two_walls(force: float) -> None:
     assert off(u, mean, square, errors) < SIGMAS
     sd = np.sqrt(np.diag(COVARIANCE))
     assert off(u, MEAN, MEAN**2 + sd**2, errors) > 2 * SIGMAS
-
-
-def test_a_force_of_the_wrong_sign_is_refused() -> None:
-    """It drives proposals away: energies decide, so that few of them are accepted or many diverge."""
-    _, right, _, diverging = sampled(CutOff(*NONE), count=200)
-    _, wrong, _, astray = sampled(CutOff(*NONE, force=-1.0), count=200)
-    assert not diverging.any()
-    assert wrong.mean() < 0.5 * right.mean()
-    assert astray.mean() > 0.002 or wrong.mean() < 0.5
-
-
-def flights(seed: int, count: int = 50) -> np.ndarray:
-    """Momenta, (count, 3)."""
-    return 2.0 * np.random.default_rng(seed).standard_normal((count, 3))
-
-
-def test_a_flight_stays_within_the_walls_and_runs_backwards() -> None:
-    bounced = 0
-    for p in flights(0):
-        u, v = drift(INSIDE, p, 1.5, WALLS, OFFSETS)
-        assert np.all(WALLS @ u + OFFSETS > -1e-12)
-        assert np.linalg.norm(v) == pytest.approx(np.linalg.norm(p), rel=1e-12)
-        back, was = drift(u, v, -1.5, WALLS, OFFSETS)
-        np.testing.assert_allclose(back, INSIDE, atol=1e-10)
-        np.testing.assert_allclose(was, p, atol=1e-10)
-        bounced += not np.allclose(v, p)
-    assert bounced > 25
-    # Negative control: a position that is put back to the wall instead does not find its way.
-    p = np.array([-2.0, 0.0, 0.0])
-    clipped = np.maximum(INSIDE + 1.5 * p, -0.4)
-    assert not np.allclose(np.maximum(clipped - 1.5 * p, -0.4), INSIDE)
-
-
-def test_a_flight_keeps_volume() -> None:
-    def both(x: np.ndarray) -> np.ndarray:
-        return np.concatenate(drift(x[:3], x[3:], 1.5, WALLS, OFFSETS))
-
-    steps = 1e-6 * np.eye(6)
-    sizes = []
-    for p in flights(1, 20):
-        at = np.concatenate([INSIDE, p])
-        jacobian = np.stack([(both(at + h) - both(at - h)) / 2e-6 for h in steps], axis=-1)
-        sizes.append(abs(np.linalg.det(jacobian)))
-    # A flight that ends within a difference's step of a bounce has no derivative there: none of these does.
-    np.testing.assert_allclose(sizes, 1.0, rtol=1e-6)
 
 
 def test_too_many_bounces_end_nowhere() -> None:

@@ -64,10 +64,3 @@ def test_losses_are_those_of_the_terms_equations():
     }
     for name, truth in known.items():
         assert losses(TERMS.get(name), np.zeros(1), {}, scale) == pytest.approx(truth, rel=1e-6), name
-
-
-def test_which_terms_lose_alike():
-    assert alike(TERMS.get("viscous"), TERMS.get("structural"))
-    assert alike(TERMS.get("cubic"), TERMS.get("displacement"))
-    assert not alike(TERMS.get("cubic"), TERMS.get("quadratic"))
-    assert not alike(TERMS.get("stribeck"), TERMS.get("coulomb"))

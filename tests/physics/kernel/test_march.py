@@ -67,7 +67,7 @@ def solved(made: Solver, p: np.ndarray, *args: object, **kwargs: object) -> Moti
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("deviates", [False, True])
 def test_motion_is_that_of_another_solver(law: str, deviates: bool) -> None:
-    """Displacement, velocity and acceleration; each over the scale of its own."""
+    """Displacement, velocity and acceleration; each over the scale of its own. The control: without deviations."""
     truth = independent(law, deviates)
     args = (G, H) if deviates else ()
     for order, quantity in enumerate(("angle", "velocity", "acceleration")):
@@ -75,25 +75,7 @@ def test_motion_is_that_of_another_solver(law: str, deviates: bool) -> None:
         found = solved(made, p, *args, tangents=NONE).y
         error = np.max(np.abs(found - truth[:, order])) / (made.amplitude * made.frequency**order)
         assert error < (LIMIT, 5 * LIMIT, 50 * LIMIT)[order]
-
-
-def test_a_motion_without_its_deviations_is_seen() -> None:
-    """Control: the deviations move the motion by far more than the limit."""
-    made, p = solver_of("linear")
-    assert np.max(np.abs(solved(made, p, tangents=NONE).y - independent("linear", True)[:, 0])) > 1e-3
-
-
-def test_viscous_closed_form() -> None:
-    made, p = solver_of("linear", mu_c=0.0, mu_q=0.0, omega0=0.4)
-    zeta, k, rest, x, v = DAMPING["zeta"], 20.0, 0.05, 0.3, 0.4
-    w = math.sqrt(k - zeta**2)
-    decay, c, s = np.exp(-zeta * TIMES), np.cos(w * TIMES), np.sin(w * TIMES)
-    truth = rest + decay * ((x - rest) * c + (v + zeta * (x - rest)) / w * s)
-    found = solved(made, p)
-    assert np.max(np.abs(found.y - truth)) < LIMIT * made.amplitude
-    at = made.names.index("rest_angle")
-    by_rest = 1 - decay * (c + zeta / w * s)
-    assert np.max(np.abs(found.tangents[:, at] - by_rest)) < FINE[0] * 10
+        assert not deviates or np.max(np.abs(solved(made, p, tangents=NONE).y - truth[:, order])) > 1e-3
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -132,40 +114,12 @@ def test_a_term_that_is_switched_off_does_nothing() -> None:
     assert np.max(np.abs(off.y - solved(made, p).y)) > 1e-3  # control
 
 
-def test_fewer_terms_in_another_order() -> None:
-    """The same motion and tangents from a solver of two terms, the last one first."""
-    made, p = solver_of("linear", mu_q=0.0)
-    fewer = Solver(
-        ("coulomb", "viscous"), "linear", TIMES, "angle", made.amplitude, made.frequency, 0.1, KNOTS
-    )
-    assert fewer.names[:2] == ("mu_c", "zeta")
-    order = [made.names.index(name) for name in fewer.names]
-    one, other = solved(made, p, G, H, ALL), solved(fewer, p[order], G, H, ALL)
-    assert other.y == pytest.approx(one.y, abs=1e-12)
-    deviations = np.arange(p.size, one.tangents.shape[1])
-    assert other.tangents == pytest.approx(one.tangents[:, [*order, *deviations]], abs=1e-10)
-
-
-def test_the_first_samples_alone() -> None:
-    made, p = solver_of("pendulum")
-    whole, part = solved(made, p), solved(made, p, stop=100)
-    assert part.y.shape == (100,)
-    assert part.y == pytest.approx(whole.y[:100], abs=LIMIT * made.amplitude)
-
-
 @pytest.mark.parametrize("theta0", [0.6, 30.0])
 def test_an_escaping_motion_is_none(theta0: float) -> None:
     """Beyond √(k/−β) = 0.577 from its rest a softening spring pushes outwards."""
     made, p = solver_of("duffing", theta0=theta0)
     assert made.solve(p, np.ones(3, bool), tangents=ALL) is None
     assert made.solve(p, np.ones(3, bool), tangents=NONE) is None
-
-
-def test_a_motion_that_stays_has_no_nan() -> None:
-    made, p = solver_of("duffing", theta0=0.5)
-    found = solved(made, p, tangents=ALL)
-    assert np.all(np.isfinite(found.y))
-    assert np.all(np.isfinite(found.tangents))
 
 
 class Positional(DampingTerm):

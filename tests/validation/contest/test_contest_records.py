@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from bayesdamp.types import Refusal, Signal
-from validation.contest.measured import half_cycles, measured
+from bayesdamp.types import Signal
+from validation.contest.measured import half_cycles
 from validation.contest.records import GROUPS, LOST, closed_form, simulated
-
-DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data"
 
 
 def test_a_group_is_what_it_says():
@@ -39,18 +35,3 @@ def test_half_cycles_of_a_closed_form():
     found = half_cycles(Signal(record.t, record.y))
     np.testing.assert_allclose(found[:, 1], 0.03, rtol=0.03)
     np.testing.assert_allclose(found[0, 0], 0.5 * np.exp(-0.03 * 2 * np.pi * 1.0), rtol=0.1)
-
-
-def test_measured_records_that_are_not_there(tmp_path: Path):
-    with pytest.raises(Refusal, match="is missing"):
-        measured(tmp_path)
-
-
-@pytest.mark.skipif(not (DATA / "ten_runs").is_dir(), reason="the measured runs are not shipped")
-def test_repeats_agree_on_their_truth():
-    made = measured(DATA)
-    assert len(made) == 10
-    amplitudes = np.array([a for r in made for a in r.amplitudes])
-    ratios = np.array([x for r in made for x in r.ratios])
-    away = np.log(ratios) - np.polyval(np.polyfit(np.log(amplitudes), np.log(ratios), 2), np.log(amplitudes))
-    assert np.sqrt(np.mean(away**2)) < 0.1

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from bayesdamp.interface.answer import answer
-from bayesdamp.types import OK
 from validation.reports import light
-from validation.reports.contradictions import contradictions, true_ratio
+from validation.reports.contradictions import true_ratio
 from validation.reports.light import Drawn, log_weights, oscillation, probabilities
-from validation.rows import read_rows
 from validation.truth.motion import solved
 from validation.truth.oscillator import Oscillator
 
@@ -37,25 +33,3 @@ def test_stored_weights_give_the_probabilities_of_the_verdict() -> None:
     assert p[found.verdict.damping] == pytest.approx(found.verdict.probability, abs=1e-6)
     for rival in found.verdict.rivals:
         assert p[rival.damping] == pytest.approx(rival.probability, abs=1e-6)
-
-
-def test_a_run_goes_on_where_it_was_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(light, "MOTIONS", (1e-2,))
-    monkeypatch.setattr(light, "ENVELOPES", (1e-6,))
-    folder = tmp_path / "light"
-    options = [str(tmp_path / "rows.csv"), str(folder), "--workers", "1", "--records"]
-    light.main([*options, "1"])
-    first = read_rows(folder / "rows.csv")
-    assert [r["record"] for r in first] == ["0.01-0", "1e-06-0"]
-    assert all(r["outcome"] == OK and float(r["p_truth"]) > 0.05 for r in first)
-    light.main([*options, "2"])
-    rows = read_rows(folder / "rows.csv")
-    assert [r["record"] for r in rows] == ["0.01-0", "0.01-1", "1e-06-0", "1e-06-1"]
-    assert [rows[0], rows[2]] == first
-    assert (folder / "README.md").read_text(encoding="utf-8").startswith("# Light damping")
-    assert contradictions(folder) == []
-    wrong = [
-        {**r, "decided": "1", "first": "quadratic", "p_first": "0.99", "p_truth": "0.001"} for r in rows * 5
-    ]
-    light.shipped(folder / "rows.csv", light.COLUMNS, wrong)
-    assert len(contradictions(folder)) == 2
