@@ -16,7 +16,6 @@ from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.amplitude import SUMS, ClosedForm, decay
 from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.records.envelope.record import made_record
-from tests.envelope.weighed import log_evidence_as_given
 from validation.truth.ringdowns import Ringdown, simulate
 
 OMEGA = 2 * np.pi * 50.0
@@ -45,9 +44,11 @@ def probabilities(candidates: Sequence[EnvelopeCandidate]) -> np.ndarray:
 
 def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
     """Exact law, the noise as given; the nonlinear likelihood by the solution of dA/dt = −vA − c, on a fine grid."""
-    b = blocks(noise=0.02)
-    candidate = weigh(b, ClosedForm(("viscous", "coulomb")))
-    log_z = log_evidence_as_given(candidate)
+    b, noises, inverse = blocks(noise=0.02)
+    candidate = weigh(b, ClosedForm(("viscous", "coulomb")), noises, inverse)
+    # Of no deviation and the noise as given, whose factors are exp(-0.25), 1, exp(0.25); without its prior probability.
+    given = candidate.weighed.combos == np.flatnonzero(candidate.about.size == 0.0)[1]
+    log_z = logsumexp(candidate.weighed.log_each[given]) - np.log(0.8) + np.log(3.0)
     grid = np.linspace(0.0, 0.16, 161)
     starts = np.linspace(1.16, 1.24, 33)
     viscous, coulomb = np.maximum(grid, 1e-9)[:, None, None], grid[:, None]
