@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pytest
 
 from bayesdamp.inference.curves.derived import Motions, against_amplitude, derive
 from bayesdamp.physics.oscillator import Oscillator
-from tests.physics.independent import trajectory
 
 K, A, INERTIA = 20.0, 0.3, 0.7
 W = math.sqrt(K)
@@ -69,25 +67,6 @@ def test_a_sum_loses_the_sum():
         np.testing.assert_allclose(both[quantity], viscous[quantity] + two[quantity], rtol=1e-9)
     np.testing.assert_allclose(both["damping_ratio"], viscous["damping_ratio"])
     assert not np.allclose(both["half_life"], viscous["half_life"] + two["half_life"], rtol=0.1)
-
-
-@pytest.mark.parametrize(("term", "name", "size"), [("coulomb", "mu_c", 0.3), ("quadratic", "mu_q", 0.1)])
-def test_half_life_and_decrement_of_a_trajectory(term, name, size):
-    """A pendulum let go at 1.2 rad, by an independent solver: maxima halve when said to (averaging: within 1 %)."""
-    p = {"stiffness": K, "rest_angle": 0.0, "theta0": 1.2, "omega0": 0.0, name: size}
-    forces = {"coulomb": lambda v, s: size * np.tanh(v / 0.01), "quadratic": lambda v, s: size * v * abs(v)}
-    t = np.linspace(0.0, 15.0, 7501)
-    x = trajectory("pendulum", p, t, force=forces[term])[:, 0]
-    at = 1 + np.flatnonzero((x[1:-1] > x[:-2]) & (x[1:-1] >= x[2:]))
-    times, maxima = np.r_[0.0, t[at]], np.r_[1.2, x[at]]
-    halved = float(np.interp(math.log(2), -np.log(maxima / 1.2), times))
-    osc = Oscillator((term,), "pendulum")
-    result = derive(Motions(osc, {**p, "epsilon": 0.01, name: np.array([size])}, 0.0, 1.2))
-    assert result["half_life"][0] == pytest.approx(halved, rel=0.01)
-    # Two successive maxima: the decrement belongs to the amplitude between them.
-    middle = math.sqrt(maxima[2] * maxima[3])
-    other = derive(Motions(osc, {**p, "epsilon": 0.01, name: np.array([size])}, 0.0, middle))
-    assert other["log_decrement"][0] == pytest.approx(math.log(maxima[2] / maxima[3]), rel=0.01)
 
 
 def test_natural_frequency_where_draws_change_it():

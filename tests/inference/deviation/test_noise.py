@@ -49,9 +49,3 @@ def test_what_a_fit_took_is_given_back() -> None:
     given, ignored, whole = np.mean(found, axis=0)
     assert given == pytest.approx(whole, rel=0.1)
     assert ignored < 0.8 * whole
-
-
-def test_two_cycles_tell_nothing() -> None:
-    t = times(1)
-    assert inflation(t, np.sin(W * t), W, 0) == 1.0
-    assert inflation(times(20), np.zeros(20 * PER_CYCLE), W, 5) == 1.0

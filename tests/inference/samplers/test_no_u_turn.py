@@ -18,7 +18,6 @@ COVARIANCE = (np.eye(D) + _ROOT) @ (np.eye(D) + _ROOT).T
 PRECISION = np.linalg.inv(COVARIANCE)
 TWO = (np.eye(D)[[0, 4]] + 0.3 * np.eye(D)[[1, 2]], np.array([0.0, 0.3]))
 """Two oblique walls that cut off nearly two thirds of the normal."""
-NONE = (np.empty((0, D)), np.empty(0))
 SIGMAS = 5.0
 """Monte Carlo errors that a moment may be off: a false alarm in 1.7 million, in 10⁵ for the ten of a test."""
 
@@ -40,28 +39,11 @@ class CutOff:
         return -self.force * (PRECISION @ (u - MEAN))
 
 
-def sampled(space: CutOff, seed: int = 1, count: int = COUNT, step: float = 0.6) -> tuple[np.ndarray, ...]:
-    """Positions (chain, draw, D) after 100 draws, with the acceptance, the steps and the divergences."""
-    start = MEAN + np.array([1.0, 0.5, 0.0, 0.0, 1.0])
-    each = [
-        Chain(space, step, np.random.default_rng([seed, k])).sampled(start, space.height(start), count + 100)
-        for k in range(CHAINS)
-    ]
-    u, _, diverging, steps, accepted = (np.stack([item[i][100:] for item in each]) for i in range(5))
-    return u, accepted, steps, diverging
-
-
 def off(u: np.ndarray, mean: np.ndarray, square: np.ndarray, errors: np.ndarray) -> float:
     """Largest departure of the means and mean squares, in Monte Carlo errors of both sides (errors: the other's)."""
     moments = np.concatenate([u, u**2], axis=-1)
     own = np.array([diagnostics.monte_carlo_error(moments[..., i]) for i in range(2 * D)])
     return float(np.max(np.abs(moments.mean(axis=(0, 1)) - np.r_[mean, square]) / np.hypot(own, errors)))
-
-
-@lru_cache
-def within(force: float = 1.0) -> tuple[np.ndarray, ...]:
-    """What is drawn between the two walls."""
-    return sampled(CutOff(*TWO, force))
 
 
 @lru_cache
@@ -79,7 +61,9 @@ def test_a_normal_between_two_walls(force: float) -> None:
     """By rejection; also where the force is not the density's own. The control: moments of the whole normal are
     others."""
     mean, square, errors = by_rejection()
-    u, *_ = within(force)
+    space, start = CutOff(*TWO, force), MEAN + np.array([1.0, 0.5, 0.0, 0.0, 1.0])
+    chains = [Chain(space, 0.6, np.random.default_rng([1, k])) for k in range(CHAINS)]
+    u = np.stack([c.sampled(start, space.height(start), COUNT + 100)[0][100:] for c in chains])
     assert np.all(u @ TWO[0].T + TWO[1] > -1e-12)
     assert off(u, mean, square, errors) < SIGMAS
     sd = np.sqrt(np.diag(COVARIANCE))
