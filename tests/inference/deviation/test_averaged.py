@@ -126,7 +126,7 @@ def test_the_answer_is_that_of_the_equation_of_motion() -> None:
         # The midline is told by all samples alike, and here by what harmonics leave of it.
         within = {"theta0": np.inf, "omega0": np.inf, "rest_angle": 0.3}.get(name, 0.1)
         assert abs(one - other) < within * width, (name, (one - other) / width)
-        assert within > 0.1 or own == pytest.approx(width, rel=0.05), name
+        assert within > 0.1 or own == pytest.approx(width, rel=0.15), name
     for ratio, plain in zip(a[1].ratios, b[1].ratios, strict=True):
         assert abs(ratio.value - plain.value) < 0.1 * np.hypot(plain.sd_noise, plain.sd_law)
 

@@ -72,8 +72,8 @@ CASES: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, tuple[float, float
     "one far": (("coulomb",), record(0.0, 0.12, 4), {"mu_c": (0.06, 0.18)}),
     "two touching": (BOTH, record(0.06, 0.0, 3), TOUCHING),
     "three touching": (BOTH, record(0.06, 0.0, 3), {**TOUCHING, "noise_sd": (0.014, 0.028)}),
-    "one shared": (("viscous",), record(0.2, 0.0, 3), {"zeta": (0.08, 0.36)}),
-    "two shared": (BOTH, record(0.2, 0.0, 3), {"zeta": (0.02, 0.36), "mu_c": (0.0, 0.3)}),
+    "one shared": (("viscous",), record(0.2, 0.0, 3), {"zeta": (0.16, 0.24)}),
+    "two shared": (BOTH, record(0.2, 0.0, 3), {"zeta": (0.0, 0.24), "mu_c": (0.0, 0.25)}),
 }
 """The coefficients of those that are shared have damping ratios of one unknown scale, as by default."""
 

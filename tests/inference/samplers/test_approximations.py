@@ -49,10 +49,10 @@ def test_the_running_estimates_of_the_filter_end_at_the_posterior():
         problems.posterior("viscous_coulomb", "kalman"),
         problems.reference("viscous_coulomb"),
     )
-    i, zeta = posterior.running.index("zeta"), reference["posterior"]["zeta"]
+    i, start = posterior.running.index("theta0"), reference["posterior"]["theta0"]
     mean, sd = (posterior.arrays[f"running/restarted/{what}"][:, i] for what in ("mean", "sd"))
-    assert mean[-1] == pytest.approx(zeta["mean"], abs=0.3 * zeta["sd"])
-    assert sd[-1] == pytest.approx(zeta["sd"], rel=0.25)
+    assert mean[-1] == pytest.approx(start["mean"], abs=0.3 * start["sd"])
+    assert sd[-1] == pytest.approx(start["sd"], rel=0.25)
     late = slice(mean.size // 4, None)
     assert np.all(np.diff(sd[late]) <= 1e-6 * sd[late][1:])
     assert np.all(np.abs(mean[late] - mean[-1]) < 4 * sd[late])
