@@ -44,15 +44,16 @@ def test_against_the_reference(sampler, name):
 
 
 def test_the_running_estimates_of_the_filter_end_at_the_posterior():
-    """Later samples narrow the band, and it contains the end."""
+    """Of a parameter that the coefficients' end at zero hardly moves. Later samples narrow the band, and it contains the
+    end."""
     posterior, reference = (
         problems.posterior("viscous_coulomb", "kalman"),
         problems.reference("viscous_coulomb"),
     )
-    i, start = posterior.running.index("theta0"), reference["posterior"]["theta0"]
+    i, start = posterior.running.index("omega0"), reference["posterior"]["omega0"]
     mean, sd = (posterior.arrays[f"running/restarted/{what}"][:, i] for what in ("mean", "sd"))
-    assert mean[-1] == pytest.approx(start["mean"], abs=0.3 * start["sd"])
-    assert sd[-1] == pytest.approx(start["sd"], rel=0.25)
+    assert mean[-1] == pytest.approx(start["mean"], abs=0.5 * start["sd"])
+    assert sd[-1] == pytest.approx(start["sd"], rel=0.1)
     late = slice(mean.size // 4, None)
     assert np.all(np.diff(sd[late]) <= 1e-6 * sd[late][1:])
     assert np.all(np.abs(mean[late] - mean[-1]) < 4 * sd[late])
