@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.physics.amplitude import ClosedForm
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.records.envelope.window import EnvelopeWindow, bounded
 from bayesdamp.types import InputError

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import bayesdamp as bd
 
-STIFFNESS, NOISE, SCALE = 20.0, 0.002, 0.5
+STIFFNESS, NOISE = 20.0, 0.002
 TIMES = np.linspace(0.0, 20.0, 160)
 KNOTS = np.linspace(0.0, 20.0, 8)
 WAVE = np.sin(np.linspace(0.0, 2 * np.pi, KNOTS.size))

@@ -15,9 +15,7 @@ from bayesdamp.inference.deviation.draws import (
     works_on,
 )
 from bayesdamp.physics.damping import PAPER_TERMS
-from bayesdamp.physics.forces import by_kernel, rest_near
 from bayesdamp.physics.kernel import Solver
-from bayesdamp.physics.restoring import LAWS
 
 W = 4.5
 

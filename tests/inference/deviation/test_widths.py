@@ -12,7 +12,6 @@ from scipy.integrate import quad
 from bayesdamp.inference.deviation.findings import findings
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import Weighing
-from bayesdamp.interface.answer import answer
 from bayesdamp.types import Ratio, Signal
 from tests.physics.independent import trajectory, viscous
 

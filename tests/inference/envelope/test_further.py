@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.inference.envelope.candidates import Blocks, weigh
-from bayesdamp.inference.envelope.noise import Noise
-from bayesdamp.inference.envelope.sums import Sum, explore, weighed
-from bayesdamp.physics.amplitude import Scale
-from bayesdamp.physics.damping import TERMS
+from bayesdamp.inference.envelope.sums import explore
 
 
 @pytest.mark.parametrize(("count", "mean", "sd"), [(1, 0.7, 0.004), (3, 0.5, 0.05)])

@@ -44,8 +44,8 @@ def test_against_the_reference(sampler, name):
 
 
 def test_the_running_estimates_of_the_filter_end_at_the_posterior():
-    """Of a parameter that the coefficients' end at zero hardly moves. Later samples narrow the band, and it contains the
-    end."""
+    """Of a parameter that is hardly moved by the coefficients' end at zero. Later samples narrow the band, and it
+    contains the end."""
     posterior, reference = (
         problems.posterior("viscous_coulomb", "kalman"),
         problems.reference("viscous_coulomb"),

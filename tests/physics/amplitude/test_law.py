@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.envelope.sums import Sum
-from bayesdamp.physics.amplitude import SUMS, Law, Scale, Tabled, alike, decay, losses
+from bayesdamp.physics.amplitude import SUMS, Law, Scale, Tabled, decay, losses
 from bayesdamp.physics.damping import TERMS
 
 T = np.linspace(0.0, 5.0, 101)

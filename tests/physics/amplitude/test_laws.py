@@ -9,14 +9,12 @@ from scipy.integrate import solve_ivp
 from bayesdamp.inference.deviation.linear import grid_of
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, solver_of
 from bayesdamp.physics.amplitude import (
-    NEAR_VISCOUS,
     RESTED,
     SUMS,
     ClosedForm,
     coefficient,
     decay,
     power_decay,
-    power_slopes,
 )
 
 T = np.linspace(0.0, 5.0, 41)

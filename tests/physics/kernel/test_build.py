@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.kernel import Solver, build
+from bayesdamp.physics.kernel import build
 from bayesdamp.physics.kernel.solve import SHIPPED, SHIPPED_LAWS, warm
 from bayesdamp.physics.restoring import LAWS
 

@@ -8,12 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayesdamp.physics.damping import TERMS, DampingTerm
-from bayesdamp.physics.kernel import Solver, build
-from bayesdamp.physics.kernel.build import _arguments, _function
 from bayesdamp.physics.kernel.differentiate import SLOPES, NoSlopeError, differenced, differentiated
-from bayesdamp.physics.kernel.solve import ALL
-from bayesdamp.physics.restoring import LAWS, RestoringLaw
 
 TIMES = np.linspace(0.0, 6.0, 161)
 
