@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from bayesdamp.inference.deviation.linear import grid_of
-from bayesdamp.inference.envelope.candidates import KNOTS
 from bayesdamp.interface.answer import Answer
 from bayesdamp.interface.envelopes import analyse, answer_envelope, specimen_of_envelopes
 from bayesdamp.odds import odds

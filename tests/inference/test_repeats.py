@@ -11,8 +11,12 @@ from scipy.special import erf, logsumexp
 from scipy.stats import norm
 
 from bayesdamp.inference.curves.weighted import summarise
-from bayesdamp.inference.deviation.repeats import Repeats, RunLikelihood, joined
-from bayesdamp.priors import SHARED_SCALES, HalfNormal, Normal, Prior, SharedHalfNormal
+from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.repeats import SPREAD, Repeats, RunLikelihood, joined
+from bayesdamp.inference.deviation.specimen import damping_run
+from bayesdamp.inference.model.target import damping_priors
+from bayesdamp.priors import HalfNormal, Normal, Prior, SharedHalfNormal
+from bayesdamp.types import Reference, Signal
 from tests.inference.runs import Summed, by_quadrature, run_of
 from tests.physics.independent import viscous
 
@@ -108,7 +112,7 @@ def test_runs_of_records_are_joined_to_the_evidence_of_quadrature() -> None:
             Signal(t, y), damping=["viscous"], restoring=["linear"], known=known, reference=Reference(0.3, omega),
             approximate=False,
         )  # fmt: skip
-        runs.append(damping_run(weighing, weighing.results[0], np.array([0.2, 0.1]), False))
+        runs.append(damping_run(weighing.results[0], np.array([0.2, 0.1])))
         logs.append(np.array([norm.logpdf(y, viscous(t, z, omega, 0.3), noise).sum() for z in x]))
     # Of one half-normal ratio whose scale is log-uniform; in its logarithm.
     prior = erf(x / omega / 1e-8 / 2**0.5) - erf(x / omega / 0.3 / 2**0.5)

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.checks.checks import check_fit, kurtosis, laplace_draws, portmanteau
+from bayesdamp.inference.checks.checks import check_fit, laplace_draws
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator

@@ -8,8 +8,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation import forms as other_forms
-from bayesdamp.inference.deviation.draws import probabilities
 from bayesdamp.inference.deviation.forms import bounds_of_others
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.physics.damping import others

@@ -12,8 +12,7 @@ from scipy.optimize import root_scalar
 
 from bayesdamp.inference.deviation.data import Data, prepared
 from bayesdamp.inference.deviation.linear import knots_of
-from bayesdamp.inference.deviation.weighing import weigh_all
-from bayesdamp.interface.answer import WEIGHED, answer
+from bayesdamp.interface.answer import answer
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel.solve import NONE, Windows
 from bayesdamp.types import Signal

@@ -9,8 +9,6 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from bayesdamp.inference.deviation.linear import Grid, condensed, grid_of, weigh
-from bayesdamp.numerics.orthant import draw
-from bayesdamp.priors import SCORE_RATIO
 
 N, KNOTS, SD = 30, 4, 0.3
 

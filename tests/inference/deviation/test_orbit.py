@@ -9,8 +9,6 @@ import pytest
 from scipy.integrate import quad
 
 from bayesdamp.inference.deviation.draws import (
-    balanced_frequency,
-    natural_frequency,
     orbit_at,
     works_on,
 )

@@ -44,8 +44,8 @@ def probabilities(candidates: Sequence[EnvelopeCandidate]) -> np.ndarray:
 
 def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
     """Exact law, the noise as given; the nonlinear likelihood by the solution of dA/dt = −vA − c, on a fine grid."""
-    b, noises, inverse = blocks(noise=0.02)
-    candidate = weigh(b, ClosedForm(("viscous", "coulomb")), noises, inverse)
+    b = blocks(noise=0.02)
+    candidate = weigh(b, ClosedForm(("viscous", "coulomb")))
     # Of no deviation and the noise as given, whose factors are exp(-0.25), 1, exp(0.25); without its prior probability.
     given = candidate.weighed.combos == np.flatnonzero(candidate.about.size == 0.0)[1]
     log_z = logsumexp(candidate.weighed.log_each[given]) - np.log(0.8) + np.log(3.0)

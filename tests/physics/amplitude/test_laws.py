@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bayesdamp.inference.deviation.linear import grid_of
-from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, solver_of
 from bayesdamp.physics.amplitude import (
     RESTED,
     SUMS,

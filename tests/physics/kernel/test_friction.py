@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bayesdamp.inference.deviation.draws import turning_amplitudes
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import ALL, NONE, QUANTITIES, Windows
 from bayesdamp.physics.oscillator import Oscillator
