@@ -48,3 +48,21 @@ def test_a_bound_holds_what_is_there(name: str) -> None:
     assert share < bounds[name] < 3 * share
     assert set(bounds) == set(others()) - {"power"}
     assert all(0 < other <= 1 for other in bounds.values())
+
+
+def test_bounds_hold_in_95_of_100() -> None:
+    """Of 16 records with a small share of a form, 13 bounds or more hold: with 95 %, fewer do in one run of 1,400.
+
+    With the median instead of the 95 % point, 13 or more would hold in one run of 90.
+    """
+    times, share = TIMES[::4], 0.03
+    c = share / (1 - share) * ZETA / W / LOST["cubic"]
+    x, v = decay(lambda _, __, v: 2 * ZETA * v + c * v**3, times)
+    lost = float(np.mean(c * v**4))
+    true = lost / (lost + float(np.mean(2 * ZETA * v * v)))
+    held = 0
+    for seed in range(16):
+        y = x + 0.01 * np.random.default_rng([8, seed]).standard_normal(times.size)
+        weighing = weighing_of(Signal(times, y), damping=["viscous"], restoring=["linear"], approximate=False)
+        held += bounds_of_others(weighing, weighing.results[0], np.random.default_rng(0))["cubic"] > true
+    assert held >= 13
