@@ -56,7 +56,6 @@ PARTS = {
         (
             "tests/inference/deviation/test_hyperparameters.py",
             "tests/inference/deviation/test_linear.py",
-            "tests/inference/deviation/test_tempered.py",
             "tests/inference/deviation/test_ridge.py",
             "tests/inference/deviation/test_straight.py",
         ),
