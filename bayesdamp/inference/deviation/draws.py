@@ -23,7 +23,6 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.forces import by_kernel, frequency_over
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.averaged import NUMBERS
-from bayesdamp.physics.kernel.dense import at_times
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import Ratio
 
@@ -167,6 +166,8 @@ def draws_of(result: CandidateResult, count: int, rng: np.random.Generator) -> C
 
 def shares_of(weighing: Weighing, drawn: Sequence[CandidateDraws]) -> np.ndarray:
     """Return the share of the dissipated energy by term over the record's own motion, (draws, m)."""
+    from bayesdamp.physics.kernel.dense import at_times  # imports the compiler
+
     shares = []
     for d in drawn:
         solver, motion = weighing.solvers[d.result.candidate.restoring], d.result.motion
