@@ -69,8 +69,8 @@ def test_a_share_of_all_is_not_given_an_interval_from_nothing() -> None:
     assert energy_of(sole) == ("Energy lost: all of it viscous with probability 0.991.",)
     sure = replace(sole, energy=(Share("viscous", 1, 1, 1, 0.999),))
     assert energy_of(sure) == ("Energy lost: all of it viscous.",)
-    beside = replace(sole, damping="viscous+coulomb", energy=(Share("viscous", 1, 0, 1, 0.991),))
-    assert energy_of(beside) == ("Energy lost: viscous 100 % (0 to 100).",)
+    beside = replace(sole, damping="viscous+coulomb", energy=(Share("viscous", 0.84, 0.78, 0.93, 0.991),))
+    assert energy_of(beside) == ("Energy lost: viscous 84 % (78 to 93).",)
 
 
 def test_a_frequency_that_was_given_has_no_width() -> None:
