@@ -196,3 +196,16 @@ def test_the_worst_grade_and_the_largest_deviation_are_the_specimens() -> None:
         ("viscous", 0.6, 0.5, 0.7),
         ("quadratic", 0.4, 0.3, 0.5),
     ]
+
+
+def test_a_deviation_that_all_records_share_is_in_the_damping_ratio_of_the_specimen() -> None:
+    """By hand: records that lose e^0.2 of their law's energy move the ratio by that, others do not (the control)."""
+
+    def value(over: float) -> float:
+        deviation = {"over": np.full(AMPLITUDE.size, over), "over_sd": np.full(AMPLITUDE.size, 0.01)}
+        each = [answered(name, 0.01, {V: 0.0}, sd=1e-5) for name in ("a", "b", "c")]
+        return (
+            specimen("rig", [replace(r, curve={**r.curve, **deviation}) for r in each]).damping_ratio[1].value
+        )
+
+    assert value(0.2) / value(0.0) == pytest.approx(np.exp(0.2), rel=0.01)
