@@ -1,0 +1,109 @@
+"""Deviations as a part of the likelihood: none of them are exact laws, some are a dense normal distribution."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.special import logsumexp
+
+from bayesdamp.inference.model.deviation import Deviation
+from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.inference.model.target import Target
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
+from bayesdamp.priors import HalfNormal, LogNormal, Normal
+from bayesdamp.types import Signal
+
+NOISE = 0.01
+TIMES = np.linspace(0.0, 6.0, 120)
+TRUTH = {"zeta": 0.05, "stiffness": 20.0, "theta0": 0.3}
+KNOWN = {"rest_angle": 0.0, "omega0": 0.0, "noise_sd": NOISE}
+PRIORS = {
+    "zeta": HalfNormal(0.2), "stiffness": LogNormal(median=20.0, sigma=0.5), "theta0": Normal(mean=0.0, sd=0.5),
+}  # fmt: skip
+
+
+@lru_cache
+def exact() -> Likelihood:
+    oscillator = Oscillator(("viscous",), "linear")
+    y = simulate(oscillator, TRUTH | KNOWN, TIMES) + NOISE * np.random.default_rng(3).standard_normal(
+        TIMES.size
+    )
+    target = Target(Signal(TIMES, y), oscillator, "gaussian", PRIORS, KNOWN)
+    return Likelihood.near(target, target.scores(TRUTH), 1e-8)
+
+
+@lru_cache
+def deviating(knots: int) -> Likelihood:
+    """The same with what so many knots do: smooth curves, under two combinations of hyperparameters."""
+    rng, columns = np.random.default_rng(5), np.polynomial.chebyshev.chebvander(TIMES / 3 - 1, knots)[:, 1:]
+    basis, upper = np.linalg.qr(columns)
+    maps = np.array([0.004, 0.03])[:, None, None] * rng.standard_normal((2, knots, knots))
+    deviation = Deviation(
+        exact().motions,
+        NOISE**2,
+        TIMES.size,
+        basis,
+        columns @ np.full(knots, 0.01),
+        np.log([0.7, 0.3]),
+        maps,
+        upper @ maps / NOISE,
+        np.array([0.5, 0.5]),
+    )
+    return replace(exact(), target=replace(exact().target, deviation=deviation))
+
+
+def scores() -> np.ndarray:
+    return exact().target.scores(TRUTH) + 0.01 * np.random.default_rng(1).standard_normal((4, 3))
+
+
+def test_no_knots_are_exact_laws() -> None:
+    """Value, gradient and information to rounding. Control: with a knot they are others."""
+    for z in scores():
+        ours, theirs, other = (of.curvature(z) for of in (deviating(0), exact(), deviating(1)))
+        for item, two, three in zip(ours, theirs, other, strict=True):
+            assert item == pytest.approx(two, rel=1e-12, abs=1e-9)
+            assert three != pytest.approx(two, rel=1e-6, abs=1e-6)
+        assert deviating(0).log_likelihood(z) == pytest.approx(exact().log_likelihood(z), rel=1e-12)
+
+
+def test_knots_are_a_mixture_of_dense_normal_distributions() -> None:
+    """Against SciPy's. Control: one combination alone."""
+    of, z = deviating(3), scores()[0]
+    deviation = of.target.deviation
+    assert deviation is not None
+    r = of.residual(z) + deviation.shift
+    effects = deviation.basis @ deviation.effects * NOISE
+    dense = [stats.multivariate_normal(cov=NOISE**2 * np.eye(r.size) + e @ e.T).logpdf(r) for e in effects]
+    assert of.log_likelihood(z) == pytest.approx(float(logsumexp(np.log([0.7, 0.3]) + dense)), rel=1e-9)
+    assert of.log_likelihood(z) != pytest.approx(dense[0], abs=0.01)
+
+
+def test_the_slope_is_that_of_the_value() -> None:
+    of = deviating(3)
+    for z in scores():
+        step = 1e-5 * np.eye(z.size)
+        slopes = [(of.log_posterior(z + s) - of.log_posterior(z - s)) / 2e-5 for s in step]
+        assert of.gradient(z)[1] == pytest.approx(slopes, rel=1e-4, abs=1e-3)
+
+
+def test_deviations_are_drawn_from_their_conditional_distribution() -> None:
+    """Mean and covariance of 4,000 draws under one combination, to five standard errors, against the joint normal
+    distribution. Control: the prior's mean is zero."""
+    whole = deviating(2).target.deviation
+    assert whole is not None
+    item = replace(whole, log_prior=np.zeros(1), maps=whole.maps[1:], effects=whole.effects[1:])
+    r, rng = deviating(2).residual(scores()[0]), np.random.default_rng(2)
+    drawn = np.array([item.draw_given(r, rng) for _ in range(4000)])
+    prior = item.maps[0] @ item.maps[0].T
+    columns = NOISE * item.basis @ item.effects[0] @ np.linalg.inv(item.maps[0])
+    gain = prior @ columns.T @ np.linalg.inv(columns @ prior @ columns.T + NOISE**2 * np.eye(r.size))
+    mean, covariance = gain @ (r + item.shift), prior - gain @ columns @ prior
+    sd = np.sqrt(np.diag(covariance))
+    assert np.all(np.abs(drawn.mean(axis=0) - mean) < 5 * sd / np.sqrt(4000))
+    assert np.cov(drawn.T) == pytest.approx(covariance, rel=0.1, abs=0.1 * float(sd.min()) ** 2)
+    assert np.any(np.abs(mean) > 10 * sd / np.sqrt(4000))
