@@ -57,7 +57,8 @@ KNOWN = 4.0
 """Number of amplitudes that the noise within the windows is worth, in addition to their scatter (conventional)."""
 STEADY = 0.2
 """Prior probability that there is no walk; its sizes share the rest. No power of a sum of dampings is a straight
-line, so that with 0.5 the intervals at the ends of a record were too narrow (of 104 records, one by a factor of 7)."""
+line, so that with 0.5 and smaller walks the intervals at the ends of a record were too narrow (of 104 records, one by a
+factor of 7; with these, of 3.5)."""
 SYSTEMATIC = 5e-4
 """Relative error of every rate, from averaging over a window."""
 SLOWER = 1.0

@@ -12,6 +12,7 @@ from scipy.integrate import quad
 from bayesdamp.inference.deviation.findings import findings
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import Weighing
+from bayesdamp.interface.answer import answer
 from bayesdamp.types import Ratio, Signal
 from tests.physics.independent import trajectory, viscous
 
@@ -93,3 +94,34 @@ def test_under_a_wrong_width_they_do_not_hold() -> None:
     """Near rest a tenth of the width gives another loss, which the interval of an unknown width has to allow for."""
     last = ratios(friction(SHARE, 0, {"epsilon": 0.1 * SHARE * PEAK}), AMPLITUDES)[-1]
     assert not last.low < truth(last.amplitude, SHARE) < last.high
+
+
+def rounded_friction() -> Signal:
+    """A record of closed form with sharp Coulomb friction, without noise, rounded to steps of 0.1 degrees."""
+    omega, zeta, friction, step = 5.0, 0.01, 0.03, np.radians(0.1)
+    damped, offset = np.sqrt(omega**2 - zeta**2), friction / omega**2
+    t = np.linspace(0.0, 40.0, 4000)
+    half = np.floor(t * damped / np.pi)
+    falls, sizes = np.exp(-zeta * np.pi / damped), [0.4 - offset]
+    for _ in range(int(half[-1])):
+        sizes.append(sizes[-1] * falls - 2 * offset)  # about the next offset, on the other side
+    since = t - half * np.pi / damped
+    swing = np.exp(-zeta * since) * (np.cos(damped * since) + zeta / damped * np.sin(damped * since))
+    y = (-1) ** half * (np.array(sizes)[half.astype(int)] * swing + offset)
+    return Signal(t, step * np.round(y / step), step=step)
+
+
+def test_rounded_values_show_how_sharp_friction_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The control: with the width that least squares choose, drag makes up for it, and the friction is wrong."""
+    signal, sums = rounded_friction(), ["viscous+coulomb", "viscous+coulomb+quadratic"]
+
+    def friction() -> tuple[str, float]:
+        verdict = answer(signal, damping=sums, restoring=["linear"], sample=False).verdict
+        return verdict.damping, next(c.value for c in verdict.coefficients if c.name == "mu_c")
+
+    damping, value = friction()
+    assert damping == "viscous+coulomb"
+    assert value == pytest.approx(0.03, rel=3e-4)
+    monkeypatch.setattr("bayesdamp.inference.deviation.weighing.SHARPER", 0.0)
+    damping, value = friction()
+    assert value != pytest.approx(0.03, rel=3e-4)

@@ -134,17 +134,28 @@ def test_a_noisy_record_of_thousands_of_cycles_is_measured_where_its_turns_are_c
     assert off > 1e-3
 
 
-def viscous_and_coulomb(number: int) -> tuple[Signal, float, float]:
-    """Return a record of closed form, its viscous damping ratio, and its Coulomb loss over the viscous one at 1."""
-    rng = np.random.default_rng([5, number])
-    frequency, fall, share = 50.0, rng.uniform(5, 11), rng.uniform(0.2, 0.5)
-    friction = share / (1 - share) / np.sqrt(fall)
-    viscous = 0.01 / (1 + share / (1 - share))
+def viscous_and_coulomb(
+    ratio: float, fall: float, share: float, noise: float, rng: np.random.Generator
+) -> tuple[Signal, float, float]:
+    """Return a record of closed form, its viscous damping ratio, and its Coulomb loss over the viscous one at 1.
+
+    In the middle the damping ratio is `ratio`, of which `share` is friction; the amplitude goes from 1 to 1 / fall.
+    """
+    frequency, friction, viscous = 50.0, share / (1 - share) / np.sqrt(fall), ratio * (1 - share)
     stop = np.log((1 + friction) / (1 / fall + friction)) / (viscous * frequency)
     t = np.arange(0.0, stop, 2 * np.pi / (30 * frequency))
     y = ((1 + friction) * np.exp(-viscous * frequency * t) - friction) * np.cos(frequency * t)
-    noise = np.exp(rng.uniform(*np.log([0.003, 0.06])))
     return Signal(t, y + noise * rng.standard_normal(t.size)), viscous, friction
+
+
+def squares(records: list[tuple[Signal, float, float]]) -> np.ndarray:
+    """Return the mean squares of the scores of the damping ratio at the start and at the end, (2,)."""
+    scores = []
+    for signal, viscous, friction in records:
+        fit = law_free(signal, features(signal))
+        curve = fit.at(np.array(fit.span))
+        scores.append((curve.ratio - viscous * (1 + friction / curve.amplitude)) / curve.ratio_sd)
+    return np.mean(np.square(scores), axis=0)
 
 
 def test_intervals_at_the_ends_hold_where_the_damping_is_a_sum(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -152,20 +163,27 @@ def test_intervals_at_the_ends_hold_where_the_damping_is_a_sum(monkeypatch: pyte
 
     The control: where a power of the amplitude is taken for a straight line, the standard errors are too small.
     """
-    records = [viscous_and_coulomb(number) for number in range(20)]
-
-    def squares() -> np.ndarray:
-        scores = []
-        for signal, viscous, friction in records:
-            fit = law_free(signal, features(signal))
-            curve = fit.at(np.array(fit.span))
-            scores.append((curve.ratio - viscous * (1 + friction / curve.amplitude)) / curve.ratio_sd)
-        return np.mean(np.square(scores), axis=0)
-
+    records = []
+    for rng in map(np.random.default_rng, range(20)):
+        noise = np.exp(rng.uniform(*np.log([0.003, 0.06])))
+        records.append(viscous_and_coulomb(0.01, rng.uniform(5, 11), rng.uniform(0.2, 0.5), noise, rng))
     largest = chi2.ppf(0.9995, 20) / 20
-    assert np.all(squares() < largest)
+    assert np.all(squares(records) < largest)
     monkeypatch.setattr("bayesdamp.records.oscillation.law_free.STEADY", 0.999)
-    assert np.all(squares() > largest)
+    assert np.all(squares(records) > largest)
+
+
+def test_a_straight_line_is_not_believed_too_firmly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a long record whose sum of dampings looks most like one of the powers, scores have an rms below 2.5.
+
+    The control: it is above 3 if a straight line is as probable as all walks, and these may be tiny.
+    """
+    records = [viscous_and_coulomb(1e-3, 5.4, 0.49, 0.05, np.random.default_rng([9, k])) for k in range(6)]
+    assert np.all(squares(records) < 2.5**2)
+    walks = np.concatenate([[0.0], np.geomspace(1e-3, 1e8, 12)])
+    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.WALKS", walks)
+    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.STEADY", 0.5)
+    assert squares(records).max() > 3**2
 
 
 def test_the_frequency_under_strong_friction_is_no_surer_than_its_phase_allows(
@@ -174,9 +192,7 @@ def test_the_frequency_under_strong_friction_is_no_surer_than_its_phase_allows(
     """The control: without the allowance for the damping, intervals at the end are sure of a lower frequency."""
     omega, offset = 4.5, 0.0008
     t = np.linspace(0.0, 24 * np.pi / omega, 2000)
-    turn = np.floor(
-        t * omega / np.pi
-    )  # half cycles about the friction's offset, each lower by twice the offset
+    turn = np.floor(t * omega / np.pi)  # half cycles, each smaller than the one before by twice the offset
     y = (-1) ** turn * ((0.05 - offset * (2 * turn + 1)) * np.cos(omega * t - np.pi * turn) + offset)
     signal = Signal(t, y + 5e-5 * np.random.default_rng(3).standard_normal(t.size))
 
