@@ -1,34 +1,46 @@
-"""What the benchmarks measured, as a page: tables, ratios beside those of the run before, the machine."""
+"""What the benchmarks measured, as a page: tables, ratios beside those of the run before, a picture, the machine."""
 
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bayesdamp.store import provenance, read_table, write_bytes, write_json, write_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LOSS = 0.2
 """Share of a ratio that must be lost for it to be shown as one."""
 COLUMNS = ("name", "ratio", "bar", "before", "change_pct")
-PAGE, RATIOS, MACHINE, TABLES = "README.md", "ratios.csv", "machine.json", "tables.json"
+PAGE, RATIOS, MACHINE, PICTURE, TABLES = (
+    "README.md",
+    "ratios.csv",
+    "machine.json",
+    "ratios.png",
+    "tables.json",
+)
 FROM_BEFORE = "From a run before.\n\n"
 PACKAGES = (
-    "bayesdamp", "jax", "numpy", "scipy", "numba", "numpyro", "emcee", "blackjax", "nautilus-sampler", "dynesty",
-    "diffrax",
+    "bayesdamp", "jax", "numpy", "scipy", "numba", "numpyro", "emcee", "blackjax", "pints", "nautilus-sampler",
+    "dynesty", "diffrax",
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Ledger:
     """Tables (title, header, rows) and named ratios, of which larger is better, in the order in which they came; bars:
-    what a ratio is wanted to be, where that was said."""
+    what a ratio is wanted to be, where that was said; figures: of tables, by title."""
 
     tables: list[tuple[str, Sequence[str], Sequence[Sequence[str]]]] = field(default_factory=list)
     ratios: dict[str, float] = field(default_factory=dict)
     bars: dict[str, float] = field(default_factory=dict)
+    figures: dict[str, Figure] = field(default_factory=dict)
     began: float = field(default_factory=time.perf_counter)
 
 
@@ -97,9 +109,17 @@ def write(
     write_table(folder / RATIOS, COLUMNS, rows)
     about = provenance(packages=PACKAGES)
     write_json(folder / MACHINE, about)
+    _draw(kept, bars, folder / PICTURE)
+    for title, figure in ledger.figures.items():
+        figure.savefig(folder / _file(title), dpi=120)
+    drawn = {
+        title: f"![{title}]({_file(title)})\n\n" for title in tables if (folder / _file(title)).is_file()
+    }
+    seconds = time.perf_counter() - ledger.began
     anew = {title for title, _, _ in ledger.tables} | set(ledger.ratios)
-    run = _run(time.perf_counter() - ledger.began, files, every)
-    page = _page(run, tables, kept, bars, earlier, lost, about["machine"], anew)
+    page = _page(
+        _run(seconds, files, every), tables, drawn, kept, bars, earlier, lost, about["machine"], anew
+    )
     write_bytes(folder / PAGE, page.encode())
     return lost
 
@@ -118,6 +138,7 @@ def _run(seconds: float, files: Sequence[str], every: Sequence[str]) -> str:
 def _page(
     run: str,
     tables: Mapping[str, Sequence[Sequence[str]]],
+    drawn: Mapping[str, str],
     ratios: Mapping[str, float],
     bars: Mapping[str, float],
     earlier: Mapping[str, float],
@@ -125,35 +146,66 @@ def _page(
     machine: Mapping[str, object],
     anew: Set[str],
 ) -> str:
-    """The page. anew: titles and names of what this run measured."""
+    """The page. drawn: pictures of tables, by title; anew: titles and names of what this run measured."""
     where = ", ".join(f"{name} {value}" for name, value in machine.items())
-    below = [
-        f"- {n}: {ratios[n]:.3g} of {bar:g}" for n, bar in bars.items() if n in ratios and ratios[n] < bar
-    ]
-
-    def beside(name: str) -> tuple[str, str]:
-        was = f"{earlier[name]:.3g}" if name in earlier else ""
-        return f"{bars[name]:g}" if name in bars else "", was if name in anew or not was else "kept"
-
+    below = [n for n, bar in bars.items() if n in ratios and ratios[n] < bar]
     parts = [
         "# Benchmarks",
         f"`make bench` writes this page. {run}, on one machine ({where}; more in `{MACHINE}`). Times are CPU seconds "
         "of one thread where nothing else is said; both sides of such a ratio ran in turns in one process, the best "
         "of several.",
         f"{len(bars) - len(below)} of {len(bars)} ratios that have a bar reach it"
-        + ("; below it:\n" + "\n".join(below) if below else "."),
+        + (
+            "."
+            if not below
+            else "; below it:\n" + "\n".join(f"- {n}: {ratios[n]:.3g} of {bars[n]:g}" for n in below)
+        ),
         f"Ratios that lost more than {100 * LOSS:.0f} % since the page before: "
         + ("none." if not lost else "\n" + "\n".join(f"- {line}" for line in lost)),
         "## Ratios\nHow many times faster ours is, or how many times less it takes.",
-        _table(["what", "ratio", "bar", "before"], [[n, f"{v:.3g}", *beside(n)] for n, v in ratios.items()]),
+        f"![Ratios, logarithmic, their bars as lines]({PICTURE})",
+        _table(
+            ["what", "ratio", "bar", "before"],
+            [
+                [
+                    n,
+                    f"{v:.3g}",
+                    f"{bars[n]:g}" if n in bars else "",
+                    ("kept" if n not in anew else f"{earlier[n]:.3g}") if n in earlier else "",
+                ]
+                for n, v in ratios.items()
+            ],
+        ),
         *(
-            f"## {title}\n{'' if title in anew else FROM_BEFORE}{_table(header, rows)}"
+            f"## {title}\n{'' if title in anew else FROM_BEFORE}{drawn.get(title, '')}{_table(header, rows)}"
             for title, (header, rows) in tables.items()
         ),
     ]
     return "\n\n".join(parts) + "\n"
 
 
+def _file(title: str) -> str:
+    """Where a table's picture is."""
+    return re.sub(r"\W+", "-", title.lower()).strip("-") + ".png"
+
+
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _draw(ratios: Mapping[str, float], bars: Mapping[str, float], path: Path) -> None:
+    """Bars on a logarithmic axis, with a line where each is wanted to reach."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 1 + 0.3 * len(ratios)), layout="constrained")
+    axes = figure.add_subplot()
+    names, values = list(ratios)[::-1], list(ratios.values())[::-1]
+    axes.barh(names, values)
+    for place, name in enumerate(names):
+        if name in bars:
+            axes.plot([bars[name]] * 2, [place - 0.45, place + 0.45], color="tab:red", linewidth=2)
+    axes.set_xscale("log")
+    axes.axvline(1.0, color="black", linewidth=0.8)
+    axes.set_xlabel("times better than the other (red: wanted)")
+    figure.savefig(path, dpi=120)

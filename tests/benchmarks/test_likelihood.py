@@ -1,10 +1,11 @@
 """One likelihood of 1,001 samples against odeint, solve_ivp and diffrax, by the compiled motion alone and as a log
-posterior of scores; and the gradient."""
+posterior of scores; the gradient, and 1,000 s."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from importlib.util import find_spec
 from typing import Any
@@ -36,8 +37,8 @@ TOLERANCES = 10.0 ** np.arange(-5.0, -12.0, -0.25)
 SOLVERS = ("odeint", "solve_ivp", "diffrax Tsit5")
 BARS = {"odeint": 15.0, "diffrax Tsit5": 3.0}
 """At least, of one likelihood."""
-GRADIENT = 2.5
-"""At most, of one likelihood."""
+GRADIENT, LONG = 2.5, 5.0
+"""At most, of one likelihood; at least, against odeint's."""
 
 Solve = Callable[[float], Any]
 
@@ -184,6 +185,47 @@ def gradient() -> dict[str, float]:
     return {"one": times[0], "with gradient": times[1], "parameters": float(len(places))}
 
 
+@lru_cache
+def long() -> dict[str, float]:
+    """1,000 s in 100,001 samples, after a tenth of which the motion is over."""
+    times = np.linspace(0.0, 1000.0, 100_001)
+    p = {"zeta": PAPER["zeta"], **LAWS[LAW]}
+    solver, values = solver_of(("viscous",), times, p)
+    their = others_of("viscous", p, times)["odeint"]
+    close = replace(solver).solve(values, np.ones(1, bool), tangents=NONE, tolerance=1e-13)
+    assert close is not None
+
+    def ours(tolerance: float) -> np.ndarray:
+        motion = solver.solve(values, np.ones(1, bool), tangents=NONE, tolerance=tolerance)
+        assert motion is not None
+        return motion.y
+
+    found: dict[str, float] = {}
+    runs = []
+    for name, solve in (("ours", ours), ("odeint", their)):
+        tolerance, found[f"{name} error"] = loosest(solve, close.y)
+        runs.append(lambda solve=solve, tolerance=tolerance: solve(tolerance))
+    return found | dict(zip(("ours", "odeint"), in_turns(*runs, rounds=3), strict=True))
+
+
+def growth() -> list[list[str]]:
+    """CPU seconds of a likelihood against samples, cycles and terms."""
+    rows = []
+    for samples, cycles, terms in (
+        (1_000, 7, 1), (10_000, 7, 1), (100_000, 7, 1), (1_000, 70, 1), (1_000, 700, 1), (1_000, 7, 3),
+    ):  # fmt: skip
+        names = ("viscous", "coulomb", "quadratic")[:terms]
+        p = {**{TERMS.get(t).parameter: 0.003 for t in names}, **LAWS[LAW]}
+        times = np.linspace(0.0, cycles * 2 * np.pi / np.sqrt(20.0), samples)
+        solver, values = solver_of(names, times, p)
+        (spent,) = in_turns(
+            lambda s=solver, v=values, n=terms: s.solve(v, np.ones(n, bool), tangents=NONE, tolerance=1e-7),
+            rounds=3,
+        )
+        rows.append([f"{samples:,}", str(cycles), str(terms), f"{1e6 * spent:.0f}"])
+    return rows
+
+
 def test_table() -> None:
     rows = []
     for model in MODELS:
@@ -202,23 +244,24 @@ def test_table() -> None:
         "model", "solver", "µs", "error", "ours", "error", "log posterior", "error", "ratio", "of log posterior",
     ]  # fmt: skip
     table(f"One compiled likelihood of 1,001 samples, within {ERROR:g} rad", header, rows)
-    g = gradient()
+    g, far = gradient(), long()
     ratio("gradient by 7 parameters: 2.5 likelihoods / ours", GRADIENT * g["one"] / g["with gradient"], 1.0)
+    ratio("1,000 s, 100,001 samples: odeint / ours", far["odeint"] / far["ours"], LONG)
     table(
-        "A likelihood with its gradient by 7 parameters",
-        ["likelihood, µs", "with gradient, µs", "ratio"],
+        "A likelihood with its gradient, and 1,000 s in 100,001 samples",
+        ["what", "µs", "beside", "µs", "ratio"],
         [
-            [
-                f"{1e6 * g['one']:.0f}",
-                f"{1e6 * g['with gradient']:.0f}",
-                f"{g['with gradient'] / g['one']:.2f}",
-            ]
+            ["likelihood with 7 slopes", f"{1e6 * g['with gradient']:.0f}", "likelihood", f"{1e6 * g['one']:.0f}",
+             f"{g['with gradient'] / g['one']:.2f}"],
+            ["1,000 s", f"{1e6 * far['ours']:.0f}", "odeint", f"{1e6 * far['odeint']:.0f}",
+             f"{far['odeint'] / far['ours']:.1f}"],
         ],
-    )
+    )  # fmt: skip
+    table("Growth of one compiled likelihood", ["samples", "cycles", "terms", "µs"], growth())
 
 
 def test_all_keep_to_the_error() -> None:
-    for found in map(measured, MODELS):
+    for found in (*map(measured, MODELS), long()):
         assert max(v for k, v in found.items() if k.endswith("error")) <= ERROR
 
 
@@ -229,3 +272,4 @@ def test_each_takes_less_than_others() -> None:
         assert all(m[name] > m["posterior"] > m["ours"] for name in SOLVERS if name in m)
     assert gradient()["parameters"] == 7
     assert gradient()["with gradient"] < 7 * gradient()["one"]
+    assert long()["odeint"] > long()["ours"]

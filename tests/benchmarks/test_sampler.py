@@ -1,43 +1,43 @@
-"""NUTS of this package beside those of NumPyro and BlackJAX on diffrax; importance sampling beside dynesty.
+"""Effective samples a second: NUTS of this package against NumPyro's on diffrax and against emcee on SciPy's odeint.
 
-The posterior is written out once more for JAX, in units of its sds; each is set up as its documentation does it.
+The posterior is the same, written out once more for each of them: for JAX in units of its sds, for SciPy in scores.
 """
 
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable
 from functools import lru_cache
+from importlib.util import find_spec
 
+import emcee
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpyro.infer import MCMC, NUTS
-from scipy.special import ndtri
+from scipy.integrate import odeint
 
-from bayesdamp.inference.checks.diagnostics import ess_bulk, ess_tail, monte_carlo_error
-from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference.checks.diagnostics import ess_bulk
+from bayesdamp.inference.fit.mode import Mode, value_sds
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
-from bayesdamp.types import Seed, Signal
+from bayesdamp.types import Posterior, Seed, Signal
 from tests.benchmarks.ledger import ratio
 from tests.benchmarks.test_likelihood import diffrax_solver
 from tests.benchmarks.timing import table
 
+RATIO = 15.0
 TOLERANCE = 1e-7
-"""Of diffrax's steps, with which a log density is right to 0.002 (measured)."""
+"""Of diffrax's and of odeint's steps, with which a log density is right to 0.002 (measured)."""
+WALKERS, STEPS = 32, 400
 CHAINS, WARMUP, DRAWS = 4, 500, 500
 TRUTH = {"zeta": 0.05, "stiffness": 20.0, "theta0": 0.3, "omega0": 0.0, "noise_sd": 0.003}
-APART = 4.5
-"""Monte Carlo standard errors: a false-alarm rate below 1e-4 over five parameters."""
-Draw = Callable[[int], np.ndarray]
 
 
 @lru_cache
@@ -59,9 +59,9 @@ def problem() -> tuple[Target, Mode]:
     return posterior, find_mode(posterior, {Seed("truth"): TRUTH}, noise_level=TRUTH["noise_sd"])
 
 
-def on_diffrax() -> tuple[Callable[[jax.Array], jax.Array], np.ndarray, np.ndarray]:
-    """The log density as one writes it in JAX, of scores in the posterior's sds about its mode; these sds, (d,), and
-    starts of the chains. In the scores' own units the warm-up of BlackJAX came to a tenth of the effective size."""
+def on_diffrax() -> tuple[Callable[[jax.Array], jax.Array], np.ndarray]:
+    """The log density as one writes it in JAX, of scores in the posterior's sds about its mode, and these sds, (d,):
+    in the scores' own units the warm-up of BlackJAX came to a tenth of the effective size."""
     posterior, mode = problem()
     solve, y, sds = diffrax_solver("viscous", posterior.signal.t), posterior.signal.y, mode.sd()
 
@@ -74,112 +74,141 @@ def on_diffrax() -> tuple[Callable[[jax.Array], jax.Array], np.ndarray, np.ndarr
 
     density = jax.custom_jvp(height)  # forward through the solver, also where a sampler asks for a gradient
     density.defjvp(lambda at, to: (height(*at), jax.jacfwd(height)(*at) @ to[0]))
-    start = np.random.default_rng(2).standard_normal((CHAINS, mode.z.size)) @ mode.factor.T / sds
-    return density, sds, start
+    return density, sds
 
 
-def natural(v: np.ndarray) -> np.ndarray:
-    """Scores in the posterior's sds, (..., d), as the parameters themselves."""
-    posterior, mode = problem()
-    return np.stack(list(posterior.values(mode.z + mode.sd() * v).values()), axis=-1)
+def on_odeint(z: np.ndarray) -> float:
+    """The log density as one writes it with SciPy, of scores (d,); of the positive half of a reflected one."""
+    posterior, _ = problem()
+    t, y = posterior.signal.t, posterior.signal.y
+
+    def slope(state: tuple[float, float], _: float, zeta: float, stiffness: float) -> tuple[float, float]:
+        return state[1], -2 * zeta * state[1] - stiffness * state[0] + np.cos(state[0])
+
+    p = {n: float(v) for n, v in posterior.values(np.asarray(z)).items()}
+    if z[0] < 0 or not np.all(np.isfinite(list(p.values()))):
+        return -np.inf
+    start, rates = [p["theta0"], p["omega0"]], (p["zeta"], p["stiffness"])
+    theta = odeint(slope, start, t, args=rates, rtol=TOLERANCE, atol=TOLERANCE)[:, 0]
+    r = (y - theta) / p["noise_sd"]
+    return float(-0.5 * r @ r - t.size * np.log(p["noise_sd"]) - 0.5 * z @ z)
 
 
-def ours() -> Draw:
-    settings = {"chains": CHAINS, "warmup": WARMUP, "draws": DRAWS}
-    return lambda seed: SAMPLERS.get("nuts").sample(*problem(), Settings(**settings, seed=seed)).draws
-
-
-def numpyro() -> Draw:
-    density, _, start = on_diffrax()
-    kernel = NUTS(potential_fn=lambda v: -density(v), dense_mass=True, max_tree_depth=10)
-    mcmc = MCMC(
-        kernel, num_warmup=WARMUP, num_samples=DRAWS, num_chains=CHAINS, chain_method="vectorized", progress_bar=False
-    )  # fmt: skip
-
-    def draw(seed: int) -> np.ndarray:
-        mcmc.run(jax.random.PRNGKey(seed), init_params=jnp.asarray(start))
-        return natural(np.asarray(mcmc.get_samples(group_by_chain=True)))
-
-    return draw
-
-
-def blackjax() -> Draw:
-    """Its window adaptation and NUTS, a dense mass matrix, chains one by one in one program."""
-    blackjax = pytest.importorskip("blackjax")
-    density, _, starts = on_diffrax()
-
-    @jax.jit
-    def chain(key, start):
-        first, second = jax.random.split(key)
-        adapted = blackjax.window_adaptation(blackjax.nuts, density, is_mass_matrix_diagonal=False)
-        (state, parameters), _ = adapted.run(first, start, num_steps=WARMUP)
-        kernel = blackjax.nuts(density, **parameters).step
-
-        def step(state, key):
-            state, _ = kernel(key, state)
-            return state, state.position
-
-        return jax.lax.scan(step, state, jax.random.split(second, DRAWS))[1]
-
-    def draw(seed: int) -> np.ndarray:
-        keys = jax.random.split(jax.random.PRNGKey(seed), CHAINS)
-        return natural(np.stack([chain(k, jnp.asarray(s)) for k, s in zip(keys, starts, strict=True)]))
-
-    return draw
+def effective(draws: dict[str, np.ndarray]) -> float:
+    """The smallest bulk effective size over the parameters, each of shape (chain, draw)."""
+    return min(ess_bulk(x) for x in draws.values())
 
 
 @lru_cache
-def measured(sampler: Callable[[], Draw]) -> tuple[np.ndarray, dict[str, float]]:
-    """Draws, (chain, draw, d), and the least effective samples a CPU second, bulk and tail, of a first run and of one
-    after it."""
-    draw, rates, draws = sampler(), {}, np.empty(0)
-    for seed, when in ((1, "cold"), (2, "warm")):
+def ours() -> tuple[Posterior, list[float]]:
+    """Draws, and CPU seconds of a first run and of one after it."""
+    times, found = [], None
+    for seed in (1, 2):
         began = time.process_time()
-        draws = draw(seed)
-        spent = time.process_time() - began
-        for kind, size in (("bulk", ess_bulk), ("tail", ess_tail)):
-            rates[f"{kind}, {when}"] = min(map(size, np.moveaxis(draws, -1, 0))) / spent
-    return draws, rates
+        settings = Settings(chains=CHAINS, warmup=WARMUP, draws=DRAWS, seed=seed)
+        found = SAMPLERS.get("nuts").sample(*problem(), settings)
+        times.append(time.process_time() - began)
+    assert found is not None
+    return found, times
 
 
-@pytest.mark.parametrize("peer", [numpyro, blackjax])
-def test_effective_samples_a_second(peer: Callable[[], Draw]) -> None:
-    """More than the peer's, from the same posterior."""
-    (mine, own), (theirs, other) = measured(ours), measured(peer)
-    for name in own:
-        ratio(f"effective samples a second, {name}: ours / {peer.__name__}", own[name] / other[name])
-    rows = [[n, f"{own[n]:.0f}", f"{other[n]:.0f}", f"{own[n] / other[n]:.1f}"] for n in own]
-    header = ["of, compilation", "ours a CPU s", f"{peer.__name__}'s", "ratio"]
-    table(f"Effective samples a second beside {peer.__name__}", header, rows)
-    assert own["bulk, warm"] > other["bulk, warm"]
-    for x, y in zip(np.moveaxis(mine, -1, 0), np.moveaxis(theirs, -1, 0), strict=True):
-        assert abs(x.mean() - y.mean()) < APART * np.hypot(monte_carlo_error(x), monte_carlo_error(y))
-
-
-def test_evidence_beside_dynesty() -> None:
-    """Likelihoods for an evidence of equal error: those of dynesty times the square of the errors' ratio."""
-    dynesty = pytest.importorskip("dynesty")
+@lru_cache
+def measured() -> dict[str, dict[str, float]]:
     posterior, mode = problem()
-    mine = EVIDENCES.get("importance").evidence("m", posterior, mode, 1)
-    sampler = dynesty.NestedSampler(
-        mode.likelihood.log_likelihood,
-        lambda u: ndtri(np.where(posterior.reflected, 0.5 * (1.0 + u), u)),
-        mode.z.size,
-        nlive=100,
-        sample="rwalk",  # of a needle in the prior's box its ellipsoids alone hardly draw
-        rstate=np.random.default_rng(1),
+    found, times = ours()
+    mine = {n: found.draws[..., i] for i, n in enumerate(found.names)}
+    result = {"ours": _row(mine, times, float(np.mean(found.stats["n_steps"])))}
+    if not find_spec("diffrax"):
+        pytest.skip("diffrax is not installed: pip install bayesdamp[bench]")
+    density, sds = on_diffrax()
+    kernel = NUTS(potential_fn=lambda v: -density(v), dense_mass=True, max_tree_depth=10)
+    mcmc = MCMC(
+        kernel,
+        num_warmup=WARMUP,
+        num_samples=DRAWS,
+        num_chains=CHAINS,
+        chain_method="vectorized",
+        progress_bar=False,
     )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of ellipsoids that are enlarged much
-        sampler.run_nested(print_progress=False, dlogz=0.1)
-    theirs = sampler.results
-    error, count = float(theirs.logzerr[-1]), int(np.sum(theirs.ncall))
-    equal = count * (error / mine.stderr) ** 2
-    ratio("likelihoods of an evidence: dynesty / ours, at equal error", equal / mine.evaluations)
-    header = ["method", "log evidence", "error", "likelihoods", "at the first's error, by its square"]
-    rows = [
-        ["importance", f"{mine.log_evidence:.3f}", f"{mine.stderr:.4f}", str(mine.evaluations), str(mine.evaluations)],
-        ["dynesty", f"{float(theirs.logz[-1]):.3f}", f"{error:.4f}", str(count), f"{equal:.0f}"],
-    ]  # fmt: skip
-    table("An evidence beside dynesty (the mode's search not counted)", header, rows)
-    assert abs(float(theirs.logz[-1]) - mine.log_evidence) < 4 * np.hypot(error, mine.stderr)
+    start = np.random.default_rng(2).standard_normal((CHAINS, mode.z.size)) @ mode.factor.T / sds
+    times = []
+    for seed in (1, 2):
+        began = time.process_time()
+        mcmc.run(jax.random.PRNGKey(seed), init_params=jnp.asarray(start), extra_fields=("num_steps",))
+        v = np.asarray(mcmc.get_samples(group_by_chain=True))
+        times.append(time.process_time() - began)
+    values = posterior.values(mode.z + sds * v)
+    steps = float(np.mean(np.asarray(mcmc.get_extra_fields()["num_steps"])))
+    result["numpyro"] = _row(values, times, steps)
+    for name, draws in mine.items():
+        error = np.hypot(diagnostics.monte_carlo_error(draws), diagnostics.monte_carlo_error(values[name]))
+        result["ours"][f"differs {name}"] = abs(float(draws.mean() - values[name].mean())) / error
+    return result
+
+
+@lru_cache
+def by_emcee() -> dict[str, float]:
+    """emcee's default stretch move on a likelihood by SciPy's odeint, from the posterior's own spread."""
+    posterior, mode = problem()
+    rng = np.random.default_rng(3)
+    start = mode.z + rng.standard_normal((WALKERS, mode.z.size)) @ mode.factor.T
+    start[:, 0] = np.abs(start[:, 0])
+    sampler = emcee.EnsembleSampler(WALKERS, mode.z.size, on_odeint)
+    sampler.random_state = np.random.RandomState(4).get_state()
+    state = sampler.run_mcmc(start, STEPS // 4)
+    sampler.reset()
+    began = time.process_time()
+    sampler.run_mcmc(state, STEPS)
+    spent = time.process_time() - began
+    draws = np.asarray(sampler.get_chain())  # (steps, walkers, d)
+    values = posterior.values(draws)
+    # Walkers of one ensemble are not independent chains: the autocorrelation time is that of their mean, emcee's own.
+    times = emcee.autocorr.integrated_time(draws, tol=0)
+    size = draws.shape[0] * draws.shape[1] / float(np.max(times))
+    means = {n: float(v.mean()) for n, v in values.items()}
+    return {"ess": size, "seconds": spent, "rate": size / spent, **means}
+
+
+def _row(draws: dict[str, np.ndarray], times: list[float], steps: float) -> dict[str, float]:
+    size = effective(draws)
+    return {"ess": size, "seconds": times[1], "compiled": times[0], "steps": steps, "rate": size / times[1]}
+
+
+def test_table():
+    rows = measured()
+    table(
+        f"NUTS, {CHAINS} chains of {WARMUP} + {DRAWS} draws, five parameters, 1,001 samples",
+        ["sampler", "least ESS", "steps a draw", "s", "s with compilation", "ESS/s"],
+        [
+            [
+                n,
+                *(f"{r[k]:.0f}" for k in ("ess", "steps")),
+                *(f"{r[k]:.2f}" for k in ("seconds", "compiled")),
+                f"{r['rate']:.0f}",
+            ]
+            for n, r in rows.items()
+        ],
+    )
+    for name, other in {"numpyro": rows["numpyro"], "emcee on odeint": by_emcee()}.items():
+        ratio(f"effective samples a second, one record: ours / {name}", rows["ours"]["rate"] / other["rate"])
+
+
+def test_the_same_posterior():
+    """Means within 4.5 Monte Carlo standard errors: false-alarm rate below 1e-4 over five parameters."""
+    rows = measured()
+    assert all(v < 4.5 for k, v in rows["ours"].items() if k.startswith("differs"))
+
+
+def test_effective_samples_a_second():
+    ours = measured()["ours"]["rate"]
+    assert ours >= RATIO * measured()["numpyro"]["rate"]
+    assert ours >= RATIO * by_emcee()["rate"]
+
+
+def test_odeint_has_the_same_posterior():
+    """Means within 4.5 of its standard errors; negative control: one sd away is further than that."""
+    found, (posterior, mode) = by_emcee(), problem()
+    sds = value_sds(posterior, mode.z, np.linalg.inv(mode.information))
+    for name, value in posterior.values(mode.z).items():
+        assert abs(found[name] - float(value)) < (4.5 * found["ess"] ** -0.5 + 0.1) * sds[name]
+    assert (4.5 * found["ess"] ** -0.5 + 0.1) < 1

@@ -1,5 +1,5 @@
 """What a user waits for: `compare` from the command to its verdict and to its end, by a stopwatch, on a fresh
-installation and a used one."""
+installation and a used one; and how that grows with samples, cycles, what is weighed, records and workers."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ FRESH, USED, PROVEN, OF_THREE = 25.0, 10.0, 60.0, 90.0
 """Seconds to the verdict of one record, on a fresh installation and a used one, to the end of its sampling, and to the
 end of three repeats'."""
 STIFFNESS, NOISE = 20.0, 1e-3
+SIMPLE = ("--restoring", "linear", "--damping", "viscous")
 
 
 @dataclass(frozen=True)
@@ -44,10 +45,10 @@ def folder() -> TemporaryDirectory[str]:
 
 
 @lru_cache
-def record(number: int = 0) -> Path:
+def record(samples: int = SAMPLES, cycles: int = CYCLES, number: int = 0) -> Path:
     """A pendulum with friction that ends at a fifth of its first amplitude, as a file."""
     w = np.sqrt(STIFFNESS)
-    t = np.linspace(0.0, 2 * np.pi * CYCLES / w, SAMPLES)
+    t = np.linspace(0.0, 2 * np.pi * cycles / w, samples)
     zeta = np.log(4.0) / t[-1]
     p = {
         "zeta": zeta, "mu_c": 0.02 * zeta * w, "stiffness": STIFFNESS, "rest_angle": 0.0, "theta0": 0.3 + 0.01 * number,
@@ -55,11 +56,12 @@ def record(number: int = 0) -> Path:
     }  # fmt: skip
     y = simulate(Oscillator(("viscous", "coulomb"), "pendulum"), p, t)
     y = y + NOISE * np.random.default_rng(number).standard_normal(t.size)
-    path = Path(folder().name) / f"record_{number}.csv"
+    path = Path(folder().name) / f"record_{samples}_{cycles}_{number}.csv"
     np.savetxt(path, np.column_stack([t, y]), delimiter=",", header="time (s),angle (rad)", comments="")
     return path
 
 
+@lru_cache
 def compared(records: tuple[Path, ...], options: tuple[str, ...] = (), fresh: bool = False) -> Waited:
     """`compare` of records in a process of its own. fresh: with nothing compiled, as after an installation."""
     home = Path(folder().name)
@@ -85,12 +87,16 @@ def _cpu() -> float:
     return used.ru_utime + used.ru_stime
 
 
+def repeats(count: int) -> tuple[Path, ...]:
+    return tuple(record(number=i) for i in range(count))
+
+
 def test_one_record_and_three() -> None:
-    one = (record(),)
+    one, used = (record(),), ("one record, used installation", "three repeats")
     runs = {
         "one record, nothing compiled yet": compared(one, ("--quick",), fresh=True),
-        "one record, used installation": compared(one),
-        "three repeats": compared(tuple(map(record, range(3))), ("--repeats",)),
+        used[0]: compared(one),
+        used[1]: compared(repeats(3), ("--repeats",)),
     }
     fresh, alone, three = runs.values()
     ratio("a record's verdict, fresh installation: 25 s / ours", FRESH / fresh.answer, 1.0)
@@ -100,7 +106,33 @@ def test_one_record_and_three() -> None:
     table(
         f"What a user waits for, {SAMPLES:,} samples and {CYCLES} cycles, by a stopwatch",
         ["what", "s to the verdict", "s to the end", "CPU s"],
-        [[name, f"{run.answer:.1f}", f"{run.end:.1f}", f"{run.cpu:.1f}"] for name, run in runs.items()],
+        [_row(name, run) for name, run in runs.items()],
     )
     assert alone.answer < fresh.answer
     assert alone.answer < alone.end
+
+
+def test_growth() -> None:
+    base = compared((record(),), ("--quick",))
+    runs = {
+        f"{SAMPLES:,} samples, {CYCLES} cycles": base,
+        "1,000 samples": compared((record(1_000),), ("--quick",)),
+        "50,000 samples": compared((record(50_000),), ("--quick",)),
+        "10 cycles": compared((record(cycles=10),), ("--quick",)),
+        "300 cycles": compared((record(cycles=300),), ("--quick",)),
+        "one law, one damping": compared((record(),), ("--quick", *SIMPLE)),
+        "3 records, 1 worker": compared(repeats(3), ("--quick", "--workers", "1")),
+        "3 records, 2 workers": compared(repeats(3), ("--quick", "--workers", "2")),
+    }
+    ratio("3 records: 1 worker / 2", runs["3 records, 1 worker"].end / runs["3 records, 2 workers"].end)
+    table(
+        "How the wait for a verdict grows, one change at a time",
+        ["what", "s to the verdict", "s to the end", "CPU s"],
+        [_row(name, run) for name, run in runs.items()],
+    )
+    assert runs["one law, one damping"].cpu < base.cpu
+    assert base.cpu < runs["3 records, 1 worker"].cpu < 5 * base.cpu
+
+
+def _row(name: str, run: Waited) -> list[str]:
+    return [name, *(f"{seconds:.1f}" for seconds in (run.answer, run.end, run.cpu))]
