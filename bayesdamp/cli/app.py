@@ -108,7 +108,7 @@ app = typer.Typer(
 
 
 parsed = lru_cache(maxsize=1)(typer.main.get_command)
-"""Returns the commands as a function; cached, because a test runs hundreds."""
+"""The commands as a function, made once, because a test runs hundreds."""
 
 
 def _show_version(wanted: bool) -> None:

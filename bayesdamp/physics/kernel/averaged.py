@@ -86,7 +86,7 @@ class AveragedSolver(Solver):
 
     @property
     def slowness(self) -> float:
-        """Return M."""
+        """Return the number of the record's cycles for each cycle that is solved."""
         return self.track.slowness
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:

@@ -313,7 +313,7 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotio
 def excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | None:
     """Return the motion of a record whose amplitude rises again and again, as slowly as it falls, and ends unchanged.
 
-    That is the work of random forces, or of a hand that never lets go.
+    Random forces do this, or a hand that keeps pushing.
 
     Parameters
     ----------

@@ -1,6 +1,7 @@
 """Text tables: CSV and its relatives, of loggers, phones and oscilloscopes.
 
-Found out are the encoding, the separator, the decimal mark, the header, times of day, and two oscilloscopes' layouts.
+Encoding, separator, decimal mark and header are found from the text. Times of day and the layouts of two oscilloscopes
+are known.
 """
 
 from __future__ import annotations
