@@ -35,7 +35,7 @@ GROUPS = {
     "bayesdamp.physics.restoring": "bayesdamp.restoring",
     "bayesdamp.estimators.methods": "bayesdamp.estimators",
     "bayesdamp.inference.samplers": "bayesdamp.samplers",
-    "bayesdamp.inference.evidence.methods": "bayesdamp.evidence",
+    "bayesdamp.inference.evidence": "bayesdamp.evidence",
     "bayesdamp.inference.noise": "bayesdamp.noise",
     "bayesdamp.records.readers": "bayesdamp.readers",
     "bayesdamp.report.sections": "bayesdamp.sections",

@@ -31,8 +31,22 @@ NEUTRAL = {
 }
 REGISTRIES = {"estimators", "inference.samplers", "inference.noise", "inference.evidence"}
 """Packages that `config` asks for names; it imports no module inside them."""
-INFERENCE = ("noise", "model", "fit", "coordinates", "curves", "checks", "samplers", "evidence")
-"""From the ground up: each folder imports those before it, and itself."""
+INFERENCE = (
+    "noise",
+    "model",
+    "mode",
+    "search",
+    "derived",
+    "population",
+    "coordinates",
+    "residual_tests",
+    "checks",
+    "diagnostics",
+    "samplers",
+    "evidence",
+    "sensitivity",
+)
+"""From the ground up: each module or folder imports those before it, and itself."""
 _BELOW = NEUTRAL | {"physics", "records"}
 
 MAY_IMPORT: dict[str, set[str]] = {
@@ -55,10 +69,9 @@ MAY_IMPORT: dict[str, set[str]] = {
         for i, name in enumerate(INFERENCE)
     },
     "inference.deviation": _BELOW
-    | {"inference.noise", "inference.model", "inference.fit", "inference.curves.weighted", "inference.checks"}
+    | {"inference.noise", "inference.model", "inference.mode", "inference.checks", "inference.diagnostics"}
     | {"inference.deviation"},
-    "inference.envelope": _BELOW
-    | {"inference.curves.weighted", "inference.deviation", "inference.envelope"},
+    "inference.envelope": _BELOW | {"inference.deviation", "inference.envelope"},
     "inference": set(),
     "verdict": NEUTRAL | {"physics", "inference", "store", "verdict"},
     "store": NEUTRAL | {"store"},

@@ -10,7 +10,7 @@ import numpy as np
 from bayesdamp.calibrate.problem import attempt, generator, mode_of, record_rng
 from bayesdamp.calibrate.statistics import thin
 from bayesdamp.config import Study
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.pipeline.tasks import Product

@@ -18,7 +18,7 @@ from bayesdamp.inference.deviation.sampling import with_samples
 from bayesdamp.inference.deviation.single import found_of
 from bayesdamp.inference.deviation.specimen import DampingRun, OtherForm, WeighedRun, damping_run
 from bayesdamp.inference.deviation.weighing import CandidateResult, Known, Weighing
-from bayesdamp.inference.noise._residuals import GAUSSIAN, SampleNoise
+from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior

@@ -9,8 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.noise._residuals import GAUSSIAN
+from bayesdamp.inference.noise import GAUSSIAN, NOISES
 from bayesdamp.physics.damping import TERMS, all_sums, parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS

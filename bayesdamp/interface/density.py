@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
 from bayesdamp.formatting import compact
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.result import Result, Shown

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
 from bayesdamp.formatting import compact
-from bayesdamp.inference.checks.checks import laplace_draws
+from bayesdamp.inference.checks import laplace_draws
 from bayesdamp.inference.deviation.draws import Quantity, quantity
 from bayesdamp.inference.deviation.findings import default_amplitudes
 from bayesdamp.inference.deviation.single import Found, Single, put_together
-from bayesdamp.inference.fit.mode import Mode, StoredMode, restore_mode, value_intervals, value_sds
+from bayesdamp.inference.mode import Mode, StoredMode, restore_mode, value_intervals, value_sds
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface import axes as drawing
 from bayesdamp.interface.answer import in_base

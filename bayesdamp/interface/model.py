@@ -23,10 +23,10 @@ from bayesdamp.inference.deviation.quick import MOST_CYCLES, averaging_of
 from bayesdamp.inference.deviation.sample_noise import noises_of, prepared_for
 from bayesdamp.inference.deviation.single import Single, single
 from bayesdamp.inference.deviation.weighing import weigh_all
-from bayesdamp.inference.fit.mode import Mode, restore_mode
-from bayesdamp.inference.fit.search import find_mode, prior_starts
+from bayesdamp.inference.mode import Mode, restore_mode
 from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.search import find_mode, prior_starts
 from bayesdamp.interface.arguments import (
     POSITIVE,
     by_parameter,

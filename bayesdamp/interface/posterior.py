@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from bayesdamp import __version__, types
 from bayesdamp.formatting import compact
-from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.curves.derived import Motions, derive, units
+from bayesdamp.inference import diagnostics
+from bayesdamp.inference.derived import Motions, derive, units
 from bayesdamp.inference.deviation.single import Single, sample_motions
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS, Settings

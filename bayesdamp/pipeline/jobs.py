@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.inference.evidence.method import NESTED_CHECK
+from bayesdamp.inference.evidence._method import NESTED_CHECK
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.answering import (
     ANSWERED,

@@ -9,8 +9,6 @@ from functools import cached_property
 import numpy as np
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.inference.curves.population import Sample, population
-from bayesdamp.inference.curves.weighted import summarise
 from bayesdamp.inference.deviation.repeats import Repeats
 from bayesdamp.inference.deviation.specimen import (
     Model,
@@ -20,6 +18,8 @@ from bayesdamp.inference.deviation.specimen import (
     priors_of,
     weigh_specimen,
 )
+from bayesdamp.inference.population import Sample, population
+from bayesdamp.numerics.weights import summarise
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.symbols import parameter_unit

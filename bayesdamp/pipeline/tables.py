@@ -11,7 +11,7 @@ import numpy as np
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.config.load import record_question
 from bayesdamp.config.signals import damping_order
-from bayesdamp.inference.curves.weighted import summarise
+from bayesdamp.numerics.weights import summarise
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator

@@ -147,7 +147,7 @@ class ModeContent(FitCheck, Content):
 
     values, sd: of the inferred parameters; known: the others; priors in words. climbs, modes: the searches and the
     maxima that they found; touching_zero: coefficients within a standard deviation of zero. refused: seeds without
-    values. stored: an `inference.fit.mode.StoredMode`, as `bayesdamp.serial` splits it; its arrays are `stored/...`.
+    values. stored: an `inference.mode.StoredMode`, as `bayesdamp.serial` splits it; its arrays are `stored/...`.
     The checks of its fit are those of `FitCheck`.
     """
 

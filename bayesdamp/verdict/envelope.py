@@ -9,7 +9,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from bayesdamp.inference.curves.weighted import shares
 from bayesdamp.inference.deviation.draws import quantity
 from bayesdamp.inference.deviation.linear import DampingLikelihood, grid_of
 from bayesdamp.inference.deviation.repeats import RunLikelihood, joined
@@ -33,6 +32,7 @@ from bayesdamp.inference.envelope.sums import (
     ranked,
     weighed,
 )
+from bayesdamp.numerics.weights import shares
 from bayesdamp.odds import odds
 from bayesdamp.physics.amplitude import POWERS, Scale, coefficient, parameter
 from bayesdamp.physics.damping import PAPER_TERMS, twins_of

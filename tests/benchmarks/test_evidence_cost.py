@@ -7,12 +7,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.inference.evidence.methods import nested
-from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.evidence import EVIDENCES, nested
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.search import find_mode
 from bayesdamp.types import Seed
 from tests.benchmarks import test_sampler
 from tests.benchmarks.ledger import ratio

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from bayesdamp.inference.checks.diagnostics import ess_bulk, ess_tail
+from bayesdamp.inference.diagnostics import ess_bulk, ess_tail
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.model.target import Target
 from tests.benchmarks import test_sampler

@@ -18,12 +18,12 @@ import pytest
 from numpyro.infer import MCMC, NUTS
 from scipy.integrate import odeint
 
-from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.checks.diagnostics import ess_bulk
-from bayesdamp.inference.fit.mode import Mode, value_sds
-from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference import diagnostics
+from bayesdamp.inference.diagnostics import ess_bulk
+from bayesdamp.inference.mode import Mode, value_sds
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior

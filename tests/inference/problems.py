@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
-from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features

@@ -10,11 +10,11 @@ import pytest
 from scipy.special import erf, logsumexp
 from scipy.stats import norm
 
-from bayesdamp.inference.curves.weighted import summarise
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.repeats import SPREAD, Repeats, RunLikelihood, joined
 from bayesdamp.inference.deviation.specimen import damping_run
 from bayesdamp.inference.model.target import damping_priors
+from bayesdamp.numerics.weights import summarise
 from bayesdamp.priors import HalfNormal, Normal, Prior, SharedHalfNormal
 from bayesdamp.types import Reference, Signal
 from tests.inference.runs import Summed, by_quadrature, run_of

@@ -7,9 +7,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.fit.mode import Mode, maximise
-from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.mode import Mode, maximise
 from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from bayesdamp.inference.curves.weighted import resampled
+from bayesdamp.numerics.weights import resampled
 from bayesdamp.pipeline.candidates.averaging import average_curves, probabilities
 from bayesdamp.pipeline.candidates.posteriors import SPREAD
 from bayesdamp.types import Evidence

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.search import find_mode
 from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.store import Store

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.inference.evidence.methods import nested
+from bayesdamp.inference.evidence import nested
 from bayesdamp.pipeline import cells, run_study
 from bayesdamp.store import Store, read_table
 from tests.pipeline.test_study import SMALL

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.numerics.orthant import draw

@@ -14,7 +14,7 @@ import scipy  # loads its modules when they are used
 from scipy.special import ndtri
 
 from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal, truncated_moments
-from bayesdamp.inference.fit.mode import Mode, maximise
+from bayesdamp.inference.mode import Mode, maximise
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.numerics.levenberg_marquardt import Maximum

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.inference.noise._residuals import FittedNoise
+from bayesdamp.inference.noise import FittedNoise
 from bayesdamp.physics.kernel.averaged import NUMBERS, OFFSETS, REAL_OFFSETS, TURNS, Track
 from bayesdamp.records.oscillation.features import Features
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from bayesdamp.inference.deviation.averaged import Averaged, average_of
-from bayesdamp.inference.noise._residuals import CORRELATED, GAUSSIAN, SampleNoise
+from bayesdamp.inference.noise import CORRELATED, GAUSSIAN, SampleNoise
 from bayesdamp.physics.forces import by_kernel, rest_near
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.averaged import NUMBERS, AveragedSolver

@@ -17,8 +17,7 @@ import numpy as np
 from bayesdamp.inference.deviation.averaged import ROUNDS, SETTLED
 from bayesdamp.inference.deviation.candidate import Linearised, linearise, refit, relinearise
 from bayesdamp.inference.deviation.data import LEAST_SQUARES, Data, prepared
-from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.noise._residuals import CORRELATED, GAUSSIAN, FittedNoise, SampleNoise, fit_noise
+from bayesdamp.inference.noise import CORRELATED, GAUSSIAN, NOISES, FittedNoise, SampleNoise, fit_noise
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE
 from bayesdamp.priors import Prior

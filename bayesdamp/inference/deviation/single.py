@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.inference.checks.checks import Ahead
-from bayesdamp.inference.checks.diagnostics import summarise, verdict
+from bayesdamp.inference.checks import Ahead
 from bayesdamp.inference.deviation.candidate import MotionCandidate, active_of, linearise, tangents_at
 from bayesdamp.inference.deviation.data import Data, prepared
 from bayesdamp.inference.deviation.draws import (
@@ -30,11 +29,12 @@ from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC
 from bayesdamp.inference.deviation.sampling import DrawMotions, motions_near, sampled_result
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing, weigh_all
-from bayesdamp.inference.fit.mode import LinearPosterior, Mode
+from bayesdamp.inference.diagnostics import summarise, verdict
+from bayesdamp.inference.mode import LinearPosterior, Mode
 from bayesdamp.inference.model.deviation import Deviation
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.noise._residuals import FittedNoise, SampleNoise
+from bayesdamp.inference.noise import FittedNoise, SampleNoise
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel import Motion, Solver

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from bayesdamp.inference.curves.weighted import summarise
 from bayesdamp.inference.deviation.draws import orbit_of, works_on
 from bayesdamp.inference.deviation.linear import LEAST_KNOTS, DampingLikelihood, grid_of
 from bayesdamp.inference.deviation.repeats import Repeats, RunLikelihood, joined
 from bayesdamp.inference.deviation.weighing import CandidateResult
 from bayesdamp.inference.model.target import damping_priors
+from bayesdamp.numerics.weights import summarise
 from bayesdamp.odds import odds
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import Prior

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.inference.curves.weighted import effective, resampled
 from bayesdamp.inference.deviation.linear import Weighed
-from bayesdamp.numerics.pareto import pareto_k
+from bayesdamp.numerics.weights import effective, pareto_k, resampled
 
 DRAWS = 300
 KEPT = 0.5

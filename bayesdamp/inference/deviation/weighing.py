@@ -32,7 +32,7 @@ from bayesdamp.inference.deviation.sample_noise import (
     predictable,
 )
 from bayesdamp.inference.deviation.tempered import Sampled
-from bayesdamp.inference.noise._residuals import GAUSSIAN, SampleNoise
+from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.inference.curves.weighted import shares
 from bayesdamp.inference.deviation.linear import DampingLikelihood, damping_likelihood, grid_of
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, EnvelopeCandidate
+from bayesdamp.numerics.weights import shares
 from bayesdamp.physics.amplitude import hats
 
 DRAWS = 4000

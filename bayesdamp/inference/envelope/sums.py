@@ -16,7 +16,6 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.special import ndtri
 
-from bayesdamp.inference.curves.weighted import effective, shares
 from bayesdamp.inference.deviation.draws import Quantity
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.linear import EXACT, MEAN_G
@@ -29,6 +28,7 @@ from bayesdamp.inference.envelope.candidates import (
     weigh_power,
 )
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
+from bayesdamp.numerics.weights import effective, shares
 from bayesdamp.odds import FURTHER_TERM, odds
 from bayesdamp.physics.amplitude import POWERS, SUMS, ClosedForm, Law, Scale, Shape, Tabled, alike, log_loss
 from bayesdamp.physics.damping import TERMS, DampingTerm

@@ -1,10 +1,8 @@
-"""Model evidence: its methods, found by name, and how far to trust their results."""
+"""Methods that compute a model's evidence: one class in one module each, found by name."""
 
-from bayesdamp.inference.evidence.method import Draws, EvidenceMethod
+from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.plugins import Registry
 
-EVIDENCES: Registry[EvidenceMethod] = Registry(
-    "bayesdamp.inference.evidence.methods", "evidence method", home="bayesdamp.inference.evidence"
-)
+EVIDENCES: Registry[EvidenceMethod] = Registry("bayesdamp.inference.evidence", "evidence method")
 
 __all__ = ["EVIDENCES", "Draws", "EvidenceMethod"]

@@ -1,8 +1,23 @@
 """Noise models: one class in one module each, found by name."""
 
-from bayesdamp.inference.noise._noise import IndependentNoise, NoiseModel
-from bayesdamp.plugins import Registry
+from bayesdamp.inference.noise._noise import (
+    CORRELATED,
+    GAUSSIAN,
+    NOISES,
+    FittedNoise,
+    IndependentNoise,
+    NoiseModel,
+    SampleNoise,
+    fit_noise,
+)
 
-NOISES: Registry[NoiseModel] = Registry("bayesdamp.inference.noise", "noise model")
-
-__all__ = ["NOISES", "IndependentNoise", "NoiseModel"]
+__all__ = [
+    "CORRELATED",
+    "GAUSSIAN",
+    "NOISES",
+    "FittedNoise",
+    "IndependentNoise",
+    "NoiseModel",
+    "SampleNoise",
+    "fit_noise",
+]

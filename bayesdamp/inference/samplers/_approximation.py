@@ -6,12 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.curves import weighted
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.diagnostics import summarise
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Settings
-from bayesdamp.numerics.pareto import pareto_k
+from bayesdamp.numerics.weights import effective, pareto_k, shares
 from bayesdamp.types import OK, Posterior
 
 K_LIMIT = 0.7
@@ -57,14 +56,14 @@ def approximate_posterior(
     likelihood, prior = mode.likelihood.log_likelihoods(z), mode.likelihood.log_prior(z)
     weights = np.where(np.isfinite(likelihood), likelihood + prior, -np.inf) - log_density
     shape = pareto_k(weights)
-    size = weighted.effective(weights)
+    size = effective(weights)
     grid = (settings.chains, settings.draws)
     values = {n: v.reshape(grid) for n, v in target.values(z).items()}
     outcome = OK
     if not shape < K_LIMIT:
         poor = f"Pareto shape of its importance weights is {shape:.2f}, above {K_LIMIT}"
         outcome = f"a poor approximation: {poor} ({size:.0f} effective of {weights.size} draws)"
-    elif moved := _moved(values, weighted.shares(weights)):
+    elif moved := _moved(values, shares(weights)):
         outcome = f"a poor approximation: {moved}"
     return Posterior(
         sampler=sampler,
@@ -74,7 +73,7 @@ def approximate_posterior(
         stats={"log_weight": weights.reshape(grid)},
         diagnostics={"pareto_k": shape, **(more or {})},
         outcome=outcome,
-        summaries={n: diagnostics.summarise(v, effective=size) for n, v in values.items()},
+        summaries={n: summarise(v, effective=size) for n, v in values.items()},
         divergences=0,
         evaluations=weights.size,
         effective=size,

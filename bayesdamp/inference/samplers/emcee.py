@@ -7,13 +7,12 @@ from dataclasses import replace
 import emcee
 import numpy as np
 
-from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates.reflected_t import ReflectedT
 from bayesdamp.inference.coordinates.whitening import whitening_of
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.diagnostics import effective, summarise, verdict
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers._sampler import Sampler, Settings
-from bayesdamp.inference.samplers._starts import seeded_starts
+from bayesdamp.inference.samplers._sampler import Sampler, Settings, seeded_starts
+from bayesdamp.numerics.orthant import ReflectedT
 from bayesdamp.types import OK, Posterior
 
 ENSEMBLES = 2
@@ -78,7 +77,7 @@ class Emcee(Sampler):
         for block in [BLOCK] * LONGEST if settings.grows else [settings.draws]:
             ensembles = [(s, s.run_mcmc(state, block)) for s, state in ensembles]
             draws = np.concatenate([s.get_chain().swapaxes(0, 1) for s, _ in ensembles])
-            sizes = [diagnostics.effective(v) for v in target.values(at.scores(draws)).values()]
+            sizes = [effective(v) for v in target.values(at.scores(draws)).values()]
             resolved = not any(n < 1100 or n < 50 * len(draws) for n in sizes)
             if resolved:
                 break
@@ -86,8 +85,8 @@ class Emcee(Sampler):
         energy = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
         z = at.scores(draws[:, ::thin])
         values, full = target.values(z), target.values(at.scores(draws))
-        summaries = {n: diagnostics.summarise(v, ensembles=ENSEMBLES) for n, v in full.items()}
-        outcome = diagnostics.verdict(summaries)
+        summaries = {n: summarise(v, ensembles=ENSEMBLES) for n, v in full.items()}
+        outcome = verdict(summaries)
         if outcome == OK and not resolved:
             short = "fewer than 50 autocorrelation times or 1,000 effective draws"
             outcome = f"not resolved after {draws.shape[1]} steps: {short}"

@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.coordinates.whitening import Whitening, shear_of, whitening_of, whitening_under
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.diagnostics import summarise, verdict
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood, Line
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers._sampler import Sampler, Settings
-from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts
+from bayesdamp.inference.samplers._sampler import Sampler, Settings, Start, agreement, seeded_starts
 from bayesdamp.types import OK, Posterior
 
 DOUBLINGS = 7
@@ -291,9 +290,9 @@ class ChainRun:
         u, height, diverging, steps, accept = (x[:, self.warmup :] for x in self.left)
         z = self.at.scores(u)
         values = target.values(z)
-        summaries = {n: diagnostics.summarise(v) for n, v in values.items()}
+        summaries = {n: summarise(v) for n, v in values.items()}
         divergences = int(np.sum(diverging))
-        outcome = diagnostics.verdict(summaries)
+        outcome = verdict(summaries)
         if outcome == OK and divergences > 0.01 * diverging.size:
             outcome = f"{divergences} of {diverging.size} transitions diverged"
         draws = np.stack(list(values.values()), axis=-1)

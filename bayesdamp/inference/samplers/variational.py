@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import log_ndtr, ndtri_exp
 
 from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal, laplace
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._approximation import approximate_posterior
 from bayesdamp.inference.samplers._sampler import Sampler, Settings

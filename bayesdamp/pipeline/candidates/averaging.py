@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.inference.curves.weighted import quantiles
+from bayesdamp.numerics.weights import quantiles
 from bayesdamp.odds import odds
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.candidates.branch import Branch

@@ -7,7 +7,7 @@ from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.deviation.single import put_together
-from bayesdamp.inference.fit.mode import StoredMode, restore_mode
+from bayesdamp.inference.mode import StoredMode, restore_mode
 from bayesdamp.inference.model.target import default_prior
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.model import FIXED, Case, Model

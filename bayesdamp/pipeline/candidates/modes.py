@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesdamp.inference.checks.checks import check_fit
-from bayesdamp.inference.fit.search import basins
+from bayesdamp.inference.checks import check_fit
+from bayesdamp.inference.search import basins
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.model import PRIOR_STARTS, observed, of_all, regression
 from bayesdamp.pipeline.candidates.branch import Branch

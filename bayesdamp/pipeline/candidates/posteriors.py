@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.curves.derived import CURVE_DRAWS, Motions, against_amplitude, derive, units
-from bayesdamp.inference.curves.weighted import resampled
+from bayesdamp.inference import diagnostics
+from bayesdamp.inference.derived import CURVE_DRAWS, Motions, against_amplitude, derive, units
 from bayesdamp.inference.samplers import Settings
 from bayesdamp.interface.posterior import draw
+from bayesdamp.numerics.weights import resampled
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.answering import verdict_of
 from bayesdamp.pipeline.candidates.branch import Branch

@@ -8,11 +8,12 @@ from functools import partial
 
 import numpy as np
 
-from bayesdamp.inference.checks.checks import carried_on
+from bayesdamp.inference.checks import carried_on
 from bayesdamp.inference.deviation.single import first_half as first_half_of
 from bayesdamp.inference.deviation.single import under
 from bayesdamp.inference.evidence import Draws
-from bayesdamp.inference.evidence.sensitivity import (
+from bayesdamp.inference.mode import Mode, log_evidence_near
+from bayesdamp.inference.sensitivity import (
     against_width,
     first_half,
     log_predictive,
@@ -20,7 +21,6 @@ from bayesdamp.inference.evidence.sensitivity import (
     savage_dickey,
     under_priors,
 )
-from bayesdamp.inference.fit.mode import Mode, log_evidence_near
 from bayesdamp.outcomes import following
 from bayesdamp.pipeline.answering import likelihood_of
 from bayesdamp.pipeline.candidates.branch import Branch

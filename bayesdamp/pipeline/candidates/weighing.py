@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.inference.evidence.method import COMBINED, NESTED_CHECK, adopted, disagreement
+from bayesdamp.inference.evidence._method import COMBINED, NESTED_CHECK, adopted, disagreement
 from bayesdamp.interface.evidence import FROM_DRAWS, weigh
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.tasks import Product

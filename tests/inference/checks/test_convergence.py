@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from arviz_stats.base.array import array_stats
 
-from bayesdamp.inference.checks import diagnostics
-from bayesdamp.numerics.pareto import pareto_k
+from bayesdamp.inference import diagnostics
+from bayesdamp.numerics.weights import pareto_k
 
 SAME = 1e-10
 NUMBERS = {

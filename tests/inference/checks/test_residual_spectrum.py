@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bayesdamp.inference.checks import residual_tests
-from bayesdamp.inference.checks.residual_tests import standing_out
+from bayesdamp.inference import residual_tests
+from bayesdamp.inference.residual_tests import standing_out
 
 T = np.arange(300) * 0.02
 PERIOD = 0.5

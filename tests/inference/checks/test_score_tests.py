@@ -10,18 +10,18 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.stats import norm
 
-from bayesdamp.inference.checks.checks import check_fit, tangents
-from bayesdamp.inference.checks.residual_tests import (
+from bayesdamp.inference.checks import check_fit, tangents
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.residual_tests import (
     FORMS,
     SIZE,
     StrongestForm,
     orthonormal,
     other_form,
 )
-from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.likelihood import Likelihood
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, Normal
 from bayesdamp.types import Seed, Signal

@@ -7,12 +7,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.evidence import Draws
-from bayesdamp.inference.evidence.methods import bridge
-from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.evidence import Draws, bridge
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import Settings, nuts
+from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import LogNormal, LogUniform
 from bayesdamp.types import OK, Seed, Signal

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayesdamp.inference.evidence.methods import importance
+from bayesdamp.inference.evidence import importance
 from bayesdamp.types import OK
 from tests.inference.coordinates.densities import posterior_of
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.inference.fit.mode import whitening
+from bayesdamp.inference.mode import whitening
 from bayesdamp.types import Refusal
 
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from bayesdamp.inference.curves.derived import Motions, against_amplitude, derive
+from bayesdamp.inference.derived import Motions, against_amplitude, derive
 from bayesdamp.physics.oscillator import Oscillator
 
 K, A, INERTIA = 20.0, 0.3, 0.7

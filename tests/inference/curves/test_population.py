@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from bayesdamp.inference.curves.population import Sample, population
+from bayesdamp.inference.population import Sample, population
 from bayesdamp.types import Refusal
 
 SCALE = 0.3

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.inference.evidence.methods import nested
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.evidence import EVIDENCES, nested
+from bayesdamp.inference.mode import Mode
 from bayesdamp.types import Evidence
 from tests.interface.test_chains import by_sum, without_deviations
 from tests.interface.test_deviation import one_parameter

@@ -10,7 +10,7 @@ from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.weighing import weigh_all
-from bayesdamp.inference.noise._residuals import FittedNoise
+from bayesdamp.inference.noise import FittedNoise
 from tests.physics.independent import viscous
 
 GAPS = np.full(1999, 0.01)

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.types import Seed, Signal
 from tests.inference.evidence.weighing_problems import KNOWN, PRIORS, TIMES, record

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from bayesdamp.inference.evidence.method import adopted, disagreement
+from bayesdamp.inference.evidence._method import adopted, disagreement
 from bayesdamp.types import Evidence
 
 

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from bayesdamp.inference.coordinates.reflected_t import ReflectedT
-from bayesdamp.inference.evidence import EVIDENCES, Draws, EvidenceMethod
-from bayesdamp.inference.evidence.methods import nested
-from bayesdamp.inference.evidence.methods.bridge import span
-from bayesdamp.inference.fit.mode import log_evidence_near
+from bayesdamp.inference.evidence import EVIDENCES, Draws, EvidenceMethod, nested
+from bayesdamp.inference.evidence.bridge import span
+from bayesdamp.inference.mode import log_evidence_near
 from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.numerics.orthant import ReflectedT
 from bayesdamp.types import Evidence
 from tests.inference.evidence.weighing_problems import (
     CASES,

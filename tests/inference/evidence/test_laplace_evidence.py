@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from bayesdamp.inference.fit.mode import log_integral
+from bayesdamp.inference.mode import log_integral
 
 
 def test_the_integral_of_a_cut_normal_is_exact() -> None:

@@ -9,9 +9,11 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import truncnorm
 
-from bayesdamp.inference.checks.checks import Ahead, carried_on
-from bayesdamp.inference.evidence.methods.importance import Importance
-from bayesdamp.inference.evidence.sensitivity import (
+from bayesdamp.inference.checks import Ahead, carried_on
+from bayesdamp.inference.evidence.importance import Importance
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.sensitivity import (
     against_width,
     density_at_zero,
     first_half,
@@ -20,8 +22,6 @@ from bayesdamp.inference.evidence.sensitivity import (
     savage_dickey,
     under_priors,
 )
-from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.target import Target
 from bayesdamp.priors import HalfNormal, Normal
 from bayesdamp.types import Evidence
 from tests.inference.evidence.weighing_problems import (

@@ -9,9 +9,9 @@ from scipy.special import gammainc, gammaln, logsumexp
 from scipy.stats import multivariate_normal
 
 from bayesdamp.inference.evidence import Draws
-from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, SharedHalfNormal
 from bayesdamp.types import Seed, Signal

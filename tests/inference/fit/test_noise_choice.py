@@ -12,8 +12,7 @@ from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.sample_noise import SampleNoise
 from bayesdamp.inference.deviation.weighing import weigh_all
-from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.noise._residuals import fit_noise
+from bayesdamp.inference.noise import NOISES, fit_noise
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.records.cleaning.clean import recording_step

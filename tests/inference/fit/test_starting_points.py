@@ -7,10 +7,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.search import basins, find_mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers._starts import Start, agreement
+from bayesdamp.inference.samplers._sampler import Start, agreement
+from bayesdamp.inference.search import basins, find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Seed, Signal

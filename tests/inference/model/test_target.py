@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bayesdamp.inference.fit.mode import BUDGET
-from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.mode import BUDGET
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target, build_target, default_prior
+from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import SHARED_SIGMAS, HalfNormal, LogNormal, Normal, Prior, SharedHalfNormal, Uniform
 from bayesdamp.types import Reference, Refusal, Seed, Signal, System

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference import diagnostics
 from bayesdamp.inference.samplers.nuts import Chain, drift
 
 D, CHAINS, COUNT = 5, 4, 2500

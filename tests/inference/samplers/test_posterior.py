@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference import diagnostics
 from bayesdamp.inference.coordinates.whitening import whitening_of
-from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Sampler, Settings
 from bayesdamp.inference.samplers.nuts import Nuts
+from bayesdamp.inference.search import find_mode
 from bayesdamp.priors import LogNormal
 from bayesdamp.types import OK, Posterior, Seed
 from tests.inference import problems

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray
 
-from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference import diagnostics
 from bayesdamp.pipeline.workers import cluster
 from bayesdamp.types import InputError, Posterior
 

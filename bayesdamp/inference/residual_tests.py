@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import erfc, gammaincc, log_ndtr
 
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.physics.kernel import Motion
 from bayesdamp.physics.kernel.solve import QUANTITIES, Slopes

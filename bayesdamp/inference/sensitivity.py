@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import logsumexp
 
-from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.checks.checks import DRAWS, Ahead
-from bayesdamp.inference.curves.weighted import effective, resampled
-from bayesdamp.inference.evidence.methods.importance import K_LIMIT, Importance
-from bayesdamp.inference.fit.mode import Mode, mode_near
-from bayesdamp.numerics.pareto import pareto_k
+from bayesdamp.inference.checks import DRAWS, Ahead
+from bayesdamp.inference.diagnostics import effective_mean
+from bayesdamp.inference.evidence.importance import K_LIMIT, Importance
+from bayesdamp.inference.mode import Mode, mode_near
+from bayesdamp.numerics.weights import effective, pareto_k, resampled
 from bayesdamp.priors import (
     SHARED_SIGMAS,
     HalfNormal,
@@ -238,7 +237,7 @@ def savage_dickey(
         log_ratios = smaller - shared_log_density(squares, len(others) + 1, scales)
     top = float(log_ratios.max())
     weights = np.exp(log_ratios - top)
-    size = diagnostics.effective_mean(draws)
+    size = effective_mean(draws)
     log_density, error = density_at_zero(draws.ravel(), size, weights.ravel() / weights.mean())
     ratio = log_density + top + float(np.log(weights.mean()))
     if not (abs(ratio) < FARTHEST and error < 1.0):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bayesdamp.inference.fit.mode import ROUGHLY, LocalSearch, Mode, maximise_posterior, settle
+from bayesdamp.inference.mode import ROUGHLY, LocalSearch, Mode, maximise_posterior, settle
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import Status

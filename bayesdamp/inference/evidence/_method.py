@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import OK, Evidence
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates.reflected_t import fitted
 from bayesdamp.inference.coordinates.whitening import Shear, shear_of
-from bayesdamp.inference.evidence.method import Draws, EvidenceMethod
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.diagnostics import effective_mean, monte_carlo_error
+from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.numerics.orthant import fitted
 from bayesdamp.types import OK, Evidence
 
 PROPOSALS = 2000
@@ -119,7 +119,7 @@ def span(at_draws: np.ndarray, at_proposals: np.ndarray) -> Span:
     at_proposals : ndarray, shape (m,)
         The ratios at independent draws of the proposal.
     """
-    effective = min(diagnostics.effective_mean(at_draws), float(at_draws.size))
+    effective = min(effective_mean(at_draws), float(at_draws.size))
     share = effective / (effective + at_proposals.size)
     a, b = np.log(share), np.log1p(-share)
     draws = at_draws.ravel()
@@ -135,7 +135,7 @@ def span(at_draws: np.ndarray, at_proposals: np.ndarray) -> Span:
     up = np.exp(at_proposals - log_z - np.logaddexp(a + at_proposals - log_z, b))
     down = np.exp(-np.logaddexp(a + at_draws - log_z, b))
     variance = np.var(up, ddof=1) / up.size / np.mean(up) ** 2
-    variance += (diagnostics.monte_carlo_error(down) / np.mean(down)) ** 2
+    variance += (monte_carlo_error(down) / np.mean(down)) ** 2
     return Span(log_z, float(np.sqrt(variance)), float(np.mean(up)))
 
 

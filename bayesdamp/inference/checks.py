@@ -9,16 +9,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.fft import next_fast_len
 
-from bayesdamp.inference.checks.residual_tests import (
-    SpectralLine,
-    StrongestForm,
-    orthonormal,
-    other_form,
-    standing_out,
-    strongest,
-)
 from bayesdamp.inference.coordinates.truncated_normal import near
-from bayesdamp.inference.fit.mode import (
+from bayesdamp.inference.mode import (
     ROUGHLY,
     Mode,
     log_evidence_near,
@@ -29,6 +21,14 @@ from bayesdamp.inference.fit.mode import (
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NoiseModel
+from bayesdamp.inference.residual_tests import (
+    SpectralLine,
+    StrongestForm,
+    orthonormal,
+    other_form,
+    standing_out,
+    strongest,
+)
 from bayesdamp.outcomes import P_LIMIT, Fitting
 from bayesdamp.types import FitCheck, Forecast, PartialFit, Refusal
 

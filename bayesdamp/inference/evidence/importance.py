@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT, fitted
 from bayesdamp.inference.coordinates.whitening import Shear, expansion, shear_of, truncated_about
-from bayesdamp.inference.curves.weighted import effective
-from bayesdamp.inference.evidence.method import Draws, EvidenceMethod
-from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.numerics.pareto import pareto_k
+from bayesdamp.numerics.orthant import DEGREES, ReflectedT, fitted
+from bayesdamp.numerics.weights import effective, pareto_k
 from bayesdamp.types import OK, Evidence
 
 PILOT = 1000

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import ndtri
 
-from bayesdamp.inference.evidence.method import Draws, EvidenceMethod
-from bayesdamp.inference.fit.mode import Mode, log_evidence_about
+from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
+from bayesdamp.inference.mode import Mode, log_evidence_about
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import OK, Evidence, Refusal
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bayesdamp.inference.evidence.method import Draws, EvidenceMethod
-from bayesdamp.inference.fit.mode import Mode, log_evidence_about
+from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
+from bayesdamp.inference.mode import Mode, log_evidence_about
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import Evidence
 

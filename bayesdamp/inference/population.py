@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import log_ndtr, logsumexp
 
-from bayesdamp.inference.curves.weighted import effective, shares, summarise
+from bayesdamp.numerics.weights import effective, shares, summarise
 from bayesdamp.types import OK, Refusal
 
 BINS = 150

@@ -1,1 +1,0 @@
-"""Whether a model fits, and whether draws may be trusted."""

@@ -1,1 +1,0 @@
-"""Quantities computed from posterior draws."""

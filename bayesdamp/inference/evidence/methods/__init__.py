@@ -1,1 +1,0 @@
-"""Methods for the evidence: one class in one module each, found by name."""
