@@ -22,7 +22,6 @@ from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
-from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.law_free import TWO_SIDED, amplitude_curves, law_free
 from bayesdamp.serial import split
 from bayesdamp.store.contents import AnswerContent, WeighedCandidate
@@ -280,7 +279,7 @@ def _store(weighing: Weighing, verdict: Verdict, arrays: Mapping[str, np.ndarray
 def measured_at(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None:
     """Return what is measured without a law at amplitudes (rad or m); None where the record is too short for it."""
     try:
-        curve = law_free(signal, features(signal))
+        curve = law_free(signal)
     except Refusal:
         return None
     at = curve.at(curve.times_of(np.array(amplitudes)))
@@ -299,7 +298,7 @@ def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
 
     The energy lost in a cycle is that of a nearly sinusoidal oscillation.
     """
-    at = amplitude_curves(signal, features(signal))
+    at = amplitude_curves(signal)
     order, half = np.argsort(at.amplitude), TWO_SIDED * at.ratio_sd
     lost = 2 * np.pi * (at.frequency * at.amplitude) ** 2
     arrays = {"free/amplitude": at.amplitude[order]}

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
-from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.features import OncePerRecord, features
 from bayesdamp.records.oscillation.modes import OtherMotion, find_other_motion
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict import thresholds
@@ -20,8 +19,8 @@ TWO_SIDED = 1.96
 VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 
-@lru_cache(maxsize=8)
-def _other_motion(signal: Signal, harmonics: bool = False) -> OtherMotion | None:
+@OncePerRecord
+def _other_motion(signal: Signal, harmonics: bool) -> OtherMotion | None:
     """Return what a signal is if not the free decay of one oscillator; None where it may be one."""
     try:
         period = features(signal).period
@@ -75,7 +74,7 @@ def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
 
 def remark_on(signal: Signal) -> str:
     """Return a remark on a second oscillation that is too small for another verdict; empty where there is none."""
-    other = _other_motion(signal)
+    other = _other_motion(signal, False)
     if other is None or len(other.modes.frequencies) < 2:
         return ""
     at = f"{other.modes.frequencies[1]:.4g} Hz"

@@ -129,7 +129,7 @@ def compute_signal(study: Study, spec: SignalSpec, repeat: int) -> Product:
     arrays |= {"t": signal.t, "y": signal.y}
     try:
         content, outcome = _describe(spec, signal, content), OK
-        law_free(signal, features(signal))  # refuses a record of too few cycles
+        law_free(signal)  # refuses a record of too few cycles
     except Refusal as refusal:
         if isinstance(source, Recording):
             raise InputError(f"signal {spec.name}: {refusal}") from None

@@ -9,7 +9,7 @@ from enum import Enum
 
 import numpy as np
 
-from bayesdamp.records.columns import DIFFER, Swing, measure_swing
+from bayesdamp.records.columns import DIFFER, Swing
 from bayesdamp.records.files.facts import sampling_rate
 from bayesdamp.records.files.names import SECONDS, seconds_in
 from bayesdamp.records.record import HALF_TURN, RawRecord, half_swing
@@ -112,7 +112,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         sentence = f"its unit, {raw.unit!r}, is not one of a displacement"
         option = "--unit counts for a sensor of unknown scale; mm, deg ... if that is its unit"
         doubts.append(Finding(Kind.UNIT, sentence, option, ("unit", "counts"), arguments=("unit",)))
-    swing = measure_swing(raw.y)
+    swing = raw.swing
     # Times that go back are reported when they are used.
     if raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0)):
         stated = (given or raw.unit in UNITS) and quantity == "angle"

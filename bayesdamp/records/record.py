@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from bayesdamp.provenance import Provenance
+from bayesdamp.records.columns import Swing, measure_swing
 from bayesdamp.units import UNITS
 
 HALF_TURN, FULL_TURN = math.pi, 360.0
@@ -84,6 +86,11 @@ class RawRecord:
     choice: str = ""
     why: tuple[str, ...] = ()
     began: float = 0.0
+
+    @cached_property
+    def swing(self) -> Swing:
+        """How its values swing."""
+        return measure_swing(self.y)
 
 
 def resolved_unit(unit: str | None, quantity: str | None, stated: str, what: str) -> tuple[str, str]:

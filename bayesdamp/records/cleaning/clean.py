@@ -16,6 +16,7 @@ from bayesdamp.records.files.names import unit_and_quantity
 from bayesdamp.records.oscillation.anomalies import clipped, rectified, tone_burst
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.noise import residuals
+from bayesdamp.records.oscillation.spectrum import coarse_periods
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
@@ -151,11 +152,12 @@ def clean(
     if rectified(y):
         raise InputError(RECTIFIED, name)
     seek_start, seek_stop = start == "auto", stop == "auto"
-    window = no_free_decay(t, y) if seek_start and seek_stop else None
+    periods = coarse_periods(t, y)
+    window = no_free_decay(t, y, periods[0][0]) if seek_start and seek_stop else None
     if window is None:
-        if seek_start and seek_stop and tone_burst(t, y):
+        if seek_start and seek_stop and tone_burst(t, y, periods[0][0]):
             raise InputError(TONE_BURST, name)
-        window = free_decay(t, y, step, seek_start, seek_stop, name)
+        window = free_decay(t, y, periods, step, seek_start, seek_stop, name)
     first, last = a + window.first, a + window.last
     t, y = times.t[first : last + 1], raw.y[first : last + 1] * scale
     signal = Signal(t - t[0], y, quantity, base, name, step)

@@ -14,7 +14,7 @@ from bayesdamp.records.cleaning.swings import ERRORS, RISE, Reason, Series, Swin
 from bayesdamp.records.oscillation.features import without_edges
 from bayesdamp.records.oscillation.modes import excited, few_samples, find_other_motion
 from bayesdamp.records.oscillation.noise import roughness
-from bayesdamp.records.oscillation.spectrum import coarse_period, coarse_periods, samples_a_cycle
+from bayesdamp.records.oscillation.spectrum import coarse_periods, samples_a_cycle
 from bayesdamp.records.oscillation.turning import Turning, thinned, turning_points
 from bayesdamp.types import InputError
 
@@ -101,7 +101,7 @@ class _Decays:
         return worth(self.turns, stretch) >= OTHER * worth(self.turns, self.best)
 
 
-def no_free_decay(t: np.ndarray, y: np.ndarray) -> DecayWindow | None:
+def no_free_decay(t: np.ndarray, y: np.ndarray, period: float) -> DecayWindow | None:
     """Return the window of a record that is not the free decay of one oscillator.
 
     Such a record contains two oscillations, or one that grows, stays, or is excited throughout. It is used from its
@@ -111,13 +111,14 @@ def no_free_decay(t: np.ndarray, y: np.ndarray) -> DecayWindow | None:
     ----------
     t, y
         Times in s and values, each (n,).
+    period
+        About the period of the oscillation, s.
 
     Returns
     -------
     DecayWindow or None
         None for a free decay.
     """
-    period, _ = coarse_period(t, y, float(t[-1] - t[0]))
     largest = int(np.argmax(np.abs(y - np.median(y))))
     first = largest if largest < MIDDLE * t.size else 0
     if t.size - first < 20:
@@ -137,7 +138,13 @@ def no_free_decay(t: np.ndarray, y: np.ndarray) -> DecayWindow | None:
 
 
 def free_decay(
-    t: np.ndarray, y: np.ndarray, step: float, seek_start: bool, seek_stop: bool, name: str
+    t: np.ndarray,
+    y: np.ndarray,
+    periods: Sequence[tuple[float, float]],
+    step: float,
+    seek_start: bool,
+    seek_stop: bool,
+    name: str,
 ) -> DecayWindow:
     """Return the window in which a record decays freely; of several free decays the most informative one.
 
@@ -145,6 +152,8 @@ def free_decay(
     ----------
     t, y
         Times in s and values, each (n,).
+    periods
+        What `coarse_periods` returns for them.
     step
         The recording step in the unit of y.
     seek_start, seek_stop
@@ -158,7 +167,7 @@ def free_decay(
         Where nothing oscillates, or where what decays has a small share of the power of all swings outside other
         decays.
     """
-    decays = _find_decays(t, y, step, name)
+    decays = _find_decays(t, y, periods, step, name)
     if seek_start and seek_stop:
         times, (a, b) = decays.turns.times, decays.best
         power = median_filter(np.abs(np.diff(decays.turns.values)), 3, mode="nearest") ** 2
@@ -177,7 +186,8 @@ def free_decay(
     if not seek_start and seek_stop:
         end = _next_release(t, decays, name)
         if end < t.size - 1:
-            window = free_decay(t[: end + 1], y[: end + 1], step, False, True, name)
+            before, values = t[: end + 1], y[: end + 1]
+            window = free_decay(before, values, coarse_periods(before, values), step, False, True, name)
             note = f"From {t[end]:.6g} s on it is struck or released again; what follows is not used."
             return replace(window, notes=(*window.notes, note))
     grid, values, _ = thinned(t, y, decays.period, smooth=False)
@@ -210,10 +220,11 @@ def free_decay(
     return DecayWindow(first, last, tuple(notes), all_decays)
 
 
-def _find_decays(t: np.ndarray, y: np.ndarray, step: float, name: str) -> _Decays:
+def _find_decays(
+    t: np.ndarray, y: np.ndarray, periods: Sequence[tuple[float, float]], step: float, name: str
+) -> _Decays:
     """Return the stretches of free decay of a record. Raises InputError where nothing oscillates."""
     options: list[_Decays] = []
-    periods = coarse_periods(t, y, float(t[-1] - t[0]))
     for period, share in periods:
         if share >= SHARE and (decays := _decays_of_period(t, y, step, period)):
             options.append(decays)

@@ -133,7 +133,7 @@ def rectified(y: np.ndarray) -> bool:
     return bool(falls and lowest.max() < TOUCHES and np.median(middle) > BETWEEN)
 
 
-def tone_burst(t: np.ndarray, y: np.ndarray) -> bool:
+def tone_burst(t: np.ndarray, y: np.ndarray, period: float) -> bool:
     """Return whether a record rises in the way it falls, as a windowed tone does.
 
     The envelope is that of the strongest frequency, averaged over a period. A free decay falls by its damping, but
@@ -143,8 +143,9 @@ def tone_burst(t: np.ndarray, y: np.ndarray) -> bool:
     ----------
     t, y
         Times in s and values, each (n,).
+    period
+        Of the strongest oscillation, s.
     """
-    period, _ = coarse_period(t, y, float(t[-1] - t[0]))
     count = int(np.clip(PER_PERIOD * (t[-1] - t[0]) / period, 2 * PER_PERIOD, MOST))
     grid = np.linspace(t[0], t[-1], count)
     wave = (np.interp(grid, t, y) - np.median(y)) * np.exp(-2j * np.pi * grid / period)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, update_wrapper
+from typing import Concatenate, Generic, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -32,6 +35,43 @@ NEIGHBOURHOOD = 1.5
 """Periods on either side of the turning points in which a record must come back to where it was."""
 LEAST_SHARE = 0.3
 """Share that an oscillation must have in the variation of a record within a period or two."""
+
+
+Options, Result = ParamSpec("Options"), TypeVar("Result")
+
+
+class _Samples:
+    """A signal as a key: equal to another of the same samples, whatever their names and provenance."""
+
+    def __init__(self, signal: Signal) -> None:
+        self.signal = signal
+        values = np.ascontiguousarray(signal.t), np.ascontiguousarray(signal.y)
+        digests = (hashlib.blake2b(v.tobytes()).digest() for v in values)
+        self.key = (*digests, signal.quantity, signal.unit, signal.step)
+
+    def __hash__(self) -> int:
+        """Return the hash of the samples."""
+        return hash(self.key)
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the samples are equal."""
+        return isinstance(other, _Samples) and self.key == other.key
+
+
+class OncePerRecord(Generic[Options, Result]):
+    """A function of a signal's samples and of options, whose results for the last few records are kept.
+
+    A record is read, stored, and read back under several names: its results are computed once all the same.
+    """
+
+    def __init__(self, compute: Callable[Concatenate[Signal, Options], Result]) -> None:
+        self._cached = lru_cache(maxsize=16)(lambda samples, *options: compute(samples.signal, *options))
+        self.cache_clear = self._cached.cache_clear
+        update_wrapper(self, compute)
+
+    def __call__(self, signal: Signal, *options: Options.args, **named: Options.kwargs) -> Result:
+        """Return the result for a signal; options are given by their places."""
+        return self._cached(_Samples(signal), *options, **named)
 
 
 def wandering(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
@@ -115,12 +155,9 @@ class Features(FeaturesSeen):
     swing_sizes: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
-@lru_cache(maxsize=16)
+@OncePerRecord
 def features(signal: Signal) -> Features:
-    """Return the features of a signal. Raises Refusal, with a sentence, where it does not oscillate.
-
-    Those of the last few signals are cached.
-    """
+    """Return the features of a signal. Raises Refusal, with a sentence, where it does not oscillate."""
     t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
     if t.size < 10:
         raise Refusal(f"the record has {t.size} samples, and an oscillation needs at least 10")

@@ -108,13 +108,13 @@ def first_words(signal: Signal) -> FirstWords:
     0.71
     """
     measured = features(signal)
-    fit = law_free(signal, measured)
+    fit = law_free(signal)
     first, last = fit.span
-    at = fit.at(np.array([first, fit.halfway(), last]))
-    top, middle, least = map(DampingAt, at.amplitude.tolist(), at.ratio.tolist(), at.ratio_sd.tolist())
-    along = fit.at(fit.windows.times)
-    frequency = float(along.frequency.mean()) / (2 * np.pi)
-    half = TWO_SIDED * float(along.frequency_sd.mean()) / (2 * np.pi)
+    at = fit.at(np.array([first, fit.halfway(), last, *fit.windows.times]))
+    damping = zip(at.amplitude[:3].tolist(), at.ratio[:3].tolist(), at.ratio_sd[:3].tolist(), strict=True)
+    top, middle, least = (DampingAt(*values) for values in damping)
+    frequency = float(at.frequency[3:].mean()) / (2 * np.pi)
+    half = TWO_SIDED * float(at.frequency_sd[3:].mean()) / (2 * np.pi)
     begin, half_window = signal.provenance.start, 0.5 * float(fit.windows.widths[-1])
     return FirstWords(
         frequency,

@@ -18,12 +18,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # loads its modules when they are used
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrf, dpotrs
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.records.oscillation.features import Features
+from bayesdamp.records.oscillation.features import OncePerRecord, features
 from bayesdamp.records.oscillation.spectrum import averaged
 from bayesdamp.types import Refusal, Signal
 
@@ -119,39 +119,40 @@ class Sinusoids:
         return 2 * (self.times - first) / (last - first) - 1
 
 
-def sinusoids(signal: Signal, features: Features) -> Sinusoids:
+def sinusoids(signal: Signal) -> Sinusoids:
     """Fit a sinusoid of linearly changing amplitude and midline in each of many overlapping windows.
 
     Raises Refusal where the record is too short for three windows.
     """
-    block = max(int(features.samples_per_cycle / PER_CYCLE), 1)
+    measured = features(signal)
+    block = max(int(measured.samples_per_cycle / PER_CYCLE), 1)
     t, y = (averaged(np.asarray(values, float), block) for values in (signal.t, signal.y))
-    first = max(float(t[0]), float(features.swing_times[0]) - 0.75 * features.period)
-    last = min(float(t[-1]), float(features.swing_times[-1]) + 0.75 * features.period)
-    crossings = features.crossing_times
-    if last - first > MOST * SHORTEST * features.period and crossings.size > 1:
+    first = max(float(t[0]), float(measured.swing_times[0]) - 0.75 * measured.period)
+    last = min(float(t[-1]), float(measured.swing_times[-1]) + 0.75 * measured.period)
+    crossings = measured.crossing_times
+    if last - first > MOST * SHORTEST * measured.period and crossings.size > 1:
         # Windows that hardly overlap do not show how many turns are between them: turning points do.
         first, last = max(first, float(crossings[0])), min(last, float(crossings[-1]))
-    span = (last - first) / features.period
-    periods = max(min(float(np.clip(SHARE * features.cycles, SHORTEST, LONGEST)), span - 1.5), 1.0)
-    inside = last - first - periods * features.period
-    count = int(np.clip(PER_WINDOW * inside / (periods * features.period) + 1, FEWEST, MOST))
-    middles = first + 0.5 * periods * features.period + np.linspace(0, 1, count) * max(inside, 0.0)
+    span = (last - first) / measured.period
+    periods = max(min(float(np.clip(SHARE * measured.cycles, SHORTEST, LONGEST)), span - 1.5), 1.0)
+    inside = last - first - periods * measured.period
+    count = int(np.clip(PER_WINDOW * inside / (periods * measured.period) + 1, FEWEST, MOST))
+    middles = first + 0.5 * periods * measured.period + np.linspace(0, 1, count) * max(inside, 0.0)
     # A first pace from neighbouring turning points, smooth, so that one spoilt point does no harm.
-    turns = features.turning_times
-    local = np.full(middles.size, features.period)
+    turns = measured.turning_times
+    local = np.full(middles.size, measured.period)
     if turns.size >= 3:
         local = turns[2:] - turns[:-2]
         if local.size >= 5:
             local = uniform_filter1d(median_filter(local, 5, mode="nearest"), 5, mode="nearest")
         local = np.interp(middles, turns[1:-1], local)
     # The phases are more precise than turning points, which a second mode shifts: fit again with their pace.
-    times, _, phases, _, used = _fit_windows(t, y, middles, 2 * np.pi / local, periods, features)
+    times, _, phases, _, used = _fit_windows(t, y, middles, 2 * np.pi / local, periods, crossings)
     pace = np.interp(middles, times, np.gradient(phases, times))
     pace = np.clip(pace, 0.8 * used.min(), 1.25 * used.max())
-    times, amplitudes, phases, gains, used = _fit_windows(t, y, middles, pace, periods, features)
+    times, amplitudes, phases, gains, used = _fit_windows(t, y, middles, pace, periods, crossings)
     widths = 2 * np.pi * periods / used
-    noise = float(np.hypot(features.roughness, ROUNDING * signal.step)) / np.sqrt(block)
+    noise = float(np.hypot(measured.roughness, ROUNDING * signal.step)) / np.sqrt(block)
     errors = np.maximum(noise * gains / amplitudes, LEAST_ERROR)
     # Estimates from overlapping raised cosines correlate by these windows' autocorrelation at their distance. One width
     # for all keeps the matrix positive definite.
@@ -163,24 +164,49 @@ def sinusoids(signal: Signal, features: Features) -> Sinusoids:
 
 
 def _fit_windows(
-    t: np.ndarray, y: np.ndarray, middles: np.ndarray, pace: np.ndarray, periods: float, features: Features
+    t: np.ndarray,
+    y: np.ndarray,
+    middles: np.ndarray,
+    pace: np.ndarray,
+    periods: float,
+    crossings: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Fit windows of so many periods at `middles` (m,) with sinusoids of a pace (m,), in rad/s.
 
-    Return times, amplitudes, continuous phases, noise gains and pace of the windows that have samples, (k,) each.
-    Raises Refusal where these are too few.
+    crossings: times in s at which the record crosses its midline, (c,). Return times, amplitudes, continuous phases,
+    noise gains and pace of the windows that have samples, (k,) each. Raises Refusal where these are too few.
     """
-    rows = [
-        (middle, *fit, omega)
-        for middle, omega in zip(middles.tolist(), pace.tolist(), strict=True)
-        if (fit := _fit_window(t, y, middle, omega, periods)) is not None
-    ]
-    if len(rows) < FEWEST:
+    width = periods * 2 * np.pi / pace
+    begins = np.searchsorted(t, middles - 0.5 * width)
+    sizes = np.searchsorted(t, middles + 0.5 * width) - begins
+    spacing = float(t[-1] - t[0]) / (t.size - 1)
+    fits = np.full((3, middles.size), np.nan)
+    for n in np.unique(sizes[sizes >= FEWEST_SAMPLES]):
+        same = np.flatnonzero(sizes == n)
+        rows, wide = begins[same, None] + np.arange(n), width[same, None]
+        u, values = t[rows] - middles[same, None], y[rows]
+        angle, place = pace[same, None] * u, u / wide
+        wave = [np.cos(angle), np.sin(angle)]
+        columns = np.stack([*wave, np.ones_like(u), place, place * wave[0], place * wave[1]], axis=2)
+        weight = np.cos(np.pi * u / wide) ** 2
+        c, inverse = _solve_weighted(columns, values, weight)
+        off = np.abs(values - (columns @ c[:, :, None])[:, :, 0])
+        far = off > FAR * 1.4826 * np.median(off, axis=1, keepdims=True)
+        again = np.flatnonzero(far.any(axis=1) & (np.sum(~far, axis=1) >= FEWEST_SAMPLES))
+        weight[again] = np.where(far[again], 0.0, weight[again])
+        c[again], inverse[again] = _solve_weighted(columns[again], values[again], weight[again])
+        size = np.hypot(c[:, 0], c[:, 1])
+        good = (size > 0) & (weight.sum(axis=1) * spacing >= COVERED * 0.5 * wide[:, 0])
+        which, c, size = same[good], c[good], size[good]
+        ends = c[:, 0, None] * inverse[good, 0] + c[:, 1, None] * inverse[good, 1]
+        gains = np.linalg.norm(ends / size[:, None], axis=1)
+        fits[:, which] = size, np.arctan2(-c[:, 1], c[:, 0]), gains
+    good = np.isfinite(fits[0])
+    if np.count_nonzero(good) < FEWEST:
         raise Refusal("the record has too few cycles to estimate damping and frequency")
-    times, amplitudes, phases, gains, used = np.array(rows).T
+    times, used, (amplitudes, phases, gains) = middles[good], pace[good], fits[:, good]
     # Whole turns are added to the phases, so that they advance as the crossings of the midline count them.
     ahead = np.diff(times) * 0.5 * (used[1:] + used[:-1])
-    crossings = features.crossing_times
     if crossings.size > 1:
         counted = np.diff(np.interp(times, crossings, np.pi * np.arange(crossings.size)))
         within = (times[:-1] >= crossings[0]) & (times[1:] <= crossings[-1])
@@ -191,44 +217,16 @@ def _fit_windows(
     return times, amplitudes, phases, gains, used
 
 
-def _fit_window(
-    t: np.ndarray, y: np.ndarray, middle: float, pace: float, periods: float
-) -> tuple[float, float, float] | None:
-    """Fit one window of so many periods.
-
-    Return its amplitude, phase at the middle and noise gain, or None where samples are missing.
-    """
-    width = periods * 2 * np.pi / pace
-    a, b = np.searchsorted(t, [middle - 0.5 * width, middle + 0.5 * width])
-    if b - a < FEWEST_SAMPLES:
-        return None
-    u, values = t[a:b] - middle, y[a:b]
-    angle = pace * u
-    wave = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    place = (u / width)[:, None]
-    columns = np.hstack([wave, np.ones_like(place), place, place * wave])
-    weight = np.cos(np.pi * u / width) ** 2
-    spacing = float(t[-1] - t[0]) / (t.size - 1)
-    c, inverse = _solve_weighted(columns, values, weight)
-    off = np.abs(values - columns @ c)
-    far = off > FAR * 1.4826 * float(np.median(off))
-    if np.any(far) and np.count_nonzero(~far) >= FEWEST_SAMPLES:
-        weight = np.where(far, 0.0, weight)
-        c, inverse = _solve_weighted(columns, values, weight)
-    size = float(np.hypot(c[0], c[1]))
-    if size == 0 or weight.sum() * spacing < COVERED * 0.5 * width:
-        return None
-    gain = float(np.linalg.norm((c[0] * inverse[0] + c[1] * inverse[1]) / size))
-    return size, float(np.arctan2(-c[1], c[0])), gain
-
-
 def _solve_weighted(
     columns: np.ndarray, values: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Solve weighted least squares: return the coefficients (6,) and the matrix (6, n) that gives them."""
-    weighted = columns * weight[:, None]
-    inverse = np.linalg.pinv(weighted.T @ columns, hermitian=True) @ weighted.T
-    return inverse @ values, inverse
+    """Solve weighted least squares in w windows with columns (w, n, 6), values and weights (w, n).
+
+    Return the coefficients (w, 6) and the matrices (w, 6, n) that give them.
+    """
+    weighted = np.swapaxes(columns * weight[:, :, None], 1, 2)
+    inverse = np.linalg.pinv(weighted @ columns, hermitian=True) @ weighted
+    return (inverse @ values[:, :, None])[:, :, 0], inverse
 
 
 @dataclass(frozen=True)
@@ -290,6 +288,7 @@ class LawFree:
         first, last = np.exp(self.line(np.array([-1.0, 1.0])))
         return float(self.times_of(np.array([np.sqrt(first * last)]))[0])
 
+    @threadpool_limits.wrap(limits=1, user_api="blas")
     def at(self, times: np.ndarray) -> Curves:
         """Evaluate the curves at times in s, shape (k,)."""
         first, last = self.span
@@ -308,9 +307,11 @@ class LawFree:
         return Curves(amplitude, ratio, ratio_sd, frequency / half, frequency_sd / half)
 
 
-def law_free(signal: Signal, features: Features) -> LawFree:
+@OncePerRecord
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def law_free(signal: Signal) -> LawFree:
     """Smooth a record's amplitude and frequency. Raises Refusal where it has too few cycles."""
-    windows = sinusoids(signal, features)
+    windows = sinusoids(signal)
     # The likeliest of several constant errors is added to those of the amplitudes: noise that was filtered to the
     # oscillation's own band does not appear within a window, only between windows.
     least, log_sizes, x = float(windows.amplitudes.min()), np.log(windows.amplitudes), windows.places
@@ -318,8 +319,7 @@ def law_free(signal: Signal, features: Features) -> LawFree:
         replace(windows, errors=np.hypot(windows.errors, share * least / windows.amplitudes))
         for share in FLOORS
     ]
-    with threadpool_limits(1, "blas"):
-        windows = max(options, key=lambda w: max(f.log for f in _smooth_power(w, log_sizes, 0.0, x[:1])))
+    windows = max(options, key=lambda w: max(f.log for f in _smooth_power(w, log_sizes, 0.0, x[:1], False)))
     order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
     sizes, half = log_sizes, 0.5 * float(windows.times[-1] - windows.times[0])
     line = _fit_line(windows, sizes)
@@ -336,18 +336,18 @@ def law_free(signal: Signal, features: Features) -> LawFree:
     weight = np.cos(np.pi * share) ** 2
     for _ in range(ROUNDS):
         # A window's average amplitude is larger than the one in its middle where the curve is hollow.
-        curve = scipy.interpolate.CubicSpline(x, _smooth(windows, sizes, x)[0])
+        curve = scipy.interpolate.CubicSpline(x, _smooth(windows, sizes, x, with_slopes=False)[0])
         inside = np.exp(curve(x[:, None] + share * width[:, None]) - curve(x)[:, None])
         sizes = averages - np.log(inside @ (weight / weight.sum()))
     return LawFree(replace(windows, phases=phases), sizes, backbone, _fit_line(windows, sizes))
 
 
-def amplitude_curves(signal: Signal, features: Features) -> Curves:
+def amplitude_curves(signal: Signal) -> Curves:
     """Evaluate the curves at up to `POINTS` times along a record, from the first on.
 
     Raises Refusal where it has too few cycles.
     """
-    fit = law_free(signal, features)
+    fit = law_free(signal)
     count = int(np.clip(fit.sizes.size // PER_WINDOW + 1, 2, POINTS))
     return fit.at(np.linspace(*fit.span, count))
 
@@ -359,14 +359,18 @@ def _fit_line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial
 
 
 def _smooth(
-    windows: Sinusoids, values: np.ndarray, at: np.ndarray, powers: Sequence[float] = POWERS
+    windows: Sinusoids,
+    values: np.ndarray,
+    at: np.ndarray,
+    powers: Sequence[float] = POWERS,
+    with_slopes: bool = True,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Smooth log amplitudes or phases (k,).
 
-    Return those at places `at` (m,), their slopes by the place, and the variances of the slopes.
+    Return those at places `at` (m,), their slopes by the place, and the variances of the slopes, these two empty where
+    they are not wanted.
     """
-    with threadpool_limits(1, "blas"):  # threads of a linear algebra library only wait for each other here
-        fits = [f for p in powers for f in _smooth_power(windows, values, p, at)]
+    fits = [f for p in powers for f in _smooth_power(windows, values, p, at, with_slopes)]
     logs = np.array([f.log for f in fits])
     weights = np.exp(logs - logs.max())
     weights = weights / weights.sum()
@@ -476,11 +480,13 @@ class _Smoothed:
     sds: np.ndarray
 
 
-def _smooth_power(windows: Sinusoids, logs: np.ndarray, power: float, at: np.ndarray) -> list[_Smoothed]:
+def _smooth_power(
+    windows: Sinusoids, logs: np.ndarray, power: float, at: np.ndarray, with_slopes: bool
+) -> list[_Smoothed]:
     """Smooth a power of the amplitude by a line and a random walk of each of the sizes.
 
     logs: log amplitudes in the windows, (n,), whose relative errors have the windows' covariance. at: places where the
-    curve is wanted, (k,).
+    curve is wanted, (k,). with_slopes: whether its slopes and their sds are wanted too; else they are empty.
     """
     x = windows.places
     middle = logs.mean()
@@ -502,33 +508,35 @@ def _smooth_power(windows: Sinusoids, logs: np.ndarray, power: float, at: np.nda
     curves = []
     prior = np.log(np.where(WALKS == 0, STEADY, (1 - STEADY) / (WALKS.size - 1)))
     for ratio, log_prior in zip(WALKS.tolist(), prior.tolist(), strict=True):
-        try:
-            factor = cho_factor(noise / scale + ratio * walk, lower=True)
-        except np.linalg.LinAlgError:
+        # LAPACK itself: for such small matrices SciPy's wrappers take longer than the arithmetic.
+        factor, failed = dpotrf(noise / scale + ratio * walk, lower=1, clean=0)
+        if failed:
             continue  # a walk so much larger than the errors leaves no digits of these
-        weighted = cho_solve(factor, columns)
+        weighted = dpotrs(factor, columns, lower=1)[0]
         inverse = np.linalg.inv(columns.T @ weighted)
         c = inverse @ (weighted.T @ values)
         rest = values - columns @ c
-        off = cho_solve(factor, rest)
+        off = dpotrs(factor, rest, lower=1)[0]
         variance = (float(rest @ off) + KNOWN * scale) / (free + KNOWN)
         log = (
             log_prior
-            - float(np.sum(np.log(np.diag(factor[0]))))
+            - float(np.sum(np.log(np.diag(factor))))
             + 0.5 * float(np.linalg.slogdet(inverse)[1])
             - 0.5 * (free + KNOWN) * np.log(variance)
             + float(np.sum(np.log(base)))  # densities are those of the log amplitudes
         )
         level = columns_at @ c + ratio * walk_at @ off
-        slope = columns_slope @ c + ratio * walk_slope @ off
-        by_walk = ratio * cho_solve(factor, walk_slope.T)
-        line = columns_slope - by_walk.T @ columns
-        spread = ratio * (w - np.einsum("ij,ji->i", walk_slope, by_walk)) + np.einsum(
-            "ij,jk,ik->i", line, inverse, line
-        )
         # The curve may not leave the amplitudes.
         stretched = np.clip(1 + power * level, 0.8 * base_at, 1.25 * base_at)
         sizes = middle + (level if power == 0 else np.log(stretched) / power)
-        sds = wide * np.sqrt(variance * np.maximum(spread, 0.0)) / stretched
-        curves.append(_Smoothed(log, sizes, slope / stretched, sds))
+        slopes = sds = np.empty(0)
+        if with_slopes:
+            slopes = (columns_slope @ c + ratio * walk_slope @ off) / stretched
+            by_walk = ratio * dpotrs(factor, walk_slope.T, lower=1)[0]
+            line = columns_slope - by_walk.T @ columns
+            spread = ratio * (w - np.einsum("ij,ji->i", walk_slope, by_walk)) + np.einsum(
+                "ij,jk,ik->i", line, inverse, line
+            )
+            sds = wide * np.sqrt(variance * np.maximum(spread, 0.0)) / stretched
+        curves.append(_Smoothed(log, sizes, slopes, sds))
     return curves

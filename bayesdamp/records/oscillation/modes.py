@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -98,8 +99,8 @@ class Modes:
         return self.rates / np.hypot(self.rates, 2 * np.pi * self.frequencies)
 
 
-def damped_modes(t: np.ndarray, y: np.ndarray, count: int) -> Modes | None:
-    """Fit damped sinusoids and a constant to a record.
+def damped_modes(t: np.ndarray, y: np.ndarray) -> Iterator[Modes]:
+    """Fit one damped sinusoid and a constant to a record, then two, and so on, until no search converges.
 
     Amplitudes and phases are linear and solved for, frequencies and rates searched from the spectrum's lines.
 
@@ -107,13 +108,6 @@ def damped_modes(t: np.ndarray, y: np.ndarray, count: int) -> Modes | None:
     ----------
     t, y
         Times in s and values, each (n,).
-    count
-        Number of sinusoids.
-
-    Returns
-    -------
-    Modes or None
-        None where no search converges.
 
     References
     ----------
@@ -121,29 +115,21 @@ def damped_modes(t: np.ndarray, y: np.ndarray, count: int) -> Modes | None:
     """
     t, y = np.asarray(t, float) - t[0], np.asarray(y, float)
     points, rest = np.empty((0, 2)), y - y.mean()
-    for _ in range(count):
-        fit = _add_mode(t, y, points, rest)
-        if fit is None:
-            return None
+    while fit := _add_mode(t, y, points, rest):
         points, rest = fit
-    omega, rate = points.T
-    columns = _columns(t, points)
-    c = np.linalg.lstsq(columns, y, rcond=None)[0]
-    size = np.hypot(c[1::2], c[2::2])
-    ends = size * np.exp(-rate * t[-1])
-    order = np.argsort(-np.maximum(size, ends))
-    misfit = float(rest @ rest)
-    variance = misfit / max(t.size - columns.shape[1] - points.size, 1)
-    slopes = np.zeros((t.size, points.size))
-    for i in range(len(points)):
-        pair = columns[:, 1 + 2 * i : 3 + 2 * i] @ c[1 + 2 * i : 3 + 2 * i]
-        turned = columns[:, 1 + 2 * i : 3 + 2 * i] @ np.array([c[2 + 2 * i], -c[1 + 2 * i]])
-        slopes[:, 2 * i], slopes[:, 2 * i + 1] = t * turned, -t * pair
-    both = np.column_stack([columns, slopes])
-    spread = np.sqrt(variance * np.maximum(np.diag(np.linalg.pinv(both.T @ both)), 0.0))
-    errors = spread[columns.shape[1] + 1 :: 2]
-    left = misfit / max(float(np.sum((y - c[0]) ** 2)), 1e-300)
-    return Modes(omega[order] / (2 * np.pi), rate[order], errors[order], size[order], ends[order], left)
+        omega, rate = points.T
+        columns = _columns(t, points)
+        c = np.linalg.lstsq(columns, y, rcond=None)[0]
+        size = np.hypot(c[1::2], c[2::2])
+        ends = size * np.exp(-rate * t[-1])
+        order = np.argsort(-np.maximum(size, ends))
+        misfit = float(rest @ rest)
+        variance = misfit / max(t.size - columns.shape[1] - points.size, 1)
+        both = np.column_stack([columns, _slopes(t, columns, c)])
+        spread = np.sqrt(variance * np.maximum(np.diag(np.linalg.pinv(both.T @ both)), 0.0))
+        errors = spread[columns.shape[1] + 1 :: 2]
+        left = misfit / max(float(np.sum((y - c[0]) ** 2)), 1e-300)
+        yield Modes(omega[order] / (2 * np.pi), rate[order], errors[order], size[order], ends[order], left)
 
 
 def _columns(t: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -155,9 +141,34 @@ def _columns(t: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.column_stack(parts)
 
 
+def _slopes(t: np.ndarray, columns: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Return the derivatives of columns (n, 1 + 2k) times c by angular frequencies and rates in turn, (n, 2k)."""
+    slopes = np.empty((t.size, c.size - 1))
+    for i in range(1, c.size, 2):
+        pair = columns[:, i : i + 2]
+        slopes[:, i - 1] = t * (pair @ np.array([c[i + 1], -c[i]]))
+        slopes[:, i] = -t * (pair @ c[i : i + 2])
+    return slopes
+
+
 def _residuals(t: np.ndarray, y: np.ndarray, points: np.ndarray) -> np.ndarray:
     columns = _columns(t, points)
     return y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+
+
+def _residual_slopes(t: np.ndarray, y: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the derivatives of `_residuals` by points (k, 2), (n, 2k), after Golub and Pereyra."""
+    columns = _columns(t, points)
+    inverse = np.linalg.pinv(columns)
+    c = inverse @ y
+    rest = y - columns @ c
+    slopes = _slopes(t, columns, c)
+    turned = np.zeros((c.size, c.size - 1))  # the columns' own derivatives times the residuals
+    along = (t * rest) @ columns
+    for i in range(1, c.size, 2):
+        turned[i : i + 2, i - 1] = -along[i + 1], along[i]
+        turned[i : i + 2, i] = -along[i : i + 2]
+    return columns @ (inverse @ slopes) - slopes - inverse.T @ turned
 
 
 def _add_mode(
@@ -189,6 +200,9 @@ def _add_mode(
     def residuals(z: np.ndarray) -> np.ndarray:
         return _residuals(few, few_y, (z * scale).reshape(-1, 2))
 
+    def slopes(z: np.ndarray) -> np.ndarray:
+        return _residual_slopes(few, few_y, (z * scale).reshape(-1, 2)) * scale
+
     best: tuple[np.ndarray, np.ndarray] | None = None
     for omega in starts:
         is_near = np.any(np.abs(points[:, 0] - omega) < APART * bin_width)
@@ -198,7 +212,7 @@ def _add_mode(
         start = np.clip(start, low + 1e-6, high - 1e-6)
         try:
             fit = scipy.optimize.least_squares(
-                residuals, start, bounds=(low, high), max_nfev=60, x_scale=np.tile([0.1, 0.3], count)
+                residuals, start, slopes, (low, high), max_nfev=60, x_scale=np.tile([0.1, 0.3], count)
             )
         except (ValueError, np.linalg.LinAlgError):
             continue
@@ -264,7 +278,8 @@ def find_other_motion(
 
 def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotion | None:
     """Return the motion of which one damped sinusoid that does not decay is the fit, or two are."""
-    single = damped_modes(t, y, 1)
+    fits = damped_modes(t, y)
+    single = next(fits, None)
     if single is None or single.left >= 1:
         return None
     duration = float(t[-1] - t[0])
@@ -275,7 +290,7 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotio
         no_decay = rate < UNSEEN * error and (abs(rate) + 2 * error) * duration < SUSTAINED
         if single.frequencies[0] * duration > CYCLES and no_decay:
             return OtherMotion("steady", single, 1.0)
-    two = damped_modes(t, y, 2)
+    two = next(fits, None)
     if two is None or two.left > (1 - EXPLAINED) or two.left > 0.5 * single.left:
         return None
     if not harmonics and passing(two, duration / 4):

@@ -66,22 +66,24 @@ def captured(y: np.ndarray, samples: float) -> tuple[float, float]:
         The explained mean square beyond that of white noise, and its share of all but the trend.
     """
     length = int(min(max(round(2 * samples), 7), y.size))
-    x = np.arange(length) - (length - 1) / 2
-    trend = [np.ones(length), x] if length < 14 else [np.ones(length), x, x**2]
-    angle = 2 * np.pi * x / samples
-    basis = np.linalg.qr(np.stack([*trend, np.cos(angle), np.sin(angle)], axis=1))[0]
+    u = np.linspace(-1.0, 1.0, length)
+    angle = np.pi * (length - 1) / samples * u
+    trend = [np.ones(length), u] if length < 14 else [np.ones(length), u, u**2]
+    basis = np.stack([*trend, np.cos(angle), np.sin(angle)])
     windows = np.lib.stride_tricks.sliding_window_view(y, length)[:: max(1, length // 4)]
     windows = windows - windows.mean(axis=1, keepdims=True)
-    power = (windows @ basis) ** 2
-    wave = power[:, -2:].sum(axis=1)
-    rest = np.maximum((windows**2).sum(axis=1) - power.sum(axis=1), 0.0)
-    free = length - basis.shape[1]
+    # The Cholesky factor makes the basis orthonormal in its order: the sinusoid beyond the trend comes last.
+    factor = np.linalg.cholesky(basis @ basis.T)
+    power = (np.linalg.inv(factor) @ (basis @ windows.T)) ** 2
+    wave = power[-2:].sum(axis=0)
+    rest = np.maximum((windows**2).sum(axis=1) - power.sum(axis=0), 0.0)
+    free = length - len(basis)
     net = float(np.mean(wave - 2 * rest / free)) / length
     whole = float(np.mean(wave + rest)) / length
     return net, net / whole if whole > 0 else 0.0
 
 
-def coarse_period(t: np.ndarray, y: np.ndarray, longest: float | None = None) -> tuple[float, float]:
+def coarse_period(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Return the period in s, to a few per cent, and the share 0..1 that the oscillation has in the record.
 
     The period is an average where it changes with the amplitude. The share is near 0 for noise.
@@ -90,21 +92,17 @@ def coarse_period(t: np.ndarray, y: np.ndarray, longest: float | None = None) ->
     ----------
     t, y
         Increasing times in s and values, each (n,).
-    longest
-        Longest period in the search, s; by default the record's length.
     """
-    return coarse_periods(t, y, longest, 1)[0]
+    return coarse_periods(t, y, 1)[0]
 
 
-def coarse_periods(
-    t: np.ndarray, y: np.ndarray, longest: float | None = None, most: int = 3
-) -> list[tuple[float, float]]:
+def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[float, float]]:
     """Return up to `most` periods with their shares, the most powerful first, as `coarse_period`.
 
     Where a hand moves the object to and fro, the first may be the hand's.
     """
     spacing, coarse = on_grid(t, y)
-    periods = _search_periods(coarse, spacing, longest, most)
+    periods = _search_periods(coarse, spacing, most)
     if t.size <= MOST:
         return periods
     left = float(np.var(coarse) / np.var(y))
@@ -114,18 +112,16 @@ def coarse_periods(
         at = max(ends.tolist(), key=lambda end: float(np.var(y[end - MOST : end])))
         piece = slice(at - MOST, at)
         finer, values = on_grid(t[piece], y[piece])
-        near = _search_periods(values, finer, None, most)
+        near = _search_periods(values, finer, most)
         # What the averages leave of it is an alias, as clean as itself: its share is then that of all samples.
         alias = left if near[0][0] < WITHIN * spacing else 1.0
         periods = near if near[0][1] > periods[0][1] * alias else periods
     return periods
 
 
-def _search_periods(
-    y: np.ndarray, spacing: float, longest: float | None, most: int
-) -> list[tuple[float, float]]:
+def _search_periods(y: np.ndarray, spacing: float, most: int) -> list[tuple[float, float]]:
     """Return up to `most` periods in s with their shares, of equally spaced values y (n,), the most powerful first."""
-    top = max((y.size - 1) if longest is None else longest / spacing, 4.4)
+    top = max(y.size - 1, 4.4)
     grid = np.geomspace(4.0, top, int(28 * np.log10(top / 4.0)) + 3)
     scores, shares = np.array([captured(y, p) for p in grid]).T
     padded = np.pad(scores, 1, constant_values=-np.inf)

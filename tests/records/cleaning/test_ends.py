@@ -11,6 +11,7 @@ from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.cleaning.window import free_decay
 from bayesdamp.records.oscillation.first_look import first_words
+from bayesdamp.records.oscillation.spectrum import coarse_periods
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Signal
 
@@ -64,7 +65,7 @@ def test_a_hand_that_stops_it_is_left_out() -> None:
 
     run = solve_ivp(held, (0, 26), [1.0, 0.0], "LSODA", t, rtol=1e-8, atol=1e-10, max_step=0.02)
     y = run.y[0] + 1e-4 * np.random.default_rng(4).standard_normal(t.size)
-    found = free_decay(t, y, 0.0, True, True, "x")
+    found = free_decay(t, y, coarse_periods(t, y), 0.0, True, True, "x")
     assert 18.5 <= t[found.last] <= 20.1
 
 

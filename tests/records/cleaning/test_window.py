@@ -10,6 +10,7 @@ import pytest
 from bayesdamp.records.cleaning import window as window_module
 from bayesdamp.records.cleaning.clean import recording_step
 from bayesdamp.records.cleaning.window import DecayWindow, free_decay
+from bayesdamp.records.oscillation.spectrum import coarse_periods
 from tests.failures import Failures
 from tests.records.hands import (
     Record,
@@ -27,7 +28,8 @@ EARLY = 0.1
 
 
 def window(record: Record) -> DecayWindow:
-    return free_decay(record.t, record.y, recording_step(record.y), True, True, "x")
+    periods = coarse_periods(record.t, record.y)
+    return free_decay(record.t, record.y, periods, recording_step(record.y), True, True, "x")
 
 
 def ends(record: Record) -> tuple[float, float]:
@@ -93,7 +95,7 @@ def test_noise_stops_it_where_turning_points_no_longer_stand_out() -> None:
         noise, zeta = rng.choice([0.01, 0.03, 0.1]), rng.uniform(0.1, 0.4)
         t = np.arange(0, 8 / zeta, 1 / rng.uniform(12, 60))
         y = np.exp(-zeta * t) * np.cos(W * t + rng.uniform(0, 6)) + noise * rng.standard_normal(t.size)
-        found = free_decay(t, y, 0.0, True, True, "x")
+        found = free_decay(t, y, coarse_periods(t, y), 0.0, True, True, "x")
         assert found.first == 0
         assert noise <= np.exp(-zeta * t[found.last]) <= 6 * noise
         assert len(found.decays) == 1
@@ -128,11 +130,12 @@ def struck(strikes: int) -> tuple[np.ndarray, np.ndarray]:
 def test_other_strikes_are_counted_and_what_hums_in_the_noise_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     """Negative control: with no least worth the hum counts."""
     for strikes, told in ((2, "Another free decay"), (7, "6 other free decays")):
-        found = free_decay(*struck(strikes), 0.0, True, True, "x")
+        found = free_decay(*(record := struck(strikes)), coarse_periods(*record), 0.0, True, True, "x")
         begins = [decay.start for decay in found.decays]
         assert begins == pytest.approx(0.5 + 2.0 * np.arange(strikes), abs=0.02)
         (said,) = (note for note in found.notes if "not used" in note)
         assert said.startswith(told)
         assert said.count(" to ") == min(strikes - 1, 3)
     monkeypatch.setattr(window_module, "OTHER", 0.0)
-    assert len(free_decay(*struck(7), 0.0, True, True, "x").decays) > 7
+    record = struck(7)
+    assert len(free_decay(*record, coarse_periods(*record), 0.0, True, True, "x").decays) > 7

@@ -9,6 +9,7 @@ from bayesdamp.records.cleaning.window import free_decay
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.first_look import first_words
 from bayesdamp.records.oscillation.modes import find_other_motion
+from bayesdamp.records.oscillation.spectrum import coarse_periods
 from bayesdamp.types import Signal
 
 FREQUENCY, RATE, START, NOISE = 1.3, 0.05, 0.4, 0.002
@@ -41,7 +42,7 @@ def test_a_record_with_holes_is_one_decay(seed: int) -> None:
     assert np.all(np.diff(found.turning_times) < 0.6 / FREQUENCY)
     assert np.all(np.diff(found.turning_amplitudes) < 3 * NOISE), "a turning point at a hole's edge is none"
     assert find_other_motion(signal.t, signal.y, 1 / FREQUENCY) is None
-    window = free_decay(signal.t, signal.y, 0.0, True, True, "holed")
+    window = free_decay(signal.t, signal.y, coarse_periods(signal.t, signal.y), 0.0, True, True, "holed")
     assert signal.t[window.first] < 1 / FREQUENCY
     assert signal.t[window.last] > 40 - 1 / FREQUENCY
     assert len(window.decays) == 1
@@ -66,5 +67,5 @@ def test_a_second_release_within_a_hole_is_one() -> None:
         np.argmax(np.diff(signal.t)[signal.t[:-1] > 15] > 1) + np.count_nonzero(signal.t[:-1] <= 15)
     ]
     y = np.where(signal.t > begin + 1, 0.05 + 3 * (signal.y - 0.05), signal.y)
-    window = free_decay(signal.t, y, 0.0, True, True, "holed")
+    window = free_decay(signal.t, y, coarse_periods(signal.t, y), 0.0, True, True, "holed")
     assert signal.t[window.first] > begin or signal.t[window.last] <= begin

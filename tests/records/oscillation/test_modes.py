@@ -3,6 +3,8 @@ whose frequency and damping change with the amplitude."""
 
 from __future__ import annotations
 
+from itertools import islice
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,7 @@ def sum_of(
 def test_modes_have_the_frequencies_and_ratios_they_were_made_with() -> None:
     """Within five standard errors: false alarm 1e-5."""
     t, y = sum_of((0.3, 1.0, 0.01), (0.1, 1.12, 0.02))
-    found = damped_modes(t, y, 2)
+    _, found = islice(damped_modes(t, y), 2)
     omega = 2 * np.pi * found.frequencies
     rates = np.array([0.01, 0.02 * 1.12]) * OMEGA
     assert omega == pytest.approx(OMEGA * np.array([1.0, 1.12]), rel=1e-3)
