@@ -19,16 +19,13 @@ from PIL import Image
 from bayesdamp.report.style import RC
 from bayesdamp.store import write_bytes
 
-PHONE = 640
-"""Largest page width in CSS pixels that counts as a phone, as in style.css."""
 SVG = 80_000
-"""Largest size in bytes of an SVG in the page; figures with thousands of samples are larger."""
+"""Largest size in bytes of an SVG in the page; figures with thousands of points are larger, and embedded as PNG."""
 NARROW, LEGIBLE = 440, 0.8
 """Width in CSS pixels above which a figure scrolls sideways on a phone, and the scale below which its letters
 are too small to read."""
-COLOURS = 64
-"""Colours of a PNG's palette. A figure has few colours and their shades, and a palette makes the file four times
-smaller."""
+DPI = 150
+"""Resolution of a PNG."""
 
 
 class Drawings:
@@ -38,7 +35,7 @@ class Drawings:
         self.folder = folder
         self.names: list[str] = []
 
-    def add(self, name: str, caption: str, draw: Callable[..., Figure], narrow: bool = False) -> Markup:
+    def add(self, name: str, caption: str, draw: Callable[[], Figure]) -> Markup:
         """Draw a figure in the common style, save it as SVG and PNG, and return the HTML that shows it.
 
         Parameters
@@ -49,35 +46,29 @@ class Drawings:
             Text below the figure.
         draw
             Returns the figure.
-        narrow
-            Whether `draw` accepts narrow=True, which gives a second figure for phones, in the page only. Otherwise
-            a wide figure scrolls sideways on a phone.
 
         Returns
         -------
         Markup
-            The HTML, with the figure embedded.
+            The HTML, with the figure embedded. A wide figure scrolls sideways on a phone.
         """
         name = re.sub(r"[^A-Za-z0-9_.=+-]+", "-", name)
         with mpl.rc_context(RC):
             figure = draw()
-            svg, png, webp = _encode(figure)
-            small = _encode(draw(narrow=True)) if narrow else None
+            svg, png = _encode(figure)
         if self.folder is not None:
             write_bytes(self.folder / f"{name}.svg", svg)
             write_bytes(self.folder / f"{name}.png", png)
         self.names.append(name)
+        kind, content = ("svg+xml", svg) if len(svg) <= SVG else ("png", png)
         width = round(figure.get_figwidth() * 100)
-        picture = Markup('<img src="{}" alt="{}" style="width:{}px;--least:{}px">').format(
-            _data_url(svg, png, webp), caption, width, round(LEGIBLE * width)
-        )
-        if small:
-            source = f'<source media="screen and (max-width: {PHONE}px)" srcset="{_data_url(*small)}">'
-            picture = Markup(f"<picture>{source}{picture}</picture>")
-        scrolls = Markup(' class="wide"' if width > NARROW and not small else "")
-        return Markup("<figure{}><div>{}</div><figcaption>{}</figcaption></figure>").format(
-            scrolls, picture, caption
-        )
+        return Markup(
+            '<figure{}><div><img src="data:image/{};base64,{}" alt="{}" style="width:{}px;--least:{}px"></div>'
+            "<figcaption>{}</figcaption></figure>"
+        ).format(
+            Markup(' class="wide"' if width > NARROW else ""), kind, base64.b64encode(content).decode(),
+            caption, width, round(LEGIBLE * width), caption,
+        )  # fmt: skip
 
     def show(self, name: str, caption: str, png: bytes, embed: bool) -> Markup:
         """Save a figure that is already a PNG, and return the HTML that shows it.
@@ -94,39 +85,28 @@ class Drawings:
         return Markup("<figure>{}<figcaption>{}</figcaption></figure>").format(picture, caption)
 
 
-def _data_url(svg: bytes, png: bytes, webp: bytes) -> str:
-    """Return the SVG as a URL, because it is sharp at every size; if it is long, the smallest of the three."""
-    kinds = {"svg+xml": svg, "png": png, "webp": webp}
-    kind = "svg+xml" if len(svg) <= SVG else min(kinds, key=lambda name: len(kinds[name]))
-    return f"data:image/{kind};base64,{base64.b64encode(kinds[kind]).decode()}"
-
-
-def _encode(figure: Figure) -> tuple[bytes, bytes, bytes]:
-    """Return a figure as SVG, PNG and WebP.
+def _encode(figure: Figure) -> tuple[bytes, bytes]:
+    """Return a figure as SVG and PNG.
 
     It is laid out once and printed directly, because `savefig` would lay it out and draw it for each format.
     """
-    figure.set_dpi(150)
+    figure.set_dpi(DPI)
     canvas = FigureCanvasAgg(figure)
     layout = figure.get_layout_engine()
     if layout is not None:
         layout.execute(figure)
         figure.set_layout_engine("none")
     canvas.draw()
+    svg, png = io.BytesIO(), io.BytesIO()
+    # A figure has few colours and their shades, and a palette makes the file three times smaller. Maximum coverage
+    # keeps the colour of a thin line, which a median cut would give to the shades of a broad one.
     pixels = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-    svg, png, webp = io.BytesIO(), io.BytesIO(), io.BytesIO()
+    pixels.quantize(method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(png, "PNG")
     FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": "bayesdamp"})
-    # Maximum coverage keeps the colour of a thin line, which a median cut would give to the shades of a broad one.
-    method, dither = Image.Quantize.MAXCOVERAGE, Image.Dither.NONE
-    few = pixels.quantize(COLOURS, method=method, dither=dither)
-    few.save(png, "PNG")
-    few.convert("RGB").save(webp, "WEBP", lossless=True, quality=50, method=3)
     # Matplotlib names marks after memory addresses; numbers make the file reproducible.
     text = svg.getvalue().decode()
-    names = {
-        mark: f"mark{i}"
-        for i, mark in enumerate(dict.fromkeys(re.findall(r'id="([a-z][0-9a-f]{10})"', text)))
-    }
+    marks = dict.fromkeys(re.findall(r'id="([a-z][0-9a-f]{10})"', text))
+    names = {mark: f"mark{i}" for i, mark in enumerate(marks)}
     text = re.sub(r"\b[a-z][0-9a-f]{10}\b", lambda match: names.get(match[0], match[0]), text)
     # Coordinates to a hundredth of a point make it shorter.
     number = re.compile(r"-?\d+\.\d{3,}")
@@ -135,4 +115,4 @@ def _encode(figure: Figure) -> tuple[bytes, bytes, bytes]:
         lambda path: number.sub(lambda x: f"{float(x[0]):.2f}".rstrip("0").rstrip("."), path[0]),
         text,
     )
-    return text.encode(), png.getvalue(), webp.getvalue()
+    return text.encode(), png.getvalue()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -13,24 +14,25 @@ from matplotlib.figure import Figure
 from bayesdamp.report import words
 from bayesdamp.report.figures.curves import MARKED, draw_exponent
 from bayesdamp.report.figures.record import USED, thinned
-from bayesdamp.report.style import FAINT, INK, NARROW, QUIET, WIDTH, broken, colour, dash, plain
+from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash, fix_margins, plain
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named
 
-HEIGHT, PANEL = 6.2, 2.5
-"""Inches: of the figure, and of a panel in the narrow figure."""
+HEIGHT = 6.2
+"""Height of the figure, in inches."""
+LEGEND_ROW = 0.14
+"""Height of a row of the legend below the damping ratio, in inches."""
 FREE = "#c9b27c"
 """Colour of the band of the damping curve without a law."""
 POINTS = 1200
+"""Points of a line in a panel, two for each of its pixels in the PNG."""
 CUBIC = (3.0, "cubic", "cubic")
 FIT, BAND = USED, "#D55E00"
 PLACES = ((0.075, 0.12, 0.53, 0.78), (0.68, 0.42, 0.305, 0.48), (0.68, 0.12, 0.305, 0.12))
 """Left, bottom, width and height of the three panels in the figure."""
 
 
-def answer(
-    arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str = "", narrow: bool = False
-) -> Figure:
+def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str = "") -> Figure:
     """Return a figure with four panels, or three if no law is drawn.
 
     Parameters
@@ -43,14 +45,17 @@ def answer(
         The damping sum whose fit is drawn.
     recorded
         Unit of the record if it differs from `unit`.
-    narrow
-        Whether the panels are below each other, for a phone.
     """
-    panels = ("AB;CD", "A;B;C;D") if "fit" in arrays else ("AA;BD", "A;B;D")
-    rows = panels[narrow].count(";") + 1
-    figure = Figure(figsize=(NARROW, rows * PANEL + 0.7) if narrow else (WIDTH, HEIGHT))
-    axes = figure.subplot_mosaic(panels[narrow])
-    draw_answer([axes.get(letter) for letter in "ABCD"], arrays, unit, damping, recorded, narrow)
+    figure, has_fit = Figure(figsize=(WIDTH, HEIGHT), layout="none"), "fit" in arrays
+    axes = figure.subplot_mosaic("AB;CD" if has_fit else "AA;BD")
+    draw_answer([axes.get(letter) for letter in "ABCD"], arrays, unit, damping, recorded)
+    legend = axes["B"].get_legend()
+    assert legend is not None
+    below = 0.5 + LEGEND_ROW * math.ceil(len(legend.get_texts()) / 2)
+    if has_fit:
+        fix_margins(figure, down=below + 0.42)
+    else:
+        fix_margins(figure, bottom=below, down=0.95)
     return figure
 
 
@@ -60,7 +65,6 @@ def draw_answer(
     unit: str,
     damping: str,
     recorded: str = "",
-    narrow: bool = False,
 ) -> None:
     """Draw the four panels on these axes: record, damping ratio, residual, energy.
 
@@ -71,19 +75,16 @@ def draw_answer(
     assert ratio is not None
     assert energy is not None
     t, has_fit = arrays["t"], "fit" in arrays
-    whole.plot(*broken(t, arrays["record"], t), color=FAINT, lw=1.8, label="record")
+    whole.plot(*thinned(t, arrays["record"], POINTS), color=FAINT, lw=1.8, label="record")
     if has_fit:
-        fit = broken(t, arrays["fit"], t)
-        whole.plot(*fit, color=colour(damping), lw=0.6, label=f"fit of {words.model(damping)}")
+        whole.plot(*thinned(t, arrays["fit"], POINTS), color=colour(damping), lw=0.6, label=f"fit of {words.model(damping)}")
     title = "Record and fit" if has_fit else "Record"
     whole.set(title=title, xlabel="time / s", ylabel=recorded or unit)
-    # Next to the title if there is room for a sum's name, otherwise below.
-    corner, anchor = ("upper center", (0.5, -0.2)) if narrow else ("lower right", (1.0, 1.0))
-    whole.legend(loc=corner, bbox_to_anchor=anchor, ncols=2, borderaxespad=0.1, fontsize=7.5)
+    whole.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, fontsize=7.5)
     if rest is not None and not has_fit:
         rest.set_axis_off()
     elif rest is not None:
-        rest.plot(*broken(t, arrays["residual"], t), color=INK, lw=0.5)
+        rest.plot(*thinned(t, arrays["residual"], POINTS), color=INK, lw=0.5)
         rest.axhline(0.0, color=QUIET, lw=0.6)
         rest.set(title="Residual of the fit", xlabel="time / s", ylabel=recorded or unit)
     _ratios(ratio, arrays, unit)
@@ -131,7 +132,7 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     plain(ax)
     ax.set_xlim(a.min(), a.max())
     # Below the axes, because ten names would hide the curves.
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=6.5, ncols=2, borderaxespad=0.1)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), fontsize=6.5, ncols=2, borderaxespad=0.1)
 
 
 def draw_envelope(

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
-from bayesdamp.report.style import INK, NARROW, QUIET, WIDTH, colour, legend_columns, plain
+from bayesdamp.report.style import INK, QUIET, RIGHT, WIDTH, colour, fix_margins, legend_columns, plain
 
 _BINS = 160
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
@@ -120,9 +120,7 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
     return figure
 
 
-def exponent(
-    draws: np.ndarray, interval: tuple[float, float, float], title: str, narrow: bool = False
-) -> Figure:
+def exponent(draws: np.ndarray, interval: tuple[float, float, float], title: str) -> Figure:
     """Draw the posterior of the exponent, with its median and 95 % interval below.
 
     Parameters
@@ -133,11 +131,10 @@ def exponent(
         Value, low, high.
     title
         Of the figure.
-    narrow
-        Whether it is for a phone.
     """
-    figure = Figure(figsize=(NARROW if narrow else WIDTH, HEIGHT))
+    figure = Figure(figsize=(WIDTH, HEIGHT), layout="none")
     draw_exponent(figure.subplots(), draws, interval, title)
+    fix_margins(figure, left=RIGHT, top=0.5)
     return figure
 
 

@@ -14,8 +14,10 @@ from matplotlib.ticker import NullFormatter
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.results.estimators import FACTORS, STAGES, CoefficientEstimates, ErrorSeries
-from bayesdamp.report.style import FAINT, INK, NARROW, QUIET, WIDTH, colour
+from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour
 
+SINGLE = 4.3
+"""Width of a figure with a single panel in a row, in inches."""
 ABREAST = 4
 """Largest number of panels in a row; more would be too narrow for their labels."""
 REACH = 3.0
@@ -50,9 +52,7 @@ def traces(curves: Mapping[str, np.ndarray]) -> Figure:
     return figure
 
 
-def against(
-    estimates: Sequence[CoefficientEstimates], abreast: int = ABREAST, narrow: bool = False
-) -> Figure:
+def against(estimates: Sequence[CoefficientEstimates], abreast: int = ABREAST) -> Figure:
     """Draw a panel for each coefficient, with a line for each method; an arrow shows what is off the axis.
 
     Parameters
@@ -61,15 +61,13 @@ def against(
         The coefficients.
     abreast
         Number of panels in a row.
-    narrow
-        Whether the panels are below each other, for a phone.
     """
-    abreast = 1 if narrow else min(abreast, len(estimates))
+    abreast = min(abreast, len(estimates))
     methods = list(dict.fromkeys(m for e in estimates for m in e.methods))
     published = any(e.published for e in estimates)
     height = (ROW_PUBLISHED if published else ROW) * len(methods) + 0.85
     rows = -(-len(estimates) // abreast)
-    figure = Figure(figsize=(WIDTH if abreast > 1 else NARROW, rows * height + 0.45))
+    figure = Figure(figsize=(WIDTH if abreast > 1 else SINGLE, rows * height + 0.45))
     axes = list(figure.subplots(rows, abreast, sharey=True, squeeze=False).flat)
     for spare in axes[len(estimates) :]:
         spare.set_visible(False)

@@ -14,7 +14,17 @@ from matplotlib.ticker import FuncFormatter
 
 from bayesdamp.provenance import FreeDecay
 from bayesdamp.report import words
-from bayesdamp.report.style import FAINT, INK, NARROW, QUIET, WIDTH, broken, colour, legend_columns, looks
+from bayesdamp.report.style import (
+    FAINT,
+    INK,
+    QUIET,
+    WIDTH,
+    broken,
+    colour,
+    fix_margins,
+    legend_columns,
+    looks,
+)
 from bayesdamp.verdict.parts import Oscillation
 
 USED, NOT_USED = "#0072B2", "#56B4E9"
@@ -75,7 +85,7 @@ def record(
         Of the oscillation, in s.
     """
     heights = [1.9, 1.9, 1.05 * len(fits)] if fits else [2.2]
-    figure = Figure(figsize=(WIDTH, sum(heights) + 0.4))
+    figure = Figure(figsize=(WIDTH, sum(heights) + 0.4), layout=None if fits else "none")
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
     whole = figure.add_subplot(grid[0])
     whole.plot(*thinned(t, y), color=FAINT if fits else INK, lw=1.6 if fits else 0.8, label="record")
@@ -86,6 +96,7 @@ def record(
     _finish(whole, axis, "Record" + (" and best fit" if fits else ""))
     whole.set(xlabel="time / s", xlim=(t[0], t[-1]))
     if not fits:
+        fix_margins(figure)
         return figure
     length = min(3.0 * period, 0.5 * (t[-1] - t[0]))
     first, last = (figure.add_subplot(place) for place in grid[1].subgridspec(1, 2))
@@ -121,7 +132,7 @@ def raw(
     decays
         All free decays of the record.
     """
-    figure = Figure(figsize=(WIDTH, 1.9))
+    figure = Figure(figsize=(WIDTH, 2.0), layout="none")
     ax = figure.add_subplot()
     ax.plot(*thinned(t, y), color=INK, lw=0.6)
     if start is not None and stop is not None:
@@ -135,6 +146,7 @@ def raw(
     _finish(ax, axis, "As read")
     ax.set_xlabel("time / s")
     ax.margins(x=0)
+    fix_margins(figure)
     return figure
 
 
@@ -143,11 +155,10 @@ def thinned(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.nda
     size = -(-len(t) // max(1, points // 2))
     if size <= 2:
         return broken(t, y, t)
-    chosen = {0, len(t) - 1}
-    for i in range(0, len(t), size):
-        block = y[i : i + size]
-        chosen |= {i + int(block.argmin()), i + int(block.argmax())}
-    places = np.array(sorted(chosen))
+    blocks = np.pad(y, (0, -len(t) % size), mode="edge").reshape(-1, size)
+    begins = size * np.arange(len(blocks))
+    places = np.unique([begins + blocks.argmin(axis=1), begins + blocks.argmax(axis=1)])
+    places = np.union1d(places, [0, len(t) - 1])
     return broken(t[places], y[places], t)
 
 
@@ -209,7 +220,7 @@ def _finish(ax: Axes, ylabel: str, title: str) -> None:
 
 
 def motions(
-    t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity: str, axis: str, narrow: bool = False
+    t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity: str, axis: str
 ) -> Figure:
     """Draw a record that is not a free decay, with the amplitude of each oscillation in it.
 
@@ -223,12 +234,10 @@ def motions(
         The recorded quantity.
     axis
         Label of y.
-    narrow
-        Whether the panels are below each other, for a phone.
     """
-    figure = Figure(figsize=(NARROW, 2 * HEIGHT) if narrow else (WIDTH, HEIGHT))
-    whole, each = figure.subplots(*((2, 1) if narrow else (1, 2)))
-    whole.plot(*broken(t, y, t), color=FAINT, lw=0.7)
+    figure = Figure(figsize=(WIDTH, HEIGHT), layout="none")
+    whole, each = figure.subplots(1, 2)
+    whole.plot(*thinned(t, y), color=FAINT, lw=0.7)
     damped = np.isfinite(modes[0].damping_ratio)
     if damped:
         whole.set_title("The record, and the amplitude of each oscillation in it")
@@ -263,4 +272,5 @@ def motions(
     whole.set_ylabel(axis)
     for ax in (whole, each):
         ax.set_xlabel("time / s")
+    fix_margins(figure)
     return figure

@@ -138,7 +138,7 @@ class AnswerSection(Section):
                     axis = f"{unit.called(quantity)} / {unit.of(quantity)}"
                     draw = partial(motions, t, y, v.modes, quantity, axis)
                     caption = EXCITED if v.motion is MotionKind.EXCITED else MOTIONS
-                    parts.append(run.drawings.add(f"motions-{signal}", caption, draw, narrow=True))
+                    parts.append(run.drawings.add(f"motions-{signal}", caption, draw))
                 parts.append(modes_table(v.modes, v.motion))
             else:
                 numbers, energy, parts = _numbers(v), energy_of(v), _views(run, answer)
@@ -205,13 +205,13 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     draw = partial(figures.answer, answer.arrays, unit, v.damping, recorded)
     caption = f"{CAPTION} This record's ratio is measured without a law." if v.law_free else CAPTION
     parts: list[object] = [
-        run.drawings.add(f"answer-{signal}", MEASURED if v.contradicted else caption, draw, narrow=True)
+        run.drawings.add(f"answer-{signal}", MEASURED if v.contradicted else caption, draw)
     ]
     e, draws = v.exponent, answer.arrays.get("exponent")
     if e is not None and draws is not None:
         title = f"The damping force {loses_like(e, v.damping)}"
         draw = partial(exponent, draws, (e.value, e.low, e.high), title)
-        parts.append(run.drawings.add(f"exponent-{signal}", EXPONENT, draw, narrow=True))
+        parts.append(run.drawings.add(f"exponent-{signal}", EXPONENT, draw))
     parts.append(ratios_table(v.damping_ratio, "Damping ratio against amplitude", parts=True))
     if v.coefficients:
         columns: dict[str, Callable[[Coefficient], str]] = {

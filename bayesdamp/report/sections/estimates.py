@@ -135,7 +135,7 @@ def _figure(run: RunFolder, signal: str, model: str) -> list[object]:
     if any(math.isfinite(value) for e in estimates for value in e.own.values()):
         caption.append("Arrows mark estimates that are off the axis.")
     draw = partial(against, estimates)
-    picture = run.drawings.add(f"estimates-{signal}-{model}", " ".join(caption), draw, narrow=True)
+    picture = run.drawings.add(f"estimates-{signal}-{model}", " ".join(caption), draw)
     sentence = inside(estimates)
     return [picture, sentence and paragraph(sentence)]
 
