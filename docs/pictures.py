@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 from scipy.signal import find_peaks, hilbert, savgol_filter
 
 import bayesdamp as bd
+from bayesdamp.report.drawing import FAINT, INK, QUIET, RC, colour, dash
 from bayesdamp.report.figures.estimators import against, sweep
 from bayesdamp.report.results.estimators import CATEGORIES, estimates_of, series, true_models
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.style import FAINT, INK, QUIET, RC, colour, dash
 
 STIFFNESS, SEED = 20.0, 7
 DAMPINGS = {"viscous": 0.12, "coulomb": 0.11, "quadratic": 0.55}

@@ -92,7 +92,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "types", "cli.records", "interface", "store", "verdict", "validation.measured", "validation.repeats",
         "validation.truth",
     },
-    "validation": NEUTRAL | {"report.markup", "store", "verdict.types", "validation"},
+    "validation": NEUTRAL | {"store", "verdict.types", "validation"},
     "interface": NEUTRAL
     | {
         "physics", "records", "config", "estimators", "inference", "store", "verdict", "report", "interface",

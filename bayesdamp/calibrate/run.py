@@ -138,7 +138,7 @@ def run_calibration(
         if whole:
             _write(study, store, whole, models)
             if report:
-                from bayesdamp.report import render
+                from bayesdamp.report.render import render
 
                 render(out)
         lines = [f"{chunk.name}: {chunk.outcome}" for chunk in failed]

@@ -9,9 +9,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal, get_args
 
-from bayesdamp.report.markup import markdown_table
 from bayesdamp.report.results.estimators import ErrorSeries, EstimatorComparison, compare_estimators, series
 from bayesdamp.report.results.run import RunFolder
+from bayesdamp.table import markdown_table
 
 Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be judged"]
 """*Better than claimed*: so far below a printed figure that it does not confirm it."""

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from bayesdamp.cli.looking import RecordView, columns_table
 from bayesdamp.cli.single_file import GENERATOR
 from bayesdamp.records.files.contents import Contents
-from bayesdamp.report.drawing import Drawings
-from bayesdamp.report.style import QUIET, WIDTH
+from bayesdamp.report.drawing import QUIET, WIDTH, Drawings
 
 _INSIDE = "#0072B2"
 _POINTS = 4000

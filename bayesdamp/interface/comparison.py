@@ -161,8 +161,8 @@ class Comparison(Result):
         """
         from matplotlib import rc_context
 
+        from bayesdamp.report.drawing import RC, WIDTH
         from bayesdamp.report.figures.answer import HEIGHT, draw_answer, draw_envelope
-        from bayesdamp.report.style import RC, WIDTH
 
         first = next((i for i, a in enumerate(self.answers) if a.arrays), None)
         if first is None:

@@ -116,7 +116,7 @@ def run_study(
                     write_verdicts(study, current)
             progress.begin("drawing the report", ())
             write_tables(study, Store(out, _current(study, store)))
-            from bayesdamp.report import render  # imports Matplotlib
+            from bayesdamp.report.render import render  # imports Matplotlib
 
             try:
                 render(out, None if scheduler else pool)
@@ -247,7 +247,7 @@ def _run_jobs(
 
 def _prepare() -> None:
     """Import modules that are needed later, while the first record leaves processes idle."""
-    for name in ("bayesdamp.report", "bayesdamp.inference.samplers.nuts", "arviz_base"):
+    for name in ("bayesdamp.report.render", "bayesdamp.inference.samplers.nuts", "arviz_base"):
         import_module(name)
 
 

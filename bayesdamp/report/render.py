@@ -9,9 +9,8 @@ from pathlib import Path
 from markupsafe import Markup
 
 from bayesdamp.plugins import extended
-from bayesdamp.report.markup import TEMPLATES, fill
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.sections import SECTIONS
+from bayesdamp.report.sections import SECTIONS, TEMPLATES, fill
 from bayesdamp.store import write_bytes
 from bayesdamp.store.contents import OtherVersionError
 from bayesdamp.store.folders import claim, remove_listed

@@ -11,9 +11,8 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.text import Text
 
-from bayesdamp.report.results.answers import answers, overview_table, specimens
 from bayesdamp.report.results.checks import sampled_words
-from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.results.run import RunFolder, answers, overview_table, specimens
 from bayesdamp.types import OK
 from bayesdamp.units import unit_named
 from bayesdamp.verdict.agreement import agreement
@@ -111,13 +110,12 @@ def conclude(folder: Path, console: Console) -> None:
             why = "" if outcome == OK else f": {outcome.rstrip('.')}"
             console.print()
             console.print(Text(f"{signal}: no verdict{why}."), soft_wrap=True)
-    beware(folder, console)
+    beware(run, console)
     console.print(str(folder / "report.html"), soft_wrap=True, highlight=False)
 
 
-def beware(folder: Path, console: Console) -> None:
+def beware(run: RunFolder, console: Console) -> None:
     """Print the warnings about the records of a run."""
-    run = RunFolder(folder)
     for signal in run.signals:
         whose = f"{signal}: " if len(run.signals) > 1 else ""
         for warning in run.provenance(signal).warnings:

@@ -325,7 +325,7 @@ def maker_type():
 @pytest.fixture
 def sketchy(monkeypatch):
     """Figures are composed but not drawn, for tests of the text."""
-    monkeypatch.setattr("bayesdamp.report.drawing._encode", lambda _: (b"<svg/>", b"png", b"webp"))
+    monkeypatch.setattr("bayesdamp.report.drawing._encode", lambda _: (b"<svg/>", b"png"))
 
 
 @pytest.fixture

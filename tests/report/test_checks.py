@@ -69,6 +69,7 @@ def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **
         "evidence": [],
         "fits": [],
         "info": {},
+        "answered": {},
         "under_law": False,
         "repeats": lambda _: [0],
         "cell": lambda kind, *_: cells.get(kind),

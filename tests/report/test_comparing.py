@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.report import render
+from bayesdamp.report.render import render
 from bayesdamp.report.results.estimators import (
     compare_estimators,
     series,

@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.answer import answer
-from bayesdamp.report.figures.curves import contours
-from bayesdamp.report.figures.posterior import marginals
+from bayesdamp.report.figures.posterior import contours, marginals
 from bayesdamp.report.figures.record import thinned
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.report import render
+from bayesdamp.report.render import render
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.store.folders import claim
 from bayesdamp.types import InputError

@@ -16,7 +16,7 @@ import pytest
 from rich.console import Console
 
 import bayesdamp.formatting as fmt
-from bayesdamp.report import render
+from bayesdamp.report.render import render
 from bayesdamp.report.terminal import VerdictPrinter
 from bayesdamp.verdict.types import load_verdicts
 from tests.report import stored as expected
@@ -166,7 +166,7 @@ CONTROLS: dict[str, tuple[tuple[str, ...], Change, str]] = {
         (f"{WORDS}._answer",), lambda f: lambda v: f(replace(v, probability=v.rivals[0].probability)),
         r".* answer: probability"),
     "amplitudes in rad": (
-        (f"{REPORT}.results.answers.in_unit", f"{REPORT}.terminal.in_unit"), lambda _: lambda verdict, unit: verdict,
+        (f"{REPORT}.results.run.in_unit", f"{REPORT}.terminal.in_unit"), lambda _: lambda verdict, unit: verdict,
         r"(?!.*frequency at).*amplitude(: )?"),
     "ends of Q exchanged": (
         (f"{TABLES}.quality_of", f"{ANSWER}.quality_of"),

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from bayesdamp.report import render
-from bayesdamp.report.results.answers import answers, common_amplitude, ratio_of
+from bayesdamp.report.render import render
 from bayesdamp.report.results.estimators import estimates_of
-from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.results.run import RunFolder, answers, common_amplitude, ratio_of
 from bayesdamp.report.sections.estimates import inside
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from rich.console import Console
 
-from bayesdamp.report import render
+from bayesdamp.report.render import render
 from bayesdamp.report.results.run import RunFolder, models_not_pruned
 from bayesdamp.report.sections import SECTIONS, Section
 from bayesdamp.report.terminal import conclude

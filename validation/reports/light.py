@@ -21,7 +21,7 @@ from bayesdamp.interface.answer import Answer, answer
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.odds import FURTHER_TERM, odds
 from bayesdamp.records.envelope.record import made_record
-from bayesdamp.report.markup import markdown_table as table
+from bayesdamp.table import markdown_table as table
 from bayesdamp.types import OK, InputError, Signal
 from validation.rows import gathered, rounded, shipped
 from validation.scoring import share_of

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.markup import markdown_table as table
 from bayesdamp.report.results.estimators import FACTORS, ErrorSeries, interval, places, series
 from bayesdamp.report.results.run import RunFolder
+from bayesdamp.table import markdown_table as table
 
 INITIAL, REFINED = "initial", "refined"
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bayesdamp.report import render
+from bayesdamp.report.render import render
 from bayesdamp.types import InputError
 
 

@@ -13,6 +13,7 @@ from bayesdamp.cli.arguments import check_folder, read_study
 from bayesdamp.cli.runs import run_and_print
 from bayesdamp.config import in_keys
 from bayesdamp.pipeline import Depth
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.terminal import beware
 
 
@@ -38,7 +39,7 @@ def study(
 
     def finish(folder: Path, console: Console) -> None:
         if (page := folder / "report.html").is_file():
-            beware(folder, console)
+            beware(RunFolder(folder), console)
             typer.echo(page)
 
     depth = Depth.ANSWER if quick else Depth.WHOLE

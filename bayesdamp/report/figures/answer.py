@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,20 +13,36 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
-from bayesdamp.report.figures.curves import MARKED, draw_exponent
+from bayesdamp.report.drawing import (
+    FAINT,
+    INK,
+    QUIET,
+    WIDTH,
+    colour,
+    dash,
+    fix_margins,
+    legend_columns,
+    plain,
+)
+from bayesdamp.report.figures.posterior import outline
 from bayesdamp.report.figures.record import USED, thinned
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash, fix_margins, plain
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named
 
 HEIGHT = 6.2
 """Height of the figure, in inches."""
-LEGEND_ROW = 0.14
-"""Height of a row of the legend below the damping ratio, in inches."""
 FREE = "#c9b27c"
 """Colour of the band of the damping curve without a law."""
 POINTS = 1200
 """Points of a line in a panel, two for each of its pixels in the PNG."""
+INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+"""Colours of records or methods that are drawn together."""
+LEGEND_ROW = 0.17
+"""Height of a row of a legend, in inches."""
+MARKED = ((0.0, "Coulomb", "coulomb"), (1.0, "viscous", "viscous"), (2.0, "quadratic", "quadratic"))
+"""Exponents of laws, with their names and terms."""
+ENDS = (-0.12, 3.05)
+"""Ends of the exponent's axis; its prior is uniform between 0 and 3."""
 CUBIC = (3.0, "cubic", "cubic")
 FIT, BAND = USED, "#D55E00"
 PLACES = ((0.075, 0.12, 0.53, 0.78), (0.68, 0.42, 0.305, 0.48), (0.68, 0.12, 0.305, 0.12))
@@ -46,12 +63,12 @@ def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: 
     recorded
         Unit of the record if it differs from `unit`.
     """
-    figure, has_fit = Figure(figsize=(WIDTH, HEIGHT), layout="none"), "fit" in arrays
+    figure, has_fit = Figure(figsize=(WIDTH, HEIGHT)), "fit" in arrays
     axes = figure.subplot_mosaic("AB;CD" if has_fit else "AA;BD")
     draw_answer([axes.get(letter) for letter in "ABCD"], arrays, unit, damping, recorded)
     legend = axes["B"].get_legend()
     assert legend is not None
-    below = 0.5 + LEGEND_ROW * math.ceil(len(legend.get_texts()) / 2)
+    below = 0.5 + 0.14 * math.ceil(len(legend.get_texts()) / 2)
     if has_fit:
         fix_margins(figure, down=below + 0.42)
     else:
@@ -77,7 +94,12 @@ def draw_answer(
     t, has_fit = arrays["t"], "fit" in arrays
     whole.plot(*thinned(t, arrays["record"], POINTS), color=FAINT, lw=1.8, label="record")
     if has_fit:
-        whole.plot(*thinned(t, arrays["fit"], POINTS), color=colour(damping), lw=0.6, label=f"fit of {words.model(damping)}")
+        whole.plot(
+            *thinned(t, arrays["fit"], POINTS),
+            color=colour(damping),
+            lw=0.6,
+            label=f"fit of {words.model(damping)}",
+        )
     title = "Record and fit" if has_fit else "Record"
     whole.set(title=title, xlabel="time / s", ylabel=recorded or unit)
     whole.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, fontsize=7.5)
@@ -102,7 +124,7 @@ def draw_answer(
     title = f"Energy lost in a cycle, {'by term' if by_term else 'without a law'}"
     energy.set(title=title, xlabel=f"amplitude / {unit}", ylabel=f"{unit}²/s²")
     energy.set(xscale="log", yscale="log" if lost else "linear")
-    plain(energy)
+    plain(energy.xaxis)
     energy.set_xlim(a.min(), a.max())
     energy.legend(loc="best")
 
@@ -129,10 +151,88 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     title = "Equivalent damping ratio, " + ("and each law fitted alone" if laws else "measured without a law")
     ax.set(title=title, xlabel=f"amplitude / {unit}", ylabel="%", xscale="log")
     ax.set_ylim(0, 1.35 * top or 1.0)  # the top is 0 if nothing is lost
-    plain(ax)
+    plain(ax.xaxis)
     ax.set_xlim(a.min(), a.max())
     # Below the axes, because ten names would hide the curves.
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), fontsize=6.5, ncols=2, borderaxespad=0.1)
+
+
+def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
+    """Draw the damping ratios of several records against amplitude.
+
+    Parameters
+    ----------
+    curves
+        Record to amplitude, ratio and the ends of its interval, each (m,).
+    unit
+        Of the amplitudes.
+    """
+    figure = Figure(figsize=(WIDTH, 3.4))
+    ax = figure.subplots()
+    few = len(curves) <= len(INKS)
+    for (name, (at, ratio, low, high)), ink in zip(
+        curves.items(), cycle(INKS if few else (QUIET,)), strict=False
+    ):
+        ax.fill_between(at, 100 * low, 100 * high, color=ink, alpha=0.15 if few else 0.05, lw=0)
+        ax.plot(at, 100 * ratio, color=ink, lw=1.4 if few else 0.8, label=name)
+    tops = [np.nanmax(curve[1]) for curve in curves.values()]
+    ax.set(xscale="log", xlabel=f"amplitude / {unit}", ylabel="damping ratio / %")
+    plain(ax.xaxis)
+    ax.set_ylim(0, 130 * float(np.nanquantile(tops, 0.9)) or 1.0)
+    if few:
+        columns = legend_columns(list(curves), WIDTH, 3)
+        rows = math.ceil(len(curves) / columns)
+        figure.set_figheight(3.4 + max(rows - 2, 0) * LEGEND_ROW)
+        figure.legend(*ax.get_legend_handles_labels(), loc="outside upper left", ncols=columns)
+    return figure
+
+
+def exponent(draws: np.ndarray, interval: tuple[float, float, float], title: str) -> Figure:
+    """Draw the posterior of the exponent, with its median and 95 % interval below.
+
+    Parameters
+    ----------
+    draws
+        Of the exponent, (n,).
+    interval
+        Value, low, high.
+    title
+        Of the figure.
+    """
+    figure = Figure(figsize=(WIDTH, 1.9))
+    draw_exponent(figure.subplots(), draws, interval, title)
+    fix_margins(figure, left=0.12, top=0.5)
+    return figure
+
+
+def draw_exponent(
+    ax: Axes,
+    draws: np.ndarray | None,
+    interval: tuple[float, float, float],
+    title: str = "",
+    marked: Sequence[tuple[float, str, str]] = MARKED,
+) -> None:
+    """Draw the exponent on these axes, as `exponent` does; without draws only its interval.
+
+    `marked` contains exponents of laws, their names and terms.
+    """
+    value, low, high = interval
+    for place, name, term in marked:
+        ax.axvline(place, color=colour(term), lw=1.2, ls=(0, (4, 2)))
+        side = "left" if place == 0.0 else "center" if place < 3.0 else "right"
+        ax.text(place, 1.14, name, color=colour(term), fontsize=8, ha=side, va="bottom")
+    if draws is not None:
+        grid, height = outline(draws)
+        inside = (grid >= 0.0) & (grid <= 3.0)
+        ax.fill_between(grid[inside], 0.0, height[inside], color=QUIET, alpha=0.35, lw=0)
+        ax.plot(grid[inside], height[inside], color=INK, lw=1.0)
+    at = 0.4 if draws is None else -0.13
+    ax.plot([low, high], [at, at], color=INK, lw=2.4)
+    ax.plot([value], [at], "o", color=INK, ms=5)
+    ax.set(xlim=ENDS, ylim=(-0.3, 1.12), yticks=[])
+    ax.spines["left"].set_visible(False)
+    ax.set(xticks=[0, 0.5, 1, 1.5, 2, 2.5, 3], xlabel="exponent of the velocity")
+    ax.set_title(title, loc="left", pad=16)
 
 
 def draw_envelope(

@@ -13,8 +13,8 @@ from matplotlib.ticker import NullFormatter
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
+from bayesdamp.report.drawing import FAINT, INK, QUIET, WIDTH, colour
 from bayesdamp.report.results.estimators import FACTORS, STAGES, CoefficientEstimates, ErrorSeries
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour
 
 SINGLE = 4.3
 """Width of a figure with a single panel in a row, in inches."""

@@ -12,11 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from bayesdamp.report import words
-from bayesdamp.report.figures.curves import contours, outline
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour
+from bayesdamp.report.drawing import FAINT, INK, QUIET, WIDTH, colour
 
+_BINS = 160
 TRUE: dict[str, Any] = {"color": INK, "lw": 0.9, "ls": (0, (2, 2))}
 """Style of a line at a true value."""
 _POSITIVE = frozenset({"noise_sd", "noise_time", "epsilon", "stiffness"})
@@ -28,6 +29,70 @@ Draws = Mapping[str, Mapping[str, np.ndarray]]
 """Sampler to parameter to its draws, of any shape."""
 Interval = tuple[float, float, float]
 """2.5, 50 and 97.5 %."""
+
+
+def outline(draws: np.ndarray, reflected: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Return a smooth density of draws.
+
+    Parameters
+    ----------
+    draws
+        Of any shape.
+    reflected
+        Whether the quantity cannot be negative; then the density is reflected at zero and ends there.
+
+    Returns
+    -------
+    tuple
+        Grid and density, whose maximum is 1, each (bins,).
+    """
+    flat = np.ravel(draws)
+    flat = flat[np.isfinite(flat)]
+    low, high = np.quantile(flat, [0.0005, 0.9995])
+    pad = 0.15 * (high - low) or max(abs(high), 1.0) * 1e-6
+    low, high = low - pad, high + pad
+    reflect = reflected and low < 0
+    low = 0.0 if reflect else low
+    counts, edges = np.histogram(flat, bins=_BINS, range=(low, high))
+    width = 1.06 * flat.std() * flat.size**-0.2 / (edges[1] - edges[0])
+    height = gaussian_filter1d(
+        counts.astype(float), max(1.0, width), mode="reflect" if reflect else "constant"
+    )
+    return 0.5 * (edges[1:] + edges[:-1]), height / (height.max() or 1.0)
+
+
+def contours(
+    x: np.ndarray, y: np.ndarray, reflected: bool = False
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[float]]:
+    """Return a smooth joint density of draws, and its levels that enclose 90 % and 50 % of them.
+
+    Parameters
+    ----------
+    x, y
+        Draws, of the same shape.
+    reflected
+        Whether x and y cannot be negative, as in `outline`.
+
+    Returns
+    -------
+    tuple
+        Grids of x and y, (80,) each, the density (y, x), and the two levels.
+    """
+    x, y = np.ravel(x), np.ravel(y)
+    edges, modes = [], []
+    for values in (x, y):
+        low, high = np.quantile(values, [0.001, 0.999])
+        pad = 0.2 * (high - low) or 1e-12
+        reflect = reflected and low - pad < 0
+        edges.append(np.linspace(0.0 if reflect else low - pad, high + pad, 81))
+        modes.append("reflect" if reflect else "constant")
+    counts, *_ = np.histogram2d(x, y, bins=edges)
+    smooth = gaussian_filter(counts, 2.6, mode=modes)  # pyright: ignore[reportArgumentType]
+    order = np.sort(smooth.ravel())[::-1]
+    mass = np.cumsum(order) / order.sum()
+    levels = [float(order[np.searchsorted(mass, m)]) for m in (0.9, 0.5)]
+    centres = [0.5 * (e[1:] + e[:-1]) for e in edges]
+    return centres[0], centres[1], smooth.T, levels
 
 
 def marginals(

@@ -10,11 +10,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
-from matplotlib.ticker import FuncFormatter
 
 from bayesdamp.provenance import FreeDecay
 from bayesdamp.report import words
-from bayesdamp.report.style import (
+from bayesdamp.report.drawing import (
     FAINT,
     INK,
     QUIET,
@@ -24,6 +23,7 @@ from bayesdamp.report.style import (
     fix_margins,
     legend_columns,
     looks,
+    plain,
 )
 from bayesdamp.verdict.parts import Oscillation
 
@@ -85,7 +85,7 @@ def record(
         Of the oscillation, in s.
     """
     heights = [1.9, 1.9, 1.05 * len(fits)] if fits else [2.2]
-    figure = Figure(figsize=(WIDTH, sum(heights) + 0.4), layout=None if fits else "none")
+    figure = Figure(figsize=(WIDTH, sum(heights) + 0.4))
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
     whole = figure.add_subplot(grid[0])
     whole.plot(*thinned(t, y), color=FAINT if fits else INK, lw=1.6 if fits else 0.8, label="record")
@@ -132,7 +132,7 @@ def raw(
     decays
         All free decays of the record.
     """
-    figure = Figure(figsize=(WIDTH, 2.0), layout="none")
+    figure = Figure(figsize=(WIDTH, 2.0))
     ax = figure.add_subplot()
     ax.plot(*thinned(t, y), color=INK, lw=0.6)
     if start is not None and stop is not None:
@@ -219,9 +219,7 @@ def _finish(ax: Axes, ylabel: str, title: str) -> None:
     ax.locator_params(axis="y", nbins=5)
 
 
-def motions(
-    t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity: str, axis: str
-) -> Figure:
+def motions(t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity: str, axis: str) -> Figure:
     """Draw a record that is not a free decay, with the amplitude of each oscillation in it.
 
     Parameters
@@ -235,7 +233,7 @@ def motions(
     axis
         Label of y.
     """
-    figure = Figure(figsize=(WIDTH, HEIGHT), layout="none")
+    figure = Figure(figsize=(WIDTH, HEIGHT))
     whole, each = figure.subplots(1, 2)
     whole.plot(*thinned(t, y), color=FAINT, lw=0.7)
     damped = np.isfinite(modes[0].damping_ratio)
@@ -266,8 +264,7 @@ def motions(
     low, high = each.get_ylim()
     if high < LEAST * low:
         each.set_ylim(low / LEAST**0.5, high * LEAST**0.5)
-    for set_formatter in (each.yaxis.set_major_formatter, each.yaxis.set_minor_formatter):
-        set_formatter(FuncFormatter(lambda size, _: f"{size:g}"))
+    plain(each.yaxis, decades=high > 5 * low)
     each.set_ylabel(f"amplitude / {modes[0].unit}")
     whole.set_ylabel(axis)
     for ax in (whole, each):

@@ -12,12 +12,12 @@ import numpy as np
 from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import P_LIMIT, Fitting, Status, fitting_of, status_of
 from bayesdamp.report import words
-from bayesdamp.report.results.answers import answer_of
 from bayesdamp.report.results.estimators import true_models
 from bayesdamp.report.results.run import (
     EvidenceRanking,
     Row,
     RunFolder,
+    answer_of,
     coefficients,
     damping_of,
     models_by_rank,

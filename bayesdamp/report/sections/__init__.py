@@ -1,4 +1,4 @@
-"""The sections of a report, and how they arrange several signals and models."""
+"""The sections of a report: their HTML from templates, and how they arrange several signals and models."""
 
 from __future__ import annotations
 
@@ -6,16 +6,29 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from importlib import import_module
+from pathlib import Path
 
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from bayesdamp.plugins import Registry
 from bayesdamp.report import words
-from bayesdamp.report.markup import folded, heading, paragraph, stack
-from bayesdamp.report.results.answers import only_answered
-from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.results.run import RunFolder, only_answered
+from bayesdamp.table import symbols
 
-__all__ = ["SECTIONS", "Section", "SignalSection", "by_model", "by_signal", "is_drawn"]
+__all__ = [
+    "SECTIONS", "TEMPLATES", "Section", "SignalSection", "by_model", "by_signal", "fill", "folded", "heading",
+    "is_drawn", "paragraph", "stack",
+]  # fmt: skip
+TEMPLATES = Path(__file__).parents[1] / "templates"
+ENVIRONMENT = Environment(
+    loader=FileSystemLoader(TEMPLATES),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+ENVIRONMENT.filters["symbols"] = symbols
 SHIPPED = {
     "answer": ("answer", "overview"),
     "calibration": ("calibrated", "recovered"),
@@ -31,6 +44,31 @@ _OPEN = 4
 """Number of signals that are shown without unfolding them."""
 _MOST = 4
 """Number of a signal's models that are drawn; the tables contain the less probable ones."""
+
+
+def fill(template: str, **values: object) -> Markup:
+    """Fill a template with values; text is escaped."""
+    return Markup(ENVIRONMENT.get_template(template).render(values))
+
+
+def folded(summary: str, *content: object) -> Markup:
+    """Hide content behind a line that opens it."""
+    return fill("folded.html", summary=summary, content=content)
+
+
+def stack(*parts: object) -> Markup:
+    """Place parts below each other; empty ones are left out."""
+    return fill("stack.html", parts=parts)
+
+
+def paragraph(text: object, look: str = "") -> Markup:
+    """Return a text as a paragraph, escaped. `look` is its class in the style sheet."""
+    return Markup("<p{}>{}</p>").format(Markup(f' class="{look}"') if look else "", text)
+
+
+def heading(text: str) -> Markup:
+    """Return a text as a heading within a section, escaped."""
+    return Markup("<h3>{}</h3>").format(text)
 
 
 class Section(ABC):

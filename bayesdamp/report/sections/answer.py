@@ -12,22 +12,23 @@ from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
-from bayesdamp.report.figures.curves import exponent, overview
+from bayesdamp.report.figures.answer import exponent, overview
 from bayesdamp.report.figures.record import motions
-from bayesdamp.report.markup import fill, folded, heading, paragraph, stack
-from bayesdamp.report.results.answers import (
+from bayesdamp.report.results.checks import Check, Checks, sampled
+from bayesdamp.report.results.run import (
     ANCHOR,
     RecordAnswer,
+    RunFolder,
     answer_of,
     answers,
     curve_of,
+    models_by_rank,
     overview_table,
+    ranking,
     short_names,
     specimens,
 )
-from bayesdamp.report.results.checks import Check, Checks, sampled
-from bayesdamp.report.results.run import RunFolder, models_by_rank, ranking
-from bayesdamp.report.sections import Section, by_signal
+from bayesdamp.report.sections import Section, by_signal, fill, folded, heading, paragraph, stack
 from bayesdamp.store.contents import WeighedCandidate
 from bayesdamp.table import Table
 from bayesdamp.types import OK

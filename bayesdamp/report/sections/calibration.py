@@ -13,10 +13,9 @@ from matplotlib.lines import Line2D
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.markup import folded, heading, paragraph, stack
+from bayesdamp.report.drawing import FAINT, INK, QUIET, WIDTH
 from bayesdamp.report.results.run import RunFolder, rows_of
-from bayesdamp.report.sections import Section
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH
+from bayesdamp.report.sections import Section, folded, heading, paragraph, stack
 from bayesdamp.table import Table
 from bayesdamp.types import OK
 

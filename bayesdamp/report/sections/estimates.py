@@ -13,7 +13,6 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.estimators import against, eigenvalues, force, sweep, traces
-from bayesdamp.report.markup import folded, heading, paragraph, stack
 from bayesdamp.report.results.estimators import (
     FACTORS,
     STAGES,
@@ -38,7 +37,16 @@ from bayesdamp.report.results.run import (
     rows_of,
     truth,
 )
-from bayesdamp.report.sections import Section, SignalSection, by_model, is_drawn
+from bayesdamp.report.sections import (
+    Section,
+    SignalSection,
+    by_model,
+    folded,
+    heading,
+    is_drawn,
+    paragraph,
+    stack,
+)
 from bayesdamp.store.contents import EstimateContent
 from bayesdamp.table import Table, TableLine
 from bayesdamp.types import OK

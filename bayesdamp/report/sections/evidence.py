@@ -12,19 +12,18 @@ from bayesdamp.odds import FURTHER_TERM, OTHERS
 from bayesdamp.outcomes import Status, reason_of, status_of
 from bayesdamp.priors import LEAST_SCALE, MOST_SCALE, SharedHalfNormal
 from bayesdamp.report import words
-from bayesdamp.report.markup import folded, paragraph, stack
-from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.run import (
     EvidenceRanking,
     Row,
     RunFolder,
     mode_of,
     models_by_rank,
+    only_answered,
     over_odds,
     ranking,
     rows_of,
 )
-from bayesdamp.report.sections import SignalSection, by_signal
+from bayesdamp.report.sections import SignalSection, by_signal, folded, paragraph, stack
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import HalfContent, NoisesContent, RatiosContent, WidthsContent
 from bayesdamp.table import Table, TableLine

@@ -13,18 +13,18 @@ from bayesdamp import formatting as fmt
 from bayesdamp.provenance import Provenance
 from bayesdamp.report import words
 from bayesdamp.report.figures.record import ModelFit, raw, record
-from bayesdamp.report.markup import fill, folded, paragraph, stack
-from bayesdamp.report.results.answers import answer_content, only_answered
 from bayesdamp.report.results.run import (
     Row,
     RunFolder,
+    answer_content,
     coefficients,
     mode_of,
     models_by_rank,
     models_not_pruned,
+    only_answered,
     rows_of,
 )
-from bayesdamp.report.sections import SignalSection, is_drawn
+from bayesdamp.report.sections import SignalSection, fill, folded, is_drawn, paragraph, stack
 from bayesdamp.store.contents import RecordContent, WeighedNoise
 from bayesdamp.table import Table
 from bayesdamp.types import OK, AddedForm, Friction, PartialFit

@@ -10,11 +10,10 @@ import numpy as np
 from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Fitting, fitting_of
 from bayesdamp.report import words
+from bayesdamp.report.drawing import colour
 from bayesdamp.report.figures.posterior import Interval, Panel, intervals
-from bayesdamp.report.markup import heading, paragraph, stack
 from bayesdamp.report.results.run import RunFolder, rows_of
-from bayesdamp.report.sections import Section
-from bayesdamp.report.style import colour
+from bayesdamp.report.sections import Section, heading, paragraph, stack
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import JointContent, PopulationContent
 from bayesdamp.table import Table, TableLine

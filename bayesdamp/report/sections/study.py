@@ -10,10 +10,8 @@ from markupsafe import Markup, escape
 from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
-from bayesdamp.report.markup import fill, folded, stack
-from bayesdamp.report.results.answers import answer_of, answers, only_answered
-from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.sections import Section
+from bayesdamp.report.results.run import RunFolder, answer_of, answers, only_answered
+from bayesdamp.report.sections import Section, fill, folded, stack
 from bayesdamp.store.cells import Place
 from bayesdamp.table import Table
 from bayesdamp.types import OK, candidate_parts
