@@ -84,13 +84,14 @@ MAY_IMPORT: dict[str, set[str]] = {
     "validation.truth": NEUTRAL | {"validation.truth"},
     "validation.experiments": _BELOW
     | {"config", "inference", "interface", "pipeline", "store", "verdict", "validation.experiments"}
-    | {"validation.rows", "validation.truth"},
+    | {"validation.rows", "validation.scoring", "validation.truth"},
     "validation.misfit": {
-        "types", "cli.records", "interface", "verdict", "validation.misfit", "validation.rows", "validation.scoring",
+        "table", "types", "cli.records", "interface", "verdict", "validation.misfit", "validation.rows",
+        "validation.scoring", "validation.truth",
     },
     "validation.measured": {
-        "types", "cli.records", "interface", "store", "verdict", "validation.measured", "validation.repeats",
-        "validation.truth",
+        "types", "cli.records", "interface", "store", "verdict", "validation.answers", "validation.measured",
+        "validation.repeats", "validation.truth",
     },
     "validation": NEUTRAL | {"store", "verdict.types", "validation"},
     "interface": NEUTRAL

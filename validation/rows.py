@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import csv
 import math
 import sys
@@ -114,10 +115,40 @@ def rounded(row: Mapping[str, object]) -> dict[str, object]:
     }
 
 
-def shipped(table: Path, columns: Sequence[str], rows: Sequence[Mapping[str, str]]) -> None:
-    """Write the table of a report."""
-    table.parent.mkdir(parents=True, exist_ok=True)
-    write_table(table, columns, rows)
+def page_options(description: str | None) -> argparse.ArgumentParser:
+    """Return the command line of a page: its table of rows, its folder, and the number of processes."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("table", type=Path, help="CSV file of the rows; missing rows are added")
+    parser.add_argument("folder", type=Path, help="folder of the page")
+    parser.add_argument("--workers", type=int, default=2)
+    return parser
+
+
+def make_page(
+    options: argparse.Namespace,
+    shipped: str,
+    columns: Sequence[str],
+    todo: Mapping[str, tuple[Any, ...]],
+    work: Callable[..., Mapping[str, object]],
+    page: Callable[[list[dict[str, str]]], str],
+) -> None:
+    """Compute the rows that the table lacks; write README.md and a copy of the requested rows into the folder.
+
+    Parameters
+    ----------
+    options : Namespace
+        Those of `page_options`.
+    shipped : str
+        Name of the file with the rows in the folder.
+    columns, todo, work
+        As in `gathered`.
+    page : callable
+        Returns the page of the rows, in Markdown.
+    """
+    rows = gathered(options.table, columns, todo, work, options.workers)
+    options.folder.mkdir(parents=True, exist_ok=True)
+    write_table(options.folder / shipped, columns, rows)
+    (options.folder / "README.md").write_text(page(rows), encoding="utf-8")
 
 
 def _require(table: Path, present: Sequence[str], columns: Sequence[str]) -> None:

@@ -86,6 +86,14 @@ def share_of(hits: int, count: int) -> str:
     return with_interval(value, *wilson(value, count))
 
 
+def hits_of(hits: int, count: int) -> str:
+    """Format hits of a count, with the 95 % interval of their share; a dash if the count is 0."""
+    if not count:
+        return "–"
+    low, high = wilson(hits / count, count)
+    return f"{hits} of {count} ({low:.2f}–{high:.2f})"
+
+
 def markdown(scores: pd.DataFrame) -> str:
     """Write the scores as a Markdown table, with the intervals of the shares."""
     return table(

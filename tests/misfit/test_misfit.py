@@ -14,8 +14,7 @@ from scipy.stats import binom
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
 from validation.misfit.cases import INSIDE, drawn
-from validation.misfit.scoring import OPEN, REFUSED, RIGHT, WRONG, outcome, score
-from validation.misfit.summary import page
+from validation.misfit.scoring import OPEN, REFUSED, RIGHT, WRONG, outcome, page, score
 from validation.rows import read_rows
 
 TABLE = Path(__file__).resolve().parents[2] / "reports" / "misfit" / "scored.csv"

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.types import Refusal
-from validation.contest.reply import Reply
+from validation.contest.peers.shared import Reply
 
 APART = Path(__file__).parent / "apart"
 ROOT = Path(__file__).parents[2] / ".contest"

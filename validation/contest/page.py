@@ -61,6 +61,7 @@ GROUP_WORDS = {
     "measured": "ten runs of one disc that others measured; the truth comes from the half cycles of the nine other "
     "runs, so differences between runs count as errors, which the interval of a single run does not include",
 }
+VISCOUS = "only viscous, all simulated"
 HOW = """## How each was run
 
 - Decrement: peaks at least 0.7 periods apart, a straight line through their logarithms. For this and the next three,
@@ -103,6 +104,13 @@ def page(rows: pd.DataFrame, missing: Mapping[str, str]) -> str:
         By environment, the reason why its peers did not take part.
     """
     groups = groups_of(rows)
+    parts_of_rows = {g: where(rows, group=g) for g in groups}
+    parts_of_rows[VISCOUS] = where(simulated(rows), damping="viscous")
+    factors = {
+        name: {group: paired(part, name, OURS) for group, part in parts_of_rows.items()}
+        for name in peers_of(rows)
+        if name != OURS
+    }
     seeds = sorted({str(r).split("-")[1] for r in simulated(rows)["record"]})
     parts = [INTRODUCTION]
     parts += [
@@ -117,9 +125,14 @@ def page(rows: pd.DataFrame, missing: Mapping[str, str]) -> str:
         "The numbers are the error of a peer over that of bayesdamp on the records that both answered, as a geometric "
         "mean. **Bold**: the peer is nearer to the truth by more than chance.",
         "",
-        _factors(rows, groups),
+        table(
+            ["", *parts_of_rows],
+            [[ROSTER[name].label, *(_factor(*f) for f in own.values())] for name, own in factors.items()],
+        ),
         "",
-        *_where_better(rows, groups),
+        *_faster(simulated(rows)),
+        *_where_refused(rows, groups),
+        *_where_better({n: {g: f for g, (f, _) in own.items()} for n, own in factors.items()}),
     ]
     parts += ["", "![coverage and time](cost.svg)", ""]
     for group in groups:
@@ -217,37 +230,15 @@ def _seconds(rows: pd.DataFrame) -> str:
     return f"{np.median(known):.2g}" if known.size else "–"
 
 
-def _factors(rows: pd.DataFrame, groups: list[str]) -> str:
-    parts = [*(where(rows, group=g) for g in groups), where(simulated(rows), damping="viscous")]
-    lines = [
-        [ROSTER[name].label, *(_factor(*paired(part, name, OURS)) for part in parts)]
-        for name in peers_of(rows)
-        if name != OURS
-    ]
-    return table(["", *groups, "only viscous, all simulated"], lines)
-
-
-def _where_better(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
+def _where_better(factors: Mapping[str, Mapping[str, Interval]]) -> Iterator[str]:
     """Yield a line for each peer that is nearer to the truth in a group, with the reason."""
-    parts = {g: where(rows, group=g) for g in groups}
-    factors = {
-        name: {group: paired(part, name, OURS)[0] for group, part in parts.items()}
-        for name in peers_of(rows)
-        if name != OURS
-    }
     better = {name: [g for g, f in each.items() if f.high < 1] for name, each in factors.items()}
-    viscous = where(simulated(rows), damping="viscous")
-    for name in better:
-        if paired(viscous, name, OURS)[0].high < 1:
-            better[name].append("only viscous")
-    yield from _faster(simulated(rows))
-    yield from _where_refused(rows, groups)
     if not any(better.values()):
         yield "- On records that both answered, no peer is nearer to the truth in any group by more than chance."
-    level = {name: [g for g, f in each.items() if f.low <= 1 <= f.high] for name, each in factors.items()}
-    equal = [f"{ROSTER[name].label} in {', '.join(places)}" for name, places in level.items() if places]
-    if equal:
-        yield f"- Neither nearer nor farther by more than chance: {'; '.join(equal)}."
+    equal = {name: [g for g, f in each.items() if f.low <= 1 <= f.high] for name, each in factors.items()}
+    lines = [f"{ROSTER[name].label} in {', '.join(places)}" for name, places in equal.items() if places]
+    if lines:
+        yield f"- Neither nearer nor farther by more than chance: {'; '.join(lines)}."
     for name, places in better.items():
         if places:
             yield f"- **{ROSTER[name].label}** is nearer in: {', '.join(places)}. {ROSTER[name].better}".rstrip()

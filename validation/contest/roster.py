@@ -7,16 +7,8 @@ from dataclasses import dataclass
 import pandas as pd
 
 from validation.contest.environments import Child, Environment
-from validation.contest.peers import (
-    decrement,
-    envelope,
-    half_power,
-    least_squares,
-    ours,
-    script,
-    sindy,
-)
-from validation.contest.reply import Peer
+from validation.contest.peers import ours, script, sindy, textbook
+from validation.contest.peers.shared import Peer
 
 OURS, SCRIPT = "bayesdamp", "script"
 PYOMA = Environment("pyoma2", ("pyOMA-2==1.4.3",))
@@ -45,11 +37,11 @@ class Entry:
 
 
 ROSTER: dict[str, Entry] = {
-    "decrement": Entry("logarithmic decrement", decrement.answer, ""),
-    "hilbert": Entry("Hilbert envelope, one line", envelope.answer, ""),
-    "hilbert_local": Entry("Hilbert envelope, a line at each amplitude", envelope.local, ""),
-    "half_power": Entry("half-power bandwidth", half_power.answer, ""),
-    "curve_fit": Entry("SciPy curve_fit, decaying cosine", least_squares.answer, VISCOUS),
+    "decrement": Entry("logarithmic decrement", textbook.decrement, ""),
+    "hilbert": Entry("Hilbert envelope, one line", textbook.envelope, ""),
+    "hilbert_local": Entry("Hilbert envelope, a line at each amplitude", textbook.local_envelope, ""),
+    "half_power": Entry("half-power bandwidth", textbook.half_power, ""),
+    "curve_fit": Entry("SciPy curve_fit, decaying cosine", textbook.decaying_cosine, VISCOUS),
     "pysindy": Entry("PySINDy", sindy.answer, ""),
     "pyoma_ssi": Entry("pyOMA2, SSI", Child(PYOMA, "pyoma.py", ("ssi",)), VISCOUS),
     "pyoma_efdd": Entry("pyOMA2, EFDD", Child(PYOMA, "pyoma.py", ("efdd",)), ""),

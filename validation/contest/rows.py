@@ -14,8 +14,8 @@ import pandas as pd
 from bayesdamp.types import OK, Refusal
 from validation.answers import relation
 from validation.contest.environments import Child
+from validation.contest.peers.shared import Peer
 from validation.contest.records import Record
-from validation.contest.reply import Peer
 from validation.rows import read_frame
 
 COLUMNS = (

@@ -22,6 +22,7 @@ from bayesdamp.types import Signal
 from bayesdamp.verdict.specimen import Answered, specimen
 from bayesdamp.verdict.thresholds import DECIDED
 from bayesdamp.verdict.types import Verdict
+from validation.truth.rivals import loss_rate
 
 OMEGA, CYCLES, NOISES = 4.5, 12, (0.004, 0.06)
 """rad/s; cycles; least and most noise in rad, log-uniform between them for each specimen."""
@@ -87,11 +88,7 @@ def product(records: list[Answered]) -> tuple[str, float]:
 
 def true_ratio(damping: dict[str, float], amplitude: float) -> float:
     """Return the equivalent viscous damping ratio at an amplitude in rad."""
-    per_unit = {
-        "viscous": 1 / OMEGA, "coulomb": 2 / (np.pi * OMEGA**2 * amplitude),
-        "quadratic": 4 * amplitude / (3 * np.pi),
-    }  # fmt: skip
-    return sum(value * per_unit[name] for name, value in damping.items())
+    return float(sum(value * loss_rate(name, amplitude, OMEGA) for name, value in damping.items()))
 
 
 def main(kind: str, specimens: int, seed: int, records: int = 4, spread: float = 0.03) -> None:

@@ -21,6 +21,7 @@ import pandas as pd
 from bayesdamp.interface.answer import answer
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.verdict.types import Verdict
+from validation.answers import Answering
 from validation.measured.run import signals
 from validation.repeats import (
     Agreement,
@@ -37,7 +38,6 @@ SEED, COUNT = 621, 20
 """Seed and number of the simulated records."""
 SPECIMENS = {"ten-runs": ("ten-runs",), "stiff discs": ("stiff-disc-2", "stiff-disc-3")}
 SINGLE = ("rotary", "video", "disc", "rig-80P", "rig-60", "rig-100", "stiff-disc-2", "stiff-disc-3", "ship")
-Answering = Callable[[Signal, tuple[float, ...]], Verdict]
 
 
 def answered(sample: bool, signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:

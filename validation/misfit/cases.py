@@ -8,13 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation.misfit import records as rec
+from validation.truth.drawing import log_uniform
+from validation.truth.oscillator import SUMS
 
 SAMPLES = 240
-FAMILY = ("viscous", "coulomb", "quadratic")
-SUMS = (
-    "viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic", "coulomb+quadratic",
-    "viscous+coulomb+quadratic",
-)  # fmt: skip
 OUTSIDE = (
     "beats", "two_modes", "driven", "clipped", "stiction", "drift", "wander", "cubic", "root", "damping_changes",
     "stiffness_changes",
@@ -57,11 +54,6 @@ class Case:
     def inside(self) -> bool:
         """Whether a law of the family fits the record."""
         return self.kind in INSIDE
-
-
-def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number whose logarithm is uniform."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def drawn(kind: str, number: int, seed: int) -> Case:

@@ -7,13 +7,11 @@ with the number of samples. Each row is saved as soon as it is computed, so that
 
 from __future__ import annotations
 
-import argparse
 import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
@@ -23,7 +21,7 @@ from bayesdamp.odds import FURTHER_TERM, odds
 from bayesdamp.records.envelope.record import made_record
 from bayesdamp.table import markdown_table as table
 from bayesdamp.types import OK, InputError, Signal
-from validation.rows import gathered, rounded, shipped
+from validation.rows import make_page, page_options, rounded
 from validation.scoring import share_of
 from validation.truth.drawing import log_uniform
 from validation.truth.motion import solved
@@ -333,17 +331,12 @@ def jobs(records: int, few: int) -> dict[str, tuple[float, int]]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Answer the records that the table lacks; write README.md and rows.csv into the folder."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("table", type=Path, help="CSV file of the rows; missing rows are added")
-    parser.add_argument("folder", type=Path, help="folder of the page")
+    """Write the page, and answer the records that the table lacks."""
+    parser = page_options(__doc__)
     parser.add_argument("--records", type=int, default=100, help="number of records of each decade")
     parser.add_argument("--few", type=int, default=100, help=f"largest number of records of {LONG:g}")
-    parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args(arguments)
-    rows = gathered(options.table, COLUMNS, jobs(options.records, options.few), row_of, options.workers)
-    shipped(options.folder / "rows.csv", COLUMNS, rows)
-    (options.folder / "README.md").write_text(page(rows), encoding="utf-8")
+    make_page(options, "rows.csv", COLUMNS, jobs(options.records, options.few), row_of, page)
 
 
 if __name__ == "__main__":

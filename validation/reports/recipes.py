@@ -93,13 +93,13 @@ RECIPES: tuple[Recipe, ...] = (
         _answers(200, 200, 30),
     ),
     Recipe(
-        "misfit", 2, _rows_and_page("validation.misfit.run", "--seed 21 --count 6"), (*TRUTH, "validation/misfit"),
-        _rows_and_page("validation.misfit.run", "--seed 21 --count 18"),
+        "misfit", 2, _rows_and_page("validation.misfit.scoring", "--seed 21 --count 6"), (*TRUTH, "validation/misfit"),
+        _rows_and_page("validation.misfit.scoring", "--seed 21 --count 18"),
     ),
     Recipe(
-        "laws", 6, _rows_and_page("validation.experiments.laws_report", "--exponents 50 --each 8"),
-        (*TRUTH, "validation/experiments/laws.py", "validation/experiments/laws_report.py"),
-        _rows_and_page("validation.experiments.laws_report", "--exponents 200 --each 15"),
+        "laws", 6, _rows_and_page("validation.experiments.laws", "--exponents 50 --each 8"),
+        (*TRUTH, "validation/experiments/laws.py"),
+        _rows_and_page("validation.experiments.laws", "--exponents 200 --each 15"),
     ),
     Recipe(
         "evidence_audit", 2, _rows_and_page("tests.inference.evidence.audit", "--count 12"),

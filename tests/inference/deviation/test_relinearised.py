@@ -9,7 +9,7 @@ import bayesdamp as bd
 import bayesdamp.inference.deviation.candidate as candidates
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.model.target import Scores
-from validation.measured.records import DATA
+from validation.measured.run import DATA
 
 RECORD = DATA / "spring_disc" / "molla_durissima_discopieno_14.91945_0.2016_3.csv"
 pytestmark = pytest.mark.skipif(not RECORD.is_file(), reason="needs the measured records of ../shared/data")

@@ -6,9 +6,7 @@ page; test_audit.py beside it reads the one that ships.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +16,7 @@ from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.types import Seed, Signal
 from tests.inference.evidence.weighing_problems import KNOWN, PRIORS, TIMES, record
-from validation.rows import gathered, shipped
+from validation.rows import make_page, page_options
 
 CASES = 12
 METHODS = ("importance", "bridge", "nested")
@@ -99,16 +97,11 @@ def page(rows: Sequence[Mapping[str, str]]) -> str:
 
 def main() -> None:
     """All cases; those that the file already has are kept."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("table", type=Path)
-    parser.add_argument("folder", type=Path)
+    parser = page_options(__doc__)
     parser.add_argument("--count", type=int, default=CASES)
-    parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
     todo = {str(number): (number,) for number in range(given.count)}
-    rows = gathered(given.table, HEADER, todo, row, given.workers)
-    shipped(given.folder / "touching_zero.csv", HEADER, rows)
-    (given.folder / "README.md").write_text(page(rows), encoding="utf-8")
+    make_page(given, "touching_zero.csv", HEADER, todo, row, page)
 
 
 if __name__ == "__main__":

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.types import Refusal
-from validation.contest.apart.equivalent import ratio
-from validation.contest.peers import decrement, half_power, least_squares, script
+from validation.contest.apart.shared import ratio
+from validation.contest.peers import script, textbook
 from validation.contest.records import closed_form
 from validation.contest.roster import ROSTER
 
@@ -41,7 +41,7 @@ def quadratic() -> tuple[np.ndarray, np.ndarray, tuple[float, ...], tuple[float,
 
 
 def test_negative_control_a_quadratic_record_fools_one_number():
-    for answer in [decrement.answer, half_power.answer, least_squares.answer]:
+    for answer in [textbook.decrement, textbook.half_power, textbook.decaying_cosine]:
         t, y, amplitudes, true = quadratic()
         found = np.array(answer(t, y, amplitudes).values)
         assert np.max(np.abs(found / true - 1)) > 0.4

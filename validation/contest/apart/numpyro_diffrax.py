@@ -12,12 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-from equivalent import ratio
-from even import even, spectral_peak
 from numpyro import distributions as dist
 from numpyro.infer import MCMC, NUTS, init_to_value
 from scipy.optimize import least_squares
 from serve import serve
+from shared import even, ratio, spectral_peak
 
 jax.config.update("jax_enable_x64", True)
 WIDTH = 0.02

@@ -6,10 +6,10 @@ decimated to ten or more samples in a cycle. The result is the stable pole neare
 """
 
 import numpy as np
-from even import even, spectral_peak
 from scipy.signal import decimate
 from sdypy.EMA import Model  # pyright: ignore[reportMissingImports]
 from serve import serve
+from shared import even, spectral_peak
 
 FREQUENCY = 500.0
 PER_CYCLE = 10

@@ -9,10 +9,10 @@ channel; the velocity is its second channel.
 import sys
 
 import numpy as np
-from even import even, spectral_peak
 from pyoma2.algorithms import EFDD, SSI  # pyright: ignore[reportMissingImports]
 from pyoma2.setup import SingleSetup  # pyright: ignore[reportMissingImports]
 from serve import serve
+from shared import even, spectral_peak
 
 FREQUENCY = 2.0
 PER_CYCLE = 10

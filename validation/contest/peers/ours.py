@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.types import Refusal, Signal
-from validation.contest.reply import Reply
+from validation.contest.peers.shared import Reply
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:

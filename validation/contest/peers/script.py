@@ -15,8 +15,7 @@ from scipy.optimize import brentq, least_squares
 from scipy.special import ndtr
 
 from bayesdamp.types import Refusal
-from validation.contest.peers.shared import even, frequency, segments
-from validation.contest.reply import Reply
+from validation.contest.peers.shared import Reply, even, frequency, segments
 
 TERMS = ("viscous", "coulomb", "quadratic")
 SUMS = ((0,), (1,), (2,), (0, 1), (0, 2), (1, 2), (0, 1, 2))

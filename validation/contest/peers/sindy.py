@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.types import Refusal
-from validation.contest.apart.equivalent import ratio
-from validation.contest.peers.shared import about_rest, even, frequency, segments
-from validation.contest.reply import Reply
+from validation.contest.apart.shared import ratio
+from validation.contest.peers.shared import Reply, about_rest, even, frequency, segments
 
 LEAST = 15
 """Least number of samples in a piece between gaps; the filter of PySINDy needs eleven."""

@@ -1,4 +1,7 @@
-"""Sample a record evenly, and find the peak of its spectrum."""
+"""Sample a record evenly, find the peak of its spectrum, and compute the damping ratio of a sum of terms."""
+
+import math
+from typing import Any
 
 import numpy as np
 
@@ -17,3 +20,14 @@ def spectral_peak(t, y):
     n = PADDING * t.size
     power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(t.size), n))
     return float((np.argmax(power[PADDING:]) + PADDING) / (n * (t[1] - t[0])))
+
+
+def ratio(
+    amplitude: Any, frequency: Any, viscous: Any = 0.0, coulomb: Any = 0.0, quadratic: Any = 0.0
+) -> Any:
+    """Return the ratio of 2 viscous v + coulomb sign(v) + quadratic v|v| (per inertia, SI); frequency in rad/s."""
+    return (
+        viscous / frequency
+        + 2 * coulomb / (math.pi * frequency**2 * amplitude)
+        + 4 * quadratic * amplitude / (3 * math.pi)
+    )

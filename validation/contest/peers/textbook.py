@@ -1,0 +1,127 @@
+"""The textbook methods: logarithmic decrement, Hilbert envelope, half-power bandwidth, and a fitted decaying cosine."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from scipy.optimize import OptimizeWarning, curve_fit
+from scipy.signal import find_peaks, hilbert
+from scipy.stats import norm
+
+from bayesdamp.types import Refusal
+from validation.contest.peers.shared import Reply, about_rest, even, frequency, one_number, recorded
+
+APART = 0.7
+"""Least distance between peaks in periods, so that noise adds no peaks."""
+LEAST_PEAKS = 3
+NEAR = 0.25
+"""Half width of the envelope's line at an amplitude, as a share of the range of ln(envelope)."""
+LEAST_SAMPLES = 8
+PADDING = 16
+"""Factor by which zeros lengthen the record, so that the peak of its spectrum has several points."""
+GUESS = 0.02
+"""Damping ratio from which the fit of a decaying cosine starts."""
+
+
+def decrement(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
+    """Fit a straight line to the logarithms of the peaks: δ/√(4π² + δ²). Raises Refusal for fewer than three peaks."""
+    grid, values = even(t, y)
+    f = frequency(grid, values)
+    x = about_rest(grid, values, f)
+    peaks = find_peaks(x, distance=max(APART / (f * (grid[1] - grid[0])), 1))[0]
+    peaks = peaks[(x[peaks] > 0) & recorded(grid, t)[peaks]]
+    if peaks.size < LEAST_PEAKS:
+        raise Refusal("fewer than three peaks")
+    number = np.round((grid[peaks] - grid[peaks[0]]) * f)
+    delta = -float(np.polyfit(number, np.log(x[peaks]), 1)[0])
+    return one_number(delta / float(np.hypot(2 * np.pi, delta)), amplitudes)
+
+
+def envelope(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
+    """Fit one line to the logarithm of the Hilbert envelope of the whole record."""
+    times, size, omega = _envelope(t, y)
+    return one_number(_ratio(times, size, omega), amplitudes)
+
+
+def local_envelope(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
+    """Fit a line to the logarithm of the envelope near each amplitude (Feldman's FREEVIB, MSSP 8, 1994).
+
+    Raises Refusal if the envelope has too few samples near an amplitude.
+    """
+    times, size, omega = _envelope(t, y)
+    ratios = []
+    for amplitude in amplitudes:
+        near = np.abs(size - np.log(amplitude)) <= NEAR * np.ptp(size)
+        if near.sum() < LEAST_SAMPLES:
+            raise Refusal("the envelope has too few samples near an amplitude")
+        ratios.append(_ratio(times[near], size[near], omega))
+    if min(ratios) <= 0:
+        raise Refusal("no damping is found")
+    return Reply(tuple(ratios))
+
+
+def _envelope(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return times, log envelope and mean frequency (rad/s), without the first and the last cycle."""
+    grid, values = even(t, y)
+    f = frequency(grid, values)
+    analytic = np.asarray(hilbert(about_rest(grid, values, f)))
+    inside = (grid >= grid[0] + 1 / f) & (grid <= grid[-1] - 1 / f)
+    if inside.sum() < LEAST_SAMPLES:
+        raise Refusal("the record is too short for an envelope without its first and last cycle")
+    phase = np.unwrap(np.angle(analytic))[inside]
+    return grid[inside], np.log(np.abs(analytic[inside])), float(np.polyfit(grid[inside], phase, 1)[0])
+
+
+def _ratio(times: np.ndarray, size: np.ndarray, omega: float) -> float:
+    rate = -float(np.polyfit(times, size, 1)[0])
+    return rate / float(np.hypot(rate, omega))
+
+
+def half_power(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
+    """Measure the bandwidth of the spectrum's peak, without a window.
+
+    Raises Refusal if the peak does not fall to half power on both sides.
+    """
+    grid, values = even(t, y)
+    x = about_rest(grid, values, frequency(grid, values))
+    size = np.abs(np.fft.rfft(x, PADDING * x.size))
+    top = int(np.argmax(size[PADDING:])) + PADDING
+    level = size[top] / np.sqrt(2)
+    low, high = np.flatnonzero(size[:top] < level), np.flatnonzero(size[top:] < level)
+    if not (low.size and high.size):
+        raise Refusal("the spectrum's peak does not fall to half its power")
+    a, b = int(low[-1]), top + int(high[0])
+    left = a + (level - size[a]) / (size[a + 1] - size[a])
+    right = b - (level - size[b]) / (size[b - 1] - size[b])
+    return one_number(float(0.5 * (right - left) / top), amplitudes)
+
+
+def decay(t: np.ndarray, size: float, ratio: float, omega: float, phase: float, rest: float) -> np.ndarray:
+    """Return the textbook decay of a linear oscillator with viscous damping."""
+    ratio = float(np.clip(ratio, -1.0, 1.0))
+    return size * np.exp(-ratio * omega * t) * np.cos(omega * np.sqrt(1 - ratio**2) * t + phase) + rest
+
+
+def decaying_cosine(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
+    """Fit by SciPy's `curve_fit`, with the interval from its covariance. Raises Refusal if the fit does not converge.
+
+    It starts at the spectral frequency and the phase of the first cycle.
+    """
+    omega = 2 * np.pi * frequency(*even(t, y))
+    first = omega * (t - t[0]) <= 2 * np.pi
+    phase = omega * (t[first] - t[0])
+    columns = np.column_stack([np.cos(phase), -np.sin(phase), np.ones_like(phase)])
+    c, s, rest = np.linalg.lstsq(columns, y[first], rcond=None)[0]
+    guess = [float(np.hypot(c, s)), GUESS, omega, float(np.arctan2(s, c)), float(rest)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", OptimizeWarning)
+        try:
+            best, covariance = curve_fit(decay, t - t[0], y, guess)
+        except (RuntimeError, OptimizeWarning) as fault:
+            raise Refusal(" ".join(str(fault).split())) from None
+    value, half = float(best[1]), float(norm.ppf(0.975) * np.sqrt(covariance[1, 1]))
+    if not value > 0:
+        raise Refusal("no damping is found")
+    n = len(amplitudes)
+    return Reply((value,) * n, (value - half,) * n, (value + half,) * n)
