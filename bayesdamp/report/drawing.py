@@ -48,6 +48,10 @@ _MODELS = {
 }
 _OTHERS = ("#7F3C8D", "#80BA5A", "#A5AA99", "#8C564B")
 """Colours of models with damping terms that are not part of the package."""
+INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8C564B", "#7F3C8D", INK)
+"""Colours of records, oscillations or methods that are drawn together."""
+LOOKS = tuple(zip(INKS, ("-", "--", "-.", ":")))
+"""Colour and line style of each sampler or oscillation of a few."""
 PALER = 0.45
 """Share of the way to white by which each further candidate of one damping sum is paler."""
 LETTERS, MARK = 12.5, 7

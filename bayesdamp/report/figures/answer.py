@@ -16,6 +16,7 @@ from bayesdamp.report import words
 from bayesdamp.report.drawing import (
     FAINT,
     INK,
+    INKS,
     QUIET,
     WIDTH,
     colour,
@@ -35,8 +36,8 @@ FREE = "#c9b27c"
 """Colour of the band of the damping curve without a law."""
 POINTS = 1200
 """Points of a line in a panel, two for each of its pixels in the PNG."""
-INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
-"""Colours of records or methods that are drawn together."""
+FEW = 6
+"""Largest number of records of an overview that have colours and names."""
 LEGEND_ROW = 0.17
 """Height of a row of a legend, in inches."""
 MARKED = ((0.0, "Coulomb", "coulomb"), (1.0, "viscous", "viscous"), (2.0, "quadratic", "quadratic"))
@@ -169,7 +170,7 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
     """
     figure = Figure(figsize=(WIDTH, 3.4))
     ax = figure.subplots()
-    few = len(curves) <= len(INKS)
+    few = len(curves) <= FEW
     for (name, (at, ratio, low, high)), ink in zip(
         curves.items(), cycle(INKS if few else (QUIET,)), strict=False
     ):

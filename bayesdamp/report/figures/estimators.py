@@ -13,7 +13,7 @@ from matplotlib.ticker import NullFormatter
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.drawing import FAINT, INK, QUIET, WIDTH, colour
+from bayesdamp.report.drawing import FAINT, INK, INKS, QUIET, WIDTH, colour
 from bayesdamp.report.results.estimators import FACTORS, STAGES, CoefficientEstimates, ErrorSeries
 
 SINGLE = 4.3
@@ -26,7 +26,6 @@ ALONE = 0.06
 """Half the axis without a posterior, as a share of the truth or of the median estimate."""
 ROW, ROW_PUBLISHED = 0.31, 0.40
 """Inches for each method, with two and with three marks."""
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8C564B", "#7F3C8D", "#222222")
 _MARKS = "osD^vP*Xph<>"
 LOWEST, HIGHEST = 1e-7, 1e3
 """Errors in per cent between which `sweep` draws."""
@@ -196,8 +195,8 @@ def sweep(along: ErrorSeries, methods: list[str]) -> Figure:
             if errors is None:
                 continue
             y = np.clip(np.array(errors, float), LOWEST, HIGHEST)
-            look = {"color": _COLOURS[i % len(_COLOURS)], "marker": _MARKS[i % len(_MARKS)]}
-            dash = "-" if i < len(_COLOURS) else "--"
+            look = {"color": INKS[i % len(INKS)], "marker": _MARKS[i % len(_MARKS)]}
+            dash = "-" if i < len(INKS) else "--"
             repeats = max(tried for _, tried in along.answers[method, stage])
             label = f"{words.method(method)}, {repeats}"
             ax.plot(x, y, lw=0.9, ls=dash, ms=4, mfc="white", label=label, **look)

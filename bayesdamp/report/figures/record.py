@@ -16,6 +16,8 @@ from bayesdamp.report import words
 from bayesdamp.report.drawing import (
     FAINT,
     INK,
+    INKS,
+    LOOKS,
     QUIET,
     WIDTH,
     broken,
@@ -34,9 +36,6 @@ _APART = 200
 """Largest number of lines that a panel shows separately."""
 HEIGHT = 2.7
 """Height of a panel of `motions`, in inches."""
-INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
-"""Colours of the oscillations, in the order of the verdict."""
-DASHES = ("-", "--", "-.", ":")
 ORDERS = {"angle": 0, "velocity": 1, "acceleration": 2}
 LEAST = 2.0
 """Smallest ratio of the ends of an axis of amplitudes, so that a nearly constant amplitude looks constant."""
@@ -76,7 +75,7 @@ def record(
     t, y
         The record, (n,), in s and in the displayed unit.
     fits
-        The fits, the best first.
+        The fits, at least one, the best first.
     axis
         Label of y.
     unit
@@ -84,20 +83,16 @@ def record(
     period
         Of the oscillation, in s.
     """
-    heights = [1.9, 1.9, 1.05 * len(fits)] if fits else [2.2]
+    heights = [1.9, 1.9, 1.05 * len(fits)]
     figure = Figure(figsize=(WIDTH, sum(heights) + 0.4))
-    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
-    whole = figure.add_subplot(grid[0])
-    whole.plot(*thinned(t, y), color=FAINT if fits else INK, lw=1.6 if fits else 0.8, label="record")
-    if fits:
-        best, label = fits[0], f"fit of {words.model(fits[0].model)}"
-        whole.plot(*thinned(t, best.fit), color=colour(best.model), lw=0.6, label=label)
-        whole.legend(loc="upper right", ncols=2, borderaxespad=0.1)
-    _finish(whole, axis, "Record" + (" and best fit" if fits else ""))
+    grid = figure.add_gridspec(3, 1, height_ratios=heights)
+    whole, best = figure.add_subplot(grid[0]), fits[0]
+    whole.plot(*thinned(t, y), color=FAINT, lw=1.6, label="record")
+    label = f"fit of {words.model(best.model)}"
+    whole.plot(*thinned(t, best.fit), color=colour(best.model), lw=0.6, label=label)
+    whole.legend(loc="upper right", ncols=2, borderaxespad=0.1)
+    _finish(whole, axis, "Record and best fit")
     whole.set(xlabel="time / s", xlim=(t[0], t[-1]))
-    if not fits:
-        fix_margins(figure)
-        return figure
     length = min(3.0 * period, 0.5 * (t[-1] - t[0]))
     first, last = (figure.add_subplot(place) for place in grid[1].subgridspec(1, 2))
     _zoom(first, t, y, fits, t[0], t[0] + length)
@@ -114,21 +109,21 @@ def record(
 def raw(
     t: np.ndarray,
     y: np.ndarray,
-    start: float | None,
-    stop: float | None,
     axis: str,
+    start: float | None = None,
+    stop: float | None = None,
     decays: Sequence[FreeDecay] = (),
 ) -> Figure:
-    """Draw the record as it was read, with the part that is used and other free decays.
+    """Draw a record without fits, with the part that is used and other free decays.
 
     Parameters
     ----------
     t, y
         The record, (n,), in s and in the displayed unit.
-    start, stop
-        The part that is used, in s of t.
     axis
         Label of y.
+    start, stop
+        The part that is used, in s of t.
     decays
         All free decays of the record.
     """
@@ -143,10 +138,10 @@ def raw(
         ax.axvspan(decay.start, decay.stop, color=NOT_USED, alpha=0.18, lw=0, label=label)
     if ax.get_legend_handles_labels()[1]:
         ax.legend(loc="upper right", ncols=4)
-    _finish(ax, axis, "As read")
-    ax.set_xlabel("time / s")
+    ax.set(xlabel="time / s", ylabel=axis)
+    ax.locator_params(axis="y", nbins=5)
     ax.margins(x=0)
-    fix_margins(figure)
+    fix_margins(figure, top=0.25)
     return figure
 
 
@@ -248,7 +243,7 @@ def motions(t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity
         whole.set_title("The record")
         each.set_title("Its amplitude in each period")
     at, middle = np.linspace(t[0], t[-1], _MOMENTS), float(np.median(y))
-    for mode, ink, dash in zip(modes, INKS, DASHES, strict=False):
+    for mode, (ink, dash) in zip(modes, LOOKS, strict=False):
         if not np.isfinite(mode.damping_ratio):
             continue
         size = mode.first * (mode.last / mode.first) ** ((at - at[0]) / (at[-1] - at[0]))

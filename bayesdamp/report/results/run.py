@@ -384,19 +384,15 @@ def answer_of(
     `kinds` contains the kinds of the tasks that have such an answer, the preferred one first.
     """
     if (signal, kinds) not in run.answered:
-        run.answered[signal, kinds] = _read_answer(run, signal, kinds)
+        cells = (run.cell(kind, signal, run.repeats(signal)[0]) for kind in kinds)
+        cell, answer = next((c for c in cells if c is not None and c.outcome == OK), None), None
+        if cell is not None:
+            unit, content = run.unit(signal), AnswerContent.of(cell)
+            verdict = in_unit(Verdict.from_dict(content.verdict), unit)
+            arrays = picture_in_unit(cell.arrays, unit)
+            answer = RecordAnswer(signal, verdict, content.candidates, arrays, content.envelope)
+        run.answered[signal, kinds] = answer
     return run.answered[signal, kinds]
-
-
-def _read_answer(run: RunFolder, signal: str, kinds: Sequence[str]) -> RecordAnswer | None:
-    cells = (run.cell(kind, signal, run.repeats(signal)[0]) for kind in kinds)
-    cell = next((c for c in cells if c is not None and c.outcome == OK), None)
-    if cell is None:
-        return None
-    unit, content = run.unit(signal), AnswerContent.of(cell)
-    verdict = in_unit(Verdict.from_dict(content.verdict), unit)
-    arrays = picture_in_unit(cell.arrays, unit)
-    return RecordAnswer(signal, verdict, content.candidates, arrays, content.envelope)
 
 
 def answers(run: RunFolder) -> list[RecordAnswer]:

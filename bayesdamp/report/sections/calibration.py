@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.drawing import FAINT, INK, QUIET, WIDTH
+from bayesdamp.report.drawing import FAINT, INK, LOOKS, QUIET, WIDTH
 from bayesdamp.report.results.run import RunFolder, rows_of
 from bayesdamp.report.sections import Section, folded, heading, paragraph, stack
 from bayesdamp.table import Table
@@ -30,8 +30,6 @@ EXPLAINED = (
     "conditional on its data, so the ranks of the other records are still uniform. Draws that a sampler's own "
     "diagnostics call unreliable are not left out, because that would be a selection among draws.",
 )
-LOOKS = (("#0072B2", "-"), ("#D55E00", "--"), ("#009E73", "-."), ("#CC79A7", ":"))
-"""Colour and line style of each sampler."""
 Counts = Mapping[str, Mapping[str, np.ndarray]]
 """Sampler to parameter to the number of times that each rank occurred, (draws + 1,)."""
 SERIES = {
@@ -98,7 +96,10 @@ class CalibratedSection(Section):
         }
         parts: list[object] = [paragraph(claim, "lead"), *map(paragraph, EXPLAINED)]
         parts += [Table.of(counts, of_model, (0, 5))]
-        parts += [_model(run, result, rows, model) for model in counts]
+        ranks = _csv(run, "ranks.csv")
+        parts += [
+            _model(run, rows_of(ranks, model=model), rows_of(rows, model=model), model) for model in counts
+        ]
         columns: dict[str, Callable[[dict[str, str]], str]] = {
             "model": lambda r: words.model(r["model"]),
             "method": lambda r: words.method(r["method"]),
@@ -124,21 +125,22 @@ def _csv(run: RunFolder, name: str) -> list[dict[str, str]]:
         return list(csv.DictReader(handle))
 
 
-def _model(run: RunFolder, result: Mapping[str, Any], rows: Sequence[dict[str, str]], model: str) -> Markup:
-    """Return the ranks and the coverage of a model."""
+def _model(run: RunFolder, ranks: list[dict[str, str]], rows: list[dict[str, str]], model: str) -> Markup:
+    """Return the ranks and the coverage of a model, from its rows of ranks.csv and calibration.csv."""
+    result = run.info["result"]
     counts: dict[str, dict[str, np.ndarray]] = {}
-    for row in rows_of(_csv(run, "ranks.csv"), model=model):
+    for row in ranks:
         values = np.array(row["ranks"].split(), int)
         own = np.bincount(values, minlength=result["draws"] + 1)
         counts.setdefault(row["sampler"], {})[row["parameter"]] = own
-    names = list(dict.fromkeys(r["parameter"] for r in rows_of(rows, model=model, check="ranks")))
+    names = list(dict.fromkeys(r["parameter"] for r in rows_of(rows, check="ranks")))
     caption = (
         f"{words.model(model)}: ranks of the true value among {result['draws']} draws. Below: their distribution "
         "function minus the uniform one. If the posteriors are calibrated, the grey band contains the whole curve with "
         "99 % probability; in the upper row it is the band of a single bin."
     )
     figure = run.drawings.add(f"ranks-{model}", caption, lambda: _ranks(names, counts, result))
-    covered = rows_of(rows, model=model, check="coverage")
+    covered = rows_of(rows, check="coverage")
     shares: dict[tuple[str, str, str], str] = {}
     for row in covered:
         star = " *" * (row["verdict"] == "wrong")

@@ -73,20 +73,21 @@ class RecordSection(SignalSection):
         if len(raw_t) > 1 and not np.array_equal(raw_y, cell.arrays["y"]):
             origin = Provenance.of(content.provenance)
             window = next(((o.start, o.stop) for o in (own, origin) if o.stop is not None), (None, None))
-            draw = partial(raw, raw_t, raw_y * factor, *window, axis, origin.decays)
+            draw = partial(raw, raw_t, raw_y * factor, axis, *window, origin.decays)
             figures.append(run.drawings.add(f"raw-{signal}", f"{signal}: the record as it was read.", draw))
-        if fits or not figures:  # the record as read also shows which part is used
-            caption = f"{signal}: the record as used."
-            if fits:
-                caption = (
-                    f"{signal}: the record as used, the fits of the most probable models at their posterior modes, "
-                    "the best first, and their residuals."
-                )
+        if fits:
+            caption = (
+                f"{signal}: the record as used, the fits of the most probable models at their posterior modes, the "
+                "best first, and their residuals."
+            )
             if any(len(fit.autocorrelation) for fit in fits):
                 caption += " Grey band: expected for white noise."
             period = content.features.period if content.features is not None else 0.04 * float(t[-1] - t[0])
             draw = partial(record, t, y, fits, axis, ratio, period)
             figures.append(run.drawings.add(f"record-{signal}", caption, draw))
+        elif not figures:  # the record as read also shows which part is used
+            draw = partial(raw, t, y, axis)
+            figures.append(run.drawings.add(f"record-{signal}", f"{signal}: the record as used.", draw))
         return fill("record.html", notes=notes, figures=figures, missing=missing, repeats=len(repeats))
 
 
