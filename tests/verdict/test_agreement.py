@@ -41,6 +41,20 @@ def test_intervals_are_confirmed_by_place_and_width() -> None:
     assert abs(wider.wider - 2.0) < 1e-6
 
 
+def test_the_worst_amplitude_counts_and_an_interval_may_reach_zero() -> None:
+    """Of three amplitudes: the same, one that is three times as wide and reaches 0, and one that moved a little."""
+    ratios = tuple(DampingRatio(a, "rad", 0.02, 1e-4, 0.0, 0.01, 0.03) for a in (0.3, 0.1, 0.03))
+    first = replace(verdict(), damping_ratio=ratios)
+    worst = intervals(first, [(0.02, 0.01, 0.03), (0.02, -0.01, 0.05), (0.021, 0.011, 0.031)])
+    assert (worst.amplitude, worst.moved) == (0.1, 0.0)
+    assert abs(worst.wider - 3.0) < 1e-9
+    assert abs(intervals(first, [(0.02, 0.012, 0.022)] * 3).wider - 0.5) < 1e-9
+    moved = intervals(first, [(0.02, 0.01, 0.03), (0.02, 0.0101, 0.03), (0.05, 0.04, 0.06)])
+    assert (moved.amplitude, moved.confirms) == (0.03, False)
+    assert abs(moved.moved - 3 * 1.96) < 1e-9
+    assert agreement(first, replace(first, damping_ratio=())).moved == 0.0
+
+
 def test_another_damping_or_none_does_not_confirm() -> None:
     assert not agreement(verdict(), verdict(damping="coulomb")).same
     assert not agreement(verdict(), verdict(decided=False)).same

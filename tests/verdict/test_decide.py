@@ -15,6 +15,7 @@ from bayesdamp.types import Ratio
 from bayesdamp.verdict import Verdict, thresholds
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.parts import (
+    Averages,
     DampingRatio,
     FrequencyAt,
     Grade,
@@ -273,3 +274,95 @@ def test_the_sentence_says_by_what_the_law_misses() -> None:
     assert "which leaves 43 % of the amplitude" in left.sentence
     assert "the restoring force deviates from its law by 8 % (6 to 10)" in spring.sentence
     assert "the damping deviates by 40 % (30 to 60)" in damping.sentence
+
+
+def test_the_largest_reservation_comes_first() -> None:
+    """Another damping under exact laws, a twin, what is not determined, a shallow decay, a small misfit; then facts."""
+    told = findings(
+        damping={"viscous": 0.97, "coulomb": 0.03},
+        exact={"coulomb": 0.6, "viscous": 0.4},
+        term={"viscous": 1.0, "coulomb": 0.03, "quadratic": 0.01, "structural": 0.02},
+        bound={"coulomb": 0.05, "quadratic": 0.02, "structural": 0.45},
+        untold=("rest_angle",),
+        amplitudes=(0.3, 0.27),
+        unexplained=0.02,
+        midline=0.004,
+        exponent=Quantity(1.0, 0.9, 1.1),
+    )
+    said = decided(told, notes=["Given a note."]).remarks
+    starts = [
+        "If damping and spring followed their laws exactly, Coulomb (dry friction) would be",
+        "The record cannot distinguish viscous damping from structural",
+        "The record does not determine the rest angle; its interval is just the prior.",
+        "The amplitude falls by only 10 %, so damping models are hard to distinguish.",
+        "2 % of the amplitude is not explained by the law.",
+        "The midline drifts by 0.4 % of the first amplitude over the record.",
+        "Given a note.",
+        "Fitted as a power law, the damping force grows as v^(1.00 ± 0.10), which is viscous.",
+    ]
+    assert [line[: len(start)] for line, start in zip(said, starts, strict=True)] == starts
+    grown = decided(findings(amplitudes=(0.3, 0.31))).remarks
+    assert grown == ("The amplitude does not fall, so damping models are hard to distinguish.",)
+
+
+def test_averages_are_a_reservation_where_they_move_a_parameter() -> None:
+    cases = [
+        (thresholds.AVERAGED, "moves no parameter by more than 0.1 of its standard deviation"),
+        (
+            0.5,
+            "too many for the equation of motion; that moves parameters by up to 0.5 of their standard deviations",
+        ),
+        (math.inf, "the equation of motion could not be solved to check this approximation"),
+    ]
+    for error, text in cases:
+        (remark,) = decided(averages=Averages(2000.0, error)).remarks
+        assert remark.startswith("Amplitude and phase were averaged over 2,000 cycles")
+        assert text in remark
+
+
+def test_the_damping_over_its_law_where_it_is_worst() -> None:
+    """Only where it surely is further away than a law may be; above or below it."""
+    limit = 1 + thresholds.DEVIATES
+    near = Quantity(1.0, 0.9, 1.1)
+    for worst, shown in [
+        (Quantity(3.0, limit + 0.01, 4.0), True),
+        (Quantity(3.0, limit - 0.01, 4.0), False),
+        (Quantity(0.3, 0.2, 1 / (limit + 0.01)), True),
+    ]:
+        over = decided(findings(over_laws=(near, worst, near))).over_law
+        assert (over is not None) is shown
+        if over is not None:
+            assert (over.amplitude, over.value, over.low, over.high) == (
+                0.1,
+                worst.value,
+                worst.low,
+                worst.high,
+            )
+    two_off = (Quantity(0.1, 0.05, 0.2), Quantity(3.0, 2.0, 4.0), near)
+    over = decided(findings(over_laws=two_off)).over_law
+    assert over is not None
+    assert over.amplitude == 0.3
+
+
+def test_the_narrower_frequency_at_one_amplitude_is_given() -> None:
+    by_law = findings(frequency_at=Quantity(0.7118, 0.7117, 0.7119))
+    for half, own in [(0.5e-4, True), (2e-4, False)]:
+        free = measured()
+        interval = FrequencyAt(0.03, "rad", 0.7118, 0.7118 - half, 0.7118 + half)
+        verdict = decided(by_law, law_free=replace(free, frequency=interval))
+        assert verdict.frequency_at is not None
+        assert (verdict.frequency_at == interval) is own
+        elsewhere = replace(interval, amplitude=0.05)
+        assert decided(by_law, law_free=replace(free, frequency=elsewhere)).frequency_at != elsewhere
+
+
+def test_numbers_are_passed_on_in_their_units() -> None:
+    verdict = decided(findings(unnamed=Quantity(0.1, 0.0, 0.2), exotic={"power": 0.3}), unit="m")
+    assert (verdict.restoring, verdict.restoring_probability) == ("linear", 0.8)
+    assert (verdict.unexplained_pct, verdict.noise_pct) == pytest.approx((0.1, 0.4))
+    assert [(r.damping, r.probability) for r in verdict.rivals] == [("power", 0.3), ("viscous+coulomb", 0.03)]
+    assert verdict.unnamed is not None
+    assert (verdict.unnamed.value, verdict.unnamed.low, verdict.unnamed.high) == (0.1, 0.0, 0.2)
+    assert {r.unit for r in verdict.damping_ratio} == {"m"}
+    (coefficient,) = verdict.coefficients
+    assert (coefficient.sd_noise, coefficient.sd_law, coefficient.unit) == (1e-4, 4e-4, "1/s")

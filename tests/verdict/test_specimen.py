@@ -22,7 +22,7 @@ from bayesdamp.priors import SharedHalfNormal
 from bayesdamp.types import Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
-from bayesdamp.verdict.specimen import Answered, specimen
+from bayesdamp.verdict.specimen import Answered, pooled, specimen
 from bayesdamp.verdict.types import Verdict
 from tests.inference.runs import by_quadrature, run_of
 
@@ -180,6 +180,23 @@ def test_the_ratio_the_spread_and_one_more_record_are_those_of_a_sum() -> None:
     assert found.remarks[0].startswith("The damping differs between records by")
     assert found.frequency is not None
     assert found.frequency.value == pytest.approx(2.0)
+
+
+def test_frequencies_of_records_are_pooled_and_a_specified_one_stays() -> None:
+    """As numbers with the sds of their intervals; `pooled` has tests of its own."""
+    one, two = (answered(n, 0.01, {V: 0.0}) for n in "ab")
+    places, sd = [2.0, 2.3], 0.1 / 1.96
+    second = replace(two, verdict=replace(two.verdict, frequency=Interval(2.3, 2.2, 2.4, "Hz")))
+    expected = pooled(np.array(places), np.full(2, sd))
+    frequency = specimen("rig", [one, second]).frequency
+    assert frequency == Interval(
+        *(pytest.approx(x, rel=1e-9) for x in (expected.mean, expected.low, expected.high)), "Hz"
+    )
+    given = Interval(2.0, 2.0, 2.0, "Hz")
+    stated = [replace(a, verdict=replace(a.verdict, frequency=given)) for a in (one, two)]
+    assert specimen("rig", stated).frequency == given
+    unknown = [replace(a, verdict=replace(a.verdict, frequency=None)) for a in (one, two)]
+    assert specimen("rig", unknown).frequency is None
 
 
 def test_the_worst_grade_and_the_largest_deviation_are_the_specimens() -> None:

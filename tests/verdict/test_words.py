@@ -10,6 +10,7 @@ import pytest
 
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import (
+    Bound,
     DampingRatio,
     FrequencyAt,
     Grade,
@@ -145,3 +146,97 @@ def test_what_stays_loses_no_more_than_its_rate_allows() -> None:
         mode = Oscillation(1.1, *ratio, 0.2, 0.2, "rad")
         one = Verdict("a", Grade.NO_FREE_DECAY, False, "", math.nan, motion=MotionKind.STEADY, modes=(mode,))
         assert sentence(one).endswith(said)
+
+
+def oscillation(frequency: float, ratio: float, first: float, last: float) -> Oscillation:
+    return Oscillation(frequency, ratio, ratio - 0.001, ratio + 0.001, first, last, "rad")
+
+
+@pytest.mark.parametrize(
+    ("motion", "modes", "text"),
+    [
+        (
+            MotionKind.BEATS, (oscillation(1.1, 0.01, 0.2, 0.1), oscillation(1.3, 0.02, 0.1, 0.03)),
+            "two oscillations beat, at 1.1000 Hz (damping ratio 1.000 %, 0.900 to 1.100) and at 1.3000 Hz (damping "
+            "ratio 2.00 %, 1.90 to 2.10), the second with 50 % of the amplitude of the first.",
+        ),
+        (
+            MotionKind.TWO_MODES, (oscillation(1.1, 0.01, 0.2, 0.1), oscillation(3.3, 0.02, 0.01, 0.02)),
+            "it contains two modes, at 1.1000 Hz (damping ratio 1.000 %, 0.900 to 1.100) and at 3.3000 Hz (damping "
+            "ratio 2.00 %, 1.90 to 2.10), the second with 10 % of the amplitude of the first.",
+        ),
+        (
+            MotionKind.DRIVEN, (oscillation(1.1, 0.01, 0.2, 0.1), oscillation(1.3, 0.0, 0.1, 0.12)),
+            "something drives it at 1.3000 Hz with an amplitude of 0.12 rad, in addition to a decay at 1.1000 Hz "
+            "(damping ratio 1.000 %, 0.900 to 1.100).",
+        ),
+        (
+            MotionKind.EXCITED, (oscillation(1.1, 0.01, 0.1, 0.4),),
+            "at 1.1 Hz its amplitude rises and falls repeatedly between 0.1 and 0.4 rad, as under random forces.",
+        ),
+    ],
+)  # fmt: skip
+def test_what_a_record_is_instead_of_a_decay(
+    motion: MotionKind, modes: tuple[Oscillation, ...], text: str
+) -> None:
+    one = Verdict("a", Grade.NO_FREE_DECAY, False, "", math.nan, motion=motion, modes=modes)
+    assert sentence(one).startswith(f"Not the free decay of one oscillator: {text}")
+
+
+def test_how_well_the_law_holds_in_words() -> None:
+    cases = [
+        (Grade.EXACT, Interval(0.01, 0.0, 0.02), None, "; the law holds within 2 %."),
+        (Grade.EXACT, Interval(0.0, 0.0, 0.0001), None, "; the law holds within 0.1 %."),
+        (
+            Grade.APPROXIMATE, Interval(0.0009, 0.0, 0.04), None,
+            "; no deviation from the law is detected (95 %: below 4 %).",
+        ),
+        (Grade.APPROXIMATE, Interval(0.05, 0.0, 0.1), None, "; the law holds within 5 % (95 %: below 10 %)."),
+        (
+            Grade.APPROXIMATE, Interval(0.05, 0.0, 0.1), OverLaw(0.2, "rad", 2.0, 1.5, 2.5),
+            "; the law holds within 5 % (95 %: below 10 %) but at 0.2 rad, where the damping is 2.00 (1.50 to 2.50) "
+            "times the law's.",
+        ),
+    ]  # fmt: skip
+    for grade, deviation, over, text in cases:
+        one = Verdict("a", grade, True, "viscous", 0.99, deviation=deviation, over_law=over)
+        assert sentence(one).endswith(text)
+
+
+def test_several_dampings_and_those_that_are_sure() -> None:
+    """The likeliest first, also where it is another form; no more than three; two sure terms."""
+    shares = tuple(
+        Share(t, 0.5, 0.4, 0.6, p) for t, p in (("viscous", 0.97), ("coulomb", 0.96), ("quadratic", 0.9))
+    )
+    rivals = (Rival("coulomb", 0.2), Rival("power", 0.45), Rival("quadratic", 0.06), Rival("eddy", 0.04))
+    one = Verdict("a", Grade.EXACT, False, "viscous", 0.3, rivals, energy=shares)
+    assert (
+        "; damping power-law (|v|^p) (0.45) or viscous (0.30) or Coulomb (dry friction) (0.20); viscous and Coulomb "
+        "(dry friction) are sure" in sentence(one)
+    )
+    behind = replace(one, probability=0.04, energy=())
+    assert "; damping power-law (|v|^p) (0.45) or Coulomb (dry friction) (0.20)." in sentence(behind)
+
+
+def test_upper_limits_of_other_terms() -> None:
+    """Not of those that are likely rivals; a tiny one is not 0."""
+    bounds = (Bound("quadratic", 0.02), Bound("coulomb", 0.3), Bound("any other form", 0.0001))
+    one = Verdict(
+        "a", Grade.EXACT, True, "viscous", 0.9, (Rival("viscous+coulomb", 0.1),), other_forms=bounds
+    )
+    assert energy_of(one) == (
+        "Other damping terms can account for at most (95 %): quadratic (drag) 2 %, any other form 0.1 %.",
+    )
+
+
+def test_by_what_a_law_misses() -> None:
+    """The largest of three, relative to its threshold."""
+    ratio = DampingRatio(0.2, "rad", 0.01, 1e-4, 1e-4, 0.0098, 0.0102)
+    deviation, restoring = Interval(0.3, 0.2, 0.4), Interval(0.2, 0.01, 0.3)
+    one = Verdict("a", Grade.DEVIATES, False, "viscous", 0.9, damping_ratio=(ratio,), unexplained_pct=1.0)
+    one = replace(one, deviation=deviation, restoring_deviation=restoring)
+    assert sentence(one).endswith("is viscous, from which the damping deviates by 30 % (20 to 40).")
+    bent = replace(one, restoring_deviation=replace(restoring, low=0.1))
+    assert sentence(bent).endswith("while the restoring force deviates from its law by 20 % (10 to 30).")
+    left = replace(one, unexplained_pct=9.0)
+    assert sentence(left).endswith("which leaves 9 % of the amplitude unexplained.")

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy import optimize, stats
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation.candidate import MotionCandidate
@@ -10,60 +9,11 @@ from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.weighing import weigh_all
-from bayesdamp.inference.noise import FittedNoise
 from tests.physics.independent import viscous
 
-GAPS = np.full(1999, 0.01)
-T = 0.01 * np.arange(2000)
 MADE = {"stiffness": 20.0, "duration": 12.0, "samples": 600, "noise_sd": 0.002}
 ASKED = {"damping": ["viscous", "coulomb"], "restoring": ["linear"], "sample": False}
 RATIO = 0.05 / 20.0**0.5
-
-
-def straight_line(noise: FittedNoise, y: np.ndarray, columns: np.ndarray, rounds: int) -> np.ndarray:
-    """Return coefficients by repeated least squares to working residuals."""
-    c = np.linalg.lstsq(columns, y, rcond=None)[0]
-    for _ in range(rounds):
-        r = y - columns @ c
-        variance = noise.variance(r, columns[:, 0], GAPS)
-        working = columns @ c + noise.working_residuals(r, GAPS, variance)
-        c = np.linalg.lstsq(columns, working, rcond=None)[0]
-    return c
-
-
-def test_working_residuals_lead_to_the_mode_of_the_density():
-    """SciPy's maximum of Student's likelihood; one fit to the record itself is far from it."""
-    rng = np.random.default_rng(1)
-    columns = np.column_stack([np.cos(4 * T), np.sin(4 * T)])
-    y = columns @ [1.0, 0.5] + 0.05 * rng.standard_t(2.0, T.size)
-    noise = FittedNoise("student_t", {"noise_sd": 0.05, "noise_dof": 2.0})
-
-    def depth(c: np.ndarray) -> float:
-        return -float(np.sum(stats.t.logpdf((y - columns @ c) / 0.05, 2.0)))
-
-    best = optimize.minimize(
-        depth, [1.0, 0.5], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-9}
-    ).x
-    sd = 0.05 * np.sqrt(2 / T.size)
-    assert np.abs(straight_line(noise, y, columns, 20) - best).max() < 1e-3 * sd
-    assert np.abs(straight_line(noise, y, columns, 0) - best).max() > 0.3 * sd
-
-
-def test_variance_of_heavy_tails():
-    """Student's Fisher information is (ν + 1)/(ν + 3)/σ²; 2000 samples leave a few per cent."""
-    r = 0.1 * np.random.default_rng(2).standard_t(3.0, T.size)
-    noise = FittedNoise("student_t", {"noise_sd": 0.1, "noise_dof": 3.0})
-    assert noise.variance(r, np.cos(4 * T), GAPS) == pytest.approx(0.1**2 * 6 / 4, rel=0.1)
-
-
-@pytest.mark.parametrize("frequency", [0.5, 4.0, 30.0])
-def test_variance_of_correlated_noise(frequency: float):
-    """It is the power of an autoregressive process of order 1 at the frequency of the shift."""
-    rho = np.exp(-0.01 / 0.05)
-    power = (1 - rho**2) / (1 - 2 * rho * np.cos(0.01 * frequency) + rho**2)
-    noise = FittedNoise("correlated", {"noise_sd": 1.0, "noise_time": 0.05})
-    found = noise.variance(np.ones(T.size), np.cos(frequency * T), GAPS)
-    assert found == pytest.approx(power, rel=0.05)
 
 
 def spoilt(seed: int = 3) -> bd.Signal:

@@ -6,17 +6,15 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.sample_noise import SampleNoise
 from bayesdamp.inference.deviation.weighing import weigh_all
-from bayesdamp.inference.noise import NOISES, fit_noise
+from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.records.cleaning.clean import recording_step
-from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import Signal
 
 TIMES = np.linspace(0.0, 10.0, 301)
@@ -64,20 +62,6 @@ def test_the_true_noise_is_the_likeliest(kind):
     others = [log for name, log in by_name.items() if name != kind]
     assert by_name[kind] > max(others) + (0.0 if kind == "gaussian" else 5.0)
     assert ("quantised" in by_name) == (kind == "quantised")
-
-
-def test_evidence_of_residuals_against_quadrature():
-    """Of normal residuals, over the logarithm of their sd on a fine grid."""
-    r = SD * np.random.default_rng(3).standard_normal(TIMES.size)
-    signal = Signal(TIMES, motion(0.2) + r)
-    observed = features(signal)
-    result = fit_noise("gaussian", r, signal, observed)
-    z = np.linspace(-3.0, 3.0, 20_001)
-    sd = observed.roughness * np.exp(z)
-    log = stats.norm.logpdf(z) - 0.5 * np.sum(r**2) / sd**2 - r.size * np.log(sd * np.sqrt(2 * np.pi))
-    expected = log.max() + np.log(np.trapezoid(np.exp(log - log.max()), z))
-    assert result.log_evidence == pytest.approx(expected, abs=0.01)
-    assert result.values["noise_sd"] == pytest.approx(np.sqrt(np.mean(r**2)), rel=0.01)
 
 
 def test_a_term_that_is_missing_is_not_taken_for_noise():

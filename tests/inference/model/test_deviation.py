@@ -16,7 +16,8 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import Signal
+from bayesdamp.types import Refusal, Signal
+from tests.inference.problems import FEATURES
 
 NOISE = 0.01
 TIMES = np.linspace(0.0, 6.0, 120)
@@ -107,3 +108,54 @@ def test_deviations_are_drawn_from_their_conditional_distribution() -> None:
     assert np.all(np.abs(drawn.mean(axis=0) - mean) < 5 * sd / np.sqrt(4000))
     assert np.cov(drawn.T) == pytest.approx(covariance, rel=0.1, abs=0.1 * float(sd.min()) ** 2)
     assert np.any(np.abs(mean) > 10 * sd / np.sqrt(4000))
+
+
+def dense(deviation: Deviation) -> np.ndarray:
+    """Covariance of record minus motion under each combination, (c, n, n)."""
+    effects = deviation.basis @ deviation.effects * NOISE
+    return NOISE**2 * np.eye(TIMES.size) + effects @ np.swapaxes(effects, 1, 2)
+
+
+def test_whitening_and_information_are_those_of_the_dense_covariance() -> None:
+    """Under one combination the scores are linear in the residuals, with unit covariance; under two, the information is
+    the mean of the inverse covariances. Control: one of them alone."""
+    whole = deviating(3).target.deviation
+    assert whole is not None
+    whole = replace(whole, probabilities=np.array([0.2, 0.8]))
+    covariances, gaps = dense(whole), np.diff(TIMES)
+    for c in range(2):
+        of = whole.under(c)
+        zero = of.whiten(np.zeros(TIMES.size), gaps, {})
+        linear = np.array([of.whiten(column, gaps, {}) - zero for column in np.eye(TIMES.size)]).T
+        assert linear @ covariances[c] @ linear.T == pytest.approx(np.eye(TIMES.size), abs=1e-8)
+        assert zero == pytest.approx(linear @ of.shift, abs=1e-8)
+    v = np.stack([np.sin(2 * TIMES), np.cos(TIMES)])
+    root = whole.information_root(v, gaps, {})
+    each = [v @ np.linalg.solve(covariance, v.T) for covariance in covariances]
+    assert root @ root.T == pytest.approx(0.2 * each[0] + 0.8 * each[1], rel=1e-8)
+    assert root @ root.T != pytest.approx(each[0], rel=0.01)
+
+
+def test_combinations_are_drawn_by_their_probabilities() -> None:
+    """1,000 draws, to five standard errors, of residuals that leave both combinations possible; and the mixture's
+    scores are those of the likeliest one."""
+    whole, rng, gaps = deviating(3).target.deviation, np.random.default_rng(4), np.diff(TIMES)
+    assert whole is not None
+    logs, r = np.zeros(2), np.zeros(TIMES.size)
+    for size in (0.5, 1.0, 2.0, 4.0):
+        r = size * NOISE * whole.basis.sum(axis=1) - whole.shift
+        normals = [stats.multivariate_normal(cov=covariance) for covariance in dense(whole)]
+        logs = np.log([0.7, 0.3]) + [normal.logpdf(r + whole.shift) for normal in normals]
+        likeliest = whole.under(int(np.argmax(logs)))
+        assert whole.whiten(r, gaps, {}) == pytest.approx(likeliest.whiten(r, gaps, {}), abs=1e-12)
+        p = float(np.exp(logs[1] - logsumexp(logs)))
+        share = np.mean([whole.combination_given(r, rng) for _ in range(1000)])
+        assert abs(share - p) < 5 * np.sqrt(p * (1 - p) / 1000) + 1e-3
+
+
+def test_a_mixture_has_no_density_of_single_samples() -> None:
+    whole = deviating(3).target.deviation
+    assert whole is not None
+    assert whole.priors(FEATURES) == whole.start(TIMES, np.diff(TIMES)) == {}
+    with pytest.raises(Refusal, match="independent only given the deviations"):
+        whole.log_likelihoods(TIMES, np.diff(TIMES), {})

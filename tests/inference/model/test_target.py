@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.special import logsumexp
 
 from bayesdamp.inference.mode import BUDGET
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target, build_target, default_prior
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import SHARED_SIGMAS, HalfNormal, LogNormal, Normal, Prior, SharedHalfNormal, Uniform
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.priors import (
+    SHARED_SIGMAS,
+    HalfNormal,
+    LogNormal,
+    LogUniform,
+    Normal,
+    Prior,
+    SharedHalfNormal,
+    Uniform,
+)
 from bayesdamp.types import Reference, Refusal, Seed, Signal, System
 from tests.inference import problems
 from tests.inference.problems import FEATURES
@@ -122,6 +134,7 @@ STATED: dict[str, Prior] = {
     "omega0": Normal(mean=0.0, sd=2 * 0.3 * 4.47),
     "noise_sd": LogNormal(median=FEATURES.roughness, sigma=1.0),
     "noise_dof": LogNormal(median=6.0, sigma=0.8),
+    "epsilon": LogUniform(low=0.0005 * 0.3 * 4.47, high=0.05 * 0.3 * 4.47),
 }
 """Half the stiffness for what stands beside it, twice the amplitude for angles and start."""
 
@@ -169,3 +182,154 @@ def test_draws_of_the_default_prior():
     assert stats.kstest(sizes[:, 0], of_all_scales).pvalue > 1e-4
     assert np.corrcoef(np.log(sizes).T)[0, 1] > 0.8
     assert np.all(np.abs(np.std(z[:, ~target.shared], axis=0) - 1) < 0.03)
+
+
+@lru_cache
+def sharing() -> tuple[Likelihood, np.ndarray]:
+    """A record under default priors, of which two coefficients share a scale; scores off the mode."""
+    t = np.linspace(0, 5, 60)
+    y = 0.3 * np.exp(-0.2 * t) * np.cos(4.47 * t) + 0.01 * np.random.default_rng(2).standard_normal(t.size)
+    target = build_target(
+        Signal(t, y), ("viscous", "coulomb"), System("linear", {"rest_angle": 0.0}, {}), FEATURES, REFERENCE
+    )
+    truth = {"zeta": 0.2, "mu_c": 0.02, "stiffness": 20.0, "theta0": 0.29, "omega0": -0.05, "noise_sd": 0.012}
+    z = target.scores(truth)
+    return Likelihood.near(target, z, 1e-9), z
+
+
+def log_prior(likelihood: Likelihood, z: np.ndarray, scales: tuple[float, ...]) -> float:
+    """Log of the mean over scales of normal densities, by SciPy."""
+    shared = likelihood.target.shared
+    logs = [float(stats.norm.logpdf(z[shared], scale=s).sum()) for s in scales]
+    return float(logsumexp(logs) - np.log(len(scales)) + stats.norm.logpdf(z[~shared]).sum())
+
+
+def differences(function: Callable[[np.ndarray], np.ndarray | float], z: np.ndarray, d: float) -> np.ndarray:
+    """Central differences of a function by each score."""
+    return np.array([(function(z + s) - function(z - s)) / (2 * d) for s in d * np.eye(z.size)])
+
+
+@pytest.mark.parametrize("size", [0.05, 1.0, 3.0])
+def test_prior_of_coefficients_that_share_a_scale(size):
+    """The density, its slope and the factors of it; of all scales together and of one."""
+    likelihood, z = sharing()
+    target = likelihood.target
+    z = np.where(target.shared, size * np.array([1.0, -0.7, 0, 0, 0, 0]), 0.4 * z)
+    for of, scales in ((likelihood, target.scales), (likelihood.with_scale(0.5), (0.5,))):
+        expected = log_prior(likelihood, z, scales)
+        assert float(of.log_prior(z)) == pytest.approx(expected, rel=1e-12)
+        assert of.log_posterior(z) - of.log_likelihood(z) == pytest.approx(expected, rel=1e-9, abs=1e-6)
+        slope = differences(lambda u, s=scales: log_prior(likelihood, u, s), z, 1e-5)
+        assert of._prior(z)[1] == pytest.approx(slope, rel=1e-6, abs=1e-8)
+        assert -z * target.prior_precision(z, scales) == pytest.approx(slope, rel=1e-6, abs=1e-8)
+    assert likelihood.folded(z[None])[0] == pytest.approx(likelihood.log_posterior(z) + 2 * np.log(2.0))
+
+
+@pytest.mark.parametrize("louder", [1.0, 30.0])
+def test_curvature_is_that_of_the_linearised_motion_and_of_the_noise(louder):
+    """JᵀJ/σ² by differences of the motion, the second derivative of the noise's density in closed form, and the prior's
+    factors; also where noise is far larger than the residuals. Control: without the prior's it is another."""
+    likelihood, z = sharing()
+    z = z + np.log(louder) * np.eye(z.size)[-1]
+    target, p = likelihood.target, likelihood.target.all_values(z)
+    value, gradient, information = likelihood.curvature(z)
+    assert value == pytest.approx(likelihood.log_posterior(z), rel=1e-12)
+    assert gradient == pytest.approx(differences(likelihood.log_posterior, z, 1e-5), rel=1e-4, abs=1e-2)
+    slopes = differences(likelihood.motion, z, 1e-5)
+    squares = float(np.sum(likelihood.residual(z) ** 2))
+    of_noise = np.zeros_like(information)
+    of_noise[-1, -1] = (
+        2 * squares / p["noise_sd"] ** 2
+    )  # the score is the logarithm of the sd, in units of one
+    expected = slopes @ slopes.T / p["noise_sd"] ** 2 + of_noise
+    prior = np.diag(target.prior_precision(z))
+    scale = np.sqrt(np.outer(np.diag(expected + prior), np.diag(expected + prior)))
+    assert information / scale == pytest.approx((expected + prior) / scale, abs=1e-3)
+    assert np.abs(information - expected)[0, 0] > 0.01 * prior[0, 0] > 0
+
+
+def test_values_and_slopes_by_parameters():
+    """Without the prior, at parameters by name; escaping motions have no slope."""
+    likelihood, z = sharing()
+    names, p = likelihood.target.names, likelihood.target.all_values(z)
+    assert likelihood.log_likelihood_of(p) == pytest.approx(likelihood.log_likelihood(z), rel=1e-12)
+    value, slopes = likelihood.slopes_of(p)
+    assert value == pytest.approx(likelihood.log_likelihood(z), rel=1e-12)
+    for name, slope in zip(names, slopes, strict=True):
+        step = 1e-6 * max(abs(p[name]), 0.1)
+        up, down = (likelihood.log_likelihood_of({**p, name: p[name] + s}) for s in (step, -step))
+        assert slope == pytest.approx((up - down) / (2 * step), rel=1e-3, abs=0.05), name
+    r = likelihood.residual(z)
+    assert likelihood.whitened(r, z) == pytest.approx(r / p["noise_sd"], rel=1e-12)
+    assert likelihood.information(r, z) == pytest.approx(float(r @ r) / p["noise_sd"] ** 2, rel=1e-12)
+
+
+def test_a_linearised_motion_is_exact_where_the_motion_is_linear():
+    """A linear oscillator's motion is linear in its start; in its stiffness, the control, it is not."""
+    t = np.linspace(0, 5, 60)
+    known = {"rest_angle": 0.0, "noise_sd": 0.02}
+    priors: dict[str, Prior] = {
+        "zeta": HalfNormal(scale=0.4), "stiffness": LogNormal(median=20.0, sigma=0.3),
+        "theta0": Normal(mean=0.0, sd=0.5), "omega0": Normal(mean=0.0, sd=1.0),
+    }  # fmt: skip
+    signal = Signal(t, 0.3 * np.cos(4.4 * t))
+    target = Target(signal, Oscillator(("viscous",), "linear"), "gaussian", priors, known)
+    z = target.scores({"zeta": 0.2, "stiffness": 20.0, "theta0": 0.3, "omega0": 0.1})
+    likelihood = Likelihood.near(target, z, 1e-10)
+    line = likelihood.line(z)
+    assert likelihood.log_posterior_along(line, z) == pytest.approx(likelihood.log_posterior(z), rel=1e-9)
+    start, stiff = z + np.array([0, 0, 0.3, -0.2]), z + np.array([0, 0.3, 0, 0])
+    assert likelihood.log_posterior_along(line, start) == pytest.approx(
+        likelihood.log_posterior(start), rel=1e-6
+    )
+    along, exact = likelihood.gradient_along(line, start), likelihood.gradient(start)[1]
+    assert along[2:] == pytest.approx(exact[2:], rel=1e-5)
+    assert likelihood.log_posterior_along(line, stiff) != pytest.approx(
+        likelihood.log_posterior(stiff), rel=0.01
+    )
+
+
+def test_a_step_follows_the_natural_coordinates_of_its_law():
+    """Its end has the natural coordinates of the straight line that begins as the step does. Control: the straight step
+    in scores has others; a law without natural coordinates is not followed."""
+    t = np.linspace(0, 5, 60)
+    law = LAWS.get("horizontal_pendulum")
+    names = (*law.parameters, "theta0")
+    osc = Oscillator(("viscous",), "horizontal_pendulum")
+    priors: dict[str, Prior] = {"zeta": HalfNormal(scale=0.4)}
+    priors |= {n: default_prior(n, osc, "gaussian", REFERENCE, FEATURES) for n in names}
+    target = Target(Signal(t, np.cos(t)), osc, "gaussian", priors, {"omega0": 0.0, "noise_sd": 0.1})
+    z = target.scores(
+        {"stiffness": 18.0, "gravity": 2.0, "spring_angle": 0.02, "rest_angle": 0.02, "theta0": 0.3}
+    )
+    step = np.linspace(0.1, 0.4, z.size)
+
+    def natural(at: np.ndarray) -> np.ndarray:
+        found = law.natural({n: float(v) for n, v in target.values(at).items()})
+        assert found is not None
+        return np.array([found[n] for n in names])
+
+    end, d = target.followed(z, step), 1e-5
+    expected = natural(z) + (natural(z + d * step) - natural(z - d * step)) / (2 * d)
+    assert natural(end) == pytest.approx(expected, rel=1e-4, abs=1e-4)
+    assert end[0] == z[0] + step[0]  # of the damping
+    assert natural(z + step) != pytest.approx(expected, rel=1e-3, abs=1e-3)
+    likelihood, other = sharing()
+    straight = 0.1 * np.ones(other.size)
+    assert likelihood.target.followed(other, straight) == pytest.approx(other + straight, abs=1e-12)
+
+
+def test_scores_and_values_go_back_and_forth():
+    likelihood, z = sharing()
+    target = likelihood.target
+    values = {n: float(v) for n, v in target.values(z).items()}
+    assert target.scores(values) == pytest.approx(z, abs=1e-9)
+    assert target.all_values(z) == pytest.approx({**target.known, **values})
+    assert target.noise_values(z) == pytest.approx({"noise_sd": values["noise_sd"]})
+    missing = target.scores({**{n: v for n, v in values.items() if n != "zeta"}, "theta0": 1e6})
+    assert (missing[0], missing[target.names.index("theta0")]) == (0.5, 6.0)
+    slopes = [differences(lambda u, n=n: target.values(u)[n], z, 1e-6)[i] for i, n in enumerate(target.names)]
+    assert target.rates(z) == pytest.approx(slopes, rel=1e-6)
+    motion_alone = {n: p for n, p in target.priors.items() if n != "noise_sd"}
+    with pytest.raises(ValueError, match="neither known nor inferred: noise_sd"):
+        Target(target.signal, target.oscillator, "gaussian", motion_alone, target.known)

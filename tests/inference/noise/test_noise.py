@@ -130,6 +130,26 @@ def test_whitened_noise_is_white(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_a_model_draws_its_own_noise(name):
+    """4,000 whitened draws are white; rounded ones are compared by their variance, with Sheppard's correction."""
+    model, rng = NOISES.get(name), np.random.default_rng(6)
+    many = np.array([model.draw(rng, GAPS, P) for _ in range(40)])
+    assert many.shape == (40, T.size)
+    if name == "quantised":
+        assert np.var(many) == pytest.approx(P["noise_sd"] ** 2 + P["noise_step"] ** 2 / 12, rel=0.1)
+    else:
+        assert is_white(model.whiten(many, GAPS, P))
+
+
+def test_correlated_residuals_given_all_others():
+    """Against the conditional normal distributions of the dense covariance."""
+    r, precision = drawn("correlated", np.random.default_rng(1))[0], np.linalg.inv(KERNEL)
+    sd = np.diag(precision) ** -0.5
+    expected = stats.norm.logpdf(r, r - precision @ r * sd**2, sd)
+    np.testing.assert_allclose(NOISES.get("correlated").log_likelihoods(r, GAPS, P), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_information_is_the_mean_curvature(name):
     """RᵀR against the mean of −∂² log density over 4,000 drawn residuals, in a direction; within 5 %.
 

@@ -13,6 +13,7 @@ from bayesdamp.records.envelope.window import EnvelopeWindow, bounded
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.envelope import specimen
+from bayesdamp.verdict.specimen import pooled
 from validation.truth.ringdowns import NEPER, Ringdown, simulate
 
 RING = {"fall": 45.0, "scatter": 0.02, "scatter_time": 0.5, "behind": 15.0}
@@ -120,3 +121,89 @@ def test_what_is_no_envelope_is_refused():
         made_record("x", np.array([0.0, 2.0, 1.0]), np.ones(3), "V")
     flat = made_record("x", t, -50.0 + 0.1 * np.random.default_rng(0).random(200), "dBm")
     assert verdict(flat).grade == "no_free_decay"
+
+
+def test_two_dampings_that_an_envelope_cannot_tell_are_not_decided():
+    """A fall of 6 dB in two seconds. Control: of 35 dB."""
+    t = 0.02 * np.arange(600)
+    readings = 5.0 * np.exp(-0.35 * t) * np.exp(0.03 * np.random.default_rng(5).standard_normal(t.size))
+    for count, decided in ((100, False), (600, True)):
+        result = verdict(made_record("x", t[:count], readings[:count], "V", 3.0))
+        assert (result.probability >= 0.95) is result.decided is decided
+        assert any("falls by only" in line for line in result.remarks) is not decided
+
+
+def test_no_rate_is_known_better_than_the_sensor():
+    """Its error alone: the linearity, and of a record in dB the drift of its gain over half of the decay; both within a
+    fifth, where the law holds exactly and the readings are good."""
+    t = 0.02 * np.arange(400)
+    readings = 5.0 * np.exp(-0.5 * t + 0.002 * np.random.default_rng(3).standard_normal(t.size))
+    for level, unit, fall in (
+        (readings, "V", np.inf),
+        (20 * np.log10(readings), "dBV", 20 * np.log10(np.exp(0.5 * t[-1]))),
+    ):
+        result = verdict(made_record("x", t, level, unit, 3.0))
+        (_, middle, _) = result.decay_rate
+        assert middle.value == pytest.approx(0.5, rel=0.01)
+        assert middle.sd_law == pytest.approx(0.5 * np.hypot(0.002, 0.1 / (0.5 * fall)), rel=0.2)
+        omega = 2 * np.pi * 3.0
+        ratio, quality = result.damping_ratio[1], result.quality_factor_at[1]
+        assert (ratio.value, quality.value) == pytest.approx(
+            (middle.value / omega, omega / 2 / middle.value), rel=1e-3
+        )
+        assert middle.amplitude == pytest.approx(level[np.argmin(np.abs(t - 0.5 * t[-1]))], rel=0.05)
+
+
+def test_coefficients_have_the_unit_of_the_readings_amplitude():
+    """Friction takes a fixed amplitude a second, 2μ/πω: in volts, in the root of a power, or in shares of the start."""
+    t = 0.02 * np.arange(400)
+    amplitude = 5.0 - 0.5 * t
+    readings = amplitude * np.exp(0.003 * np.random.default_rng(4).standard_normal(t.size))
+    mu = 0.5 * np.pi * (2 * np.pi * 3.0) / 2
+    for level, unit, named, size in (
+        (readings, "V", "V/s²", mu),
+        (readings**2, "mW", "√mW/s²", mu),
+        (readings**2, "V^2", "V/s²", mu),
+        (20 * np.log10(readings), "dBV", "A_start/s²", mu / 5.0),
+    ):
+        result = verdict(made_record("x", t, level, unit, 3.0))
+        assert result.damping == "coulomb"
+        (coefficient,) = result.coefficients
+        assert (coefficient.name, coefficient.unit) == ("mu_c", named)
+        assert coefficient.value == pytest.approx(size, rel=0.02)
+
+
+def test_the_head_states_another_quality():
+    record = replace(ringdown({"viscous": 0.2}, 1)[0], facts={"Quality factor": "2e7 (supplier)"})
+    result = verdict(record)
+    own = result.quality_factor
+    off = (2e7 - own.value) / np.hypot(own.sd_noise, own.sd_law)
+    assert f"states Q = 2 × 10⁷, {off:.1f} standard deviations above this." in " ".join(result.remarks)
+
+
+@pytest.mark.parametrize("frequency", [1e6, None])
+def test_numbers_of_repeats_are_pooled_as_logarithms(frequency):
+    """By hand: of records with stated rates and sds. Without a frequency the rates are pooled, and the damping too."""
+    answers = []
+    for seed, scale in ((1, 1.0), (2, 1.03), (3, 0.98)):
+        answer = analyse(replace(ringdown({"viscous": 0.2}, seed)[0], frequency=frequency))
+        rate, quality = answer.verdict.rate, answer.verdict.quality_factor
+        changed = replace(answer.verdict, rate=replace(rate, value=0.2 * scale))
+        if quality is not None:
+            changed = replace(changed, quality_factor=replace(quality, value=1.5e7 * scale))
+        answers.append(replace(answer, verdict=changed))
+    found = specimen("x", answers)
+    each = [a.verdict.quality_factor if frequency else a.verdict.rate for a in answers]
+    x = np.log([e.value for e in each])
+    sd = np.array([np.hypot(e.sd_noise, e.sd_law) / e.value for e in each])
+    p, common = pooled(x, sd), found.quality_factor if frequency else found.rate
+    assert (found.rate is None, found.quality_factor is None) == (bool(frequency), not frequency)
+    assert common.value == pytest.approx(np.exp(p.mean), rel=1e-9)
+    assert common.sd_noise == pytest.approx(common.value * np.sum(sd**-2.0) ** -0.5, rel=1e-9)
+    assert np.hypot(common.sd_noise, common.sd_law) == pytest.approx(common.value * p.sd, rel=1e-9)
+    assert (common.low, common.high) == pytest.approx(tuple(np.exp(p.mean + p.sd * np.array([-1.96, 1.96]))))
+    assert (found.next_value.low, found.next_value.high) == pytest.approx((np.exp(p.low), np.exp(p.high)))
+    middle = np.sum(x / sd**2) / np.sum(sd**-2.0)
+    assert found.standardised == pytest.approx(np.sum(((x - middle) / sd) ** 2) / 2, rel=1e-9)
+    assert found.damping == "viscous"
+    assert found.probability > 0.9
