@@ -296,9 +296,10 @@ def mode_of(
     hold : float
         How firmly they are held there (Marquardt's parameter, in units of the prior's information).
     """
-    top = int(np.argmax(normals(model, grid, variance, model.count).log))
+    top = int(np.argmax(normals(model, grid, variance, model.count, scores_only=True).log))
     d, total, sd = model.positive.size, model.root.shape[1], np.sqrt(variance)
-    root = grid.roots(d)[top]
+    root = np.eye(total)
+    root[d:, d:] = grid.only(np.array([top])).factors[0]
     stacked = np.concatenate([model.root @ root / sd, np.eye(total)])
     aim = np.concatenate([model.target / sd, np.zeros(total)])
     positive = np.concatenate([model.positive, np.zeros(total - d, bool)])

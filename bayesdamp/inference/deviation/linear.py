@@ -5,9 +5,9 @@ Evidence and posteriors over a grid of the deviations' hyperparameters, which ar
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import product
 
 import numpy as np
@@ -37,20 +37,38 @@ NONE: Size = (0.0, 1.0, 0.0)
 
 @dataclass(frozen=True)
 class Grid:
-    """Combinations of hyperparameters: log prior masses (c,), factors of the covariances of (g, h), (c, 2n, 2n)."""
+    """Combinations of hyperparameters.
+
+    Attributes
+    ----------
+    size_g, size_h : ndarray, shape (c,)
+        Sizes of both deviations.
+    log_prior : ndarray, shape (c,)
+        Log prior masses.
+    scales : ndarray, shape (c, 2n)
+        The sizes, of g and of h, by which the columns of a factor are multiplied.
+    lengths : ndarray of int, shape (c,)
+        Places of the factors.
+    roots : ndarray, shape (p, 2n, 2n)
+        Factors of the covariances of (g, h) for sizes of 1, one for each pair of correlation lengths.
+    """
 
     size_g: np.ndarray
     size_h: np.ndarray
     log_prior: np.ndarray
-    factors: np.ndarray
+    scales: np.ndarray
+    lengths: np.ndarray
+    roots: np.ndarray
 
-    def roots(self, scores: int) -> np.ndarray:
-        """Return factors of the prior covariances of (scores, g, h), (c, K, K), for a number of scores."""
-        total = scores + self.factors.shape[1]
-        roots = np.zeros((self.log_prior.size, total, total))
-        roots[:, np.arange(scores), np.arange(scores)] = 1.0
-        roots[:, scores:, scores:] = self.factors
-        return roots
+    @property
+    def factors(self) -> np.ndarray:
+        """Factors of the covariances of (g, h), (c, 2n, 2n)."""
+        return self.roots[self.lengths] * self.scales[:, None, :]
+
+    def only(self, places: np.ndarray) -> Grid:
+        """Return some of the combinations, by their places (k,)."""
+        each = (self.size_g, self.size_h, self.log_prior, self.scales, self.lengths)
+        return Grid(*(values[places] for values in each), self.roots)
 
 
 def knots_of(duration: float, cycles: float) -> np.ndarray:
@@ -91,7 +109,7 @@ def grid_of(
     if phases:
         return _combine(knots, of_g, of_h, absorbed)
     grid = _combine(knots, of_g, [NONE], absorbed)
-    return replace(grid, factors=grid.factors[:, :knots, :knots])
+    return replace(grid, scales=grid.scales[:, :knots], roots=grid.roots[:, :knots, :knots])
 
 
 @lru_cache(maxsize=8)
@@ -125,12 +143,15 @@ def _combine(
     centre = np.eye(knots) - np.tile(weights / np.sum(weights), (knots, 1))
     about_g, about_h = (centre if yes else np.eye(knots) for yes in absorbed)
     pairs = list(product(of_g, of_h))
-    factors = np.zeros((len(pairs), 2 * knots, 2 * knots))
-    for factor, ((g, length_g, _), (h, length_h, _)) in zip(factors, pairs, strict=True):
-        factor[:knots, :knots] = g * about_g @ smooth_root(knots, length_g)
-        factor[knots:, knots:] = h * about_h @ smooth_root(knots, length_h)
+    lengths = {lengths: place for place, lengths in enumerate(dict.fromkeys((g[1], h[1]) for g, h in pairs))}
+    roots = np.zeros((len(lengths), 2 * knots, 2 * knots))
+    for (length_g, length_h), root in zip(lengths, roots, strict=True):
+        root[:knots, :knots] = about_g @ smooth_root(knots, length_g)
+        root[knots:, knots:] = about_h @ smooth_root(knots, length_h)
     size_g, size_h, log_prior = np.array([(g[0], h[0], g[2] + h[2]) for g, h in pairs]).T
-    return Grid(size_g, size_h, log_prior, factors)
+    scales = np.repeat(np.column_stack([size_g, size_h]), knots, axis=1)
+    places = np.array([lengths[g[1], h[1]] for g, h in pairs])
+    return Grid(size_g, size_h, log_prior, scales, places, roots)
 
 
 @lru_cache(maxsize=32)
@@ -215,11 +236,12 @@ class Weighed:
         Log evidence of all, in nats.
     combos : ndarray of int, shape (m,)
         Place of each combination in the grid of the deviations' hyperparameters.
-    normals : Normals
-        Posteriors under N(0, 1) priors over this grid.
-    scaled, scales
-        Posteriors under other scales of the shared scores, and the scale of each combination, (m,); None where no
-        scores share one.
+    scales : ndarray of int, shape (m,), optional
+        Place of each combination's scale of the shared scores; None where no scores share one.
+    positive, shared : ndarray of bool, shape (d,)
+        Scores that must not be negative, and that share a scale.
+    whole : callable
+        Returns the posteriors under N(0, 1) priors under some places of the grid.
     damping : DampingLikelihood, optional
         The likelihood of the damping alone.
     """
@@ -227,31 +249,33 @@ class Weighed:
     log_each: np.ndarray
     log_evidence: float
     combos: np.ndarray
-    normals: Normals
-    scaled: _Scaled | None = None
-    scales: np.ndarray | None = None
+    scales: np.ndarray | None
+    positive: np.ndarray
+    shared: np.ndarray
+    whole: Callable[[np.ndarray], Normals]
     damping: DampingLikelihood | None = None
 
     def posteriors(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return means (k, K) and factors F, (k, K, K), of the covariances F Fᵀ at places (k,), not yet cut at zero."""
-        combos = self.combos[places]
-        if self.scaled is None or self.scales is None:
-            return self.normals.means[combos], self.normals.factors[combos]
-        return self.scaled.posteriors(combos, self.scales[places])
+        combos, rows = np.unique(self.combos[places], return_inverse=True)
+        normals = self.whole(combos)
+        if self.scales is None:
+            return normals.means[rows], normals.factors[rows]
+        return _Scaled.of(normals, self.positive, self.shared).posteriors(rows, self.scales[places])
 
     @cached_property
-    def _whole(self) -> tuple[np.ndarray, np.ndarray]:
+    def _every(self) -> tuple[np.ndarray, np.ndarray]:
         return self.posteriors(np.arange(self.combos.size))
 
     @property
     def means(self) -> np.ndarray:
         """Posterior mean under every combination, (m, K)."""
-        return self._whole[0]
+        return self._every[0]
 
     @property
     def factors(self) -> np.ndarray:
         """Factor of the covariance under every combination, (m, K, K)."""
-        return self._whole[1]
+        return self._every[1]
 
     def only(self, which: np.ndarray) -> Weighed:
         """Return the result over some of the combinations, (m,) of bool, without the likelihood of the damping."""
@@ -318,44 +342,91 @@ def _inverse(lower: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Normals:
-    """Normal posteriors under each combination of a grid, with the prior N(0, 1) of either sign for each score.
+    """Normal posteriors under each of c combinations, with the prior N(0, 1) of either sign for each score.
 
-    Log evidence (c,), means (c, K), and factors of the covariances, (c, K, K).
+    Log evidence (c,), means (c, K), and factors of the covariances, (c, K, K), of the scores, or of scores, g and h.
     """
 
     log: np.ndarray
     means: np.ndarray
     factors: np.ndarray
 
+    def only(self, places: np.ndarray) -> Normals:
+        """Return some of the combinations, by their places or as a mask."""
+        return Normals(self.log[places], self.means[places], self.factors[places])
 
-def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float) -> Normals:
-    """Compute the posteriors over a grid. Arguments as of `weigh`; the variance may be one per combination, (c,)."""
-    roots, total = grid.roots(model.positive.size), model.root.shape[1]
-    variance = np.broadcast_to(variance, len(roots))
-    sd = np.sqrt(variance)[:, None]
-    white = model.root @ roots / sd[:, :, None]
-    target = model.target / sd
-    information = np.swapaxes(white, 1, 2) @ white
-    information[:, np.arange(total), np.arange(total)] += 1.0
-    if information.diagonal(axis1=1, axis2=2).max() < PRECISE:
-        lower = np.linalg.cholesky(information)
-        inverse = _inverse(lower)
-        half = (inverse @ (np.swapaxes(white, 1, 2) @ target[:, :, None]))[:, :, 0]
-        left = np.sum(target**2, axis=1) - np.sum(half**2, axis=1)
-    else:
-        # With hardly any noise, the information has lost its digits: |white u − target|² + |u|² by QR.
-        aim = np.broadcast_to(target[:, :, None], (len(roots), target.shape[1], 1))
-        prior = np.broadcast_to(np.eye(total, total + 1), (len(roots), total, total + 1))
-        stacked = np.concatenate([np.concatenate([white, aim], axis=2), prior], axis=1)
-        upper = np.asarray(np.linalg.qr(stacked, mode="r"))
+
+@dataclass(frozen=True)
+class _Triangles:
+    """Cholesky factors of a posterior's information under each combination of a grid.
+
+    In coordinates w, in which the prior is N(0, I): lower (c, K, K), half = lower⁻¹ of the pull of the record, (c, K),
+    and left, the least |residuals|² + |w|² in units of the noise, (c,).
+    """
+
+    lower: np.ndarray
+    half: np.ndarray
+    left: np.ndarray
+
+    @classmethod
+    def of(cls, model: LinearModel, grid: Grid, variance: np.ndarray, order: np.ndarray) -> _Triangles:
+        """Factorise with the coordinates of (scores, g, h) in an order, (K,)."""
+        d, total = model.positive.size, model.root.shape[1]
+        sd = np.sqrt(variance)[:, None]
+        roots = np.zeros((len(grid.roots), total, total))
+        roots[:, np.arange(d), np.arange(d)] = 1.0
+        roots[:, d:, d:] = grid.roots
+        white = (model.root @ roots)[:, :, order]
+        scales = np.concatenate([np.ones((grid.log_prior.size, d)), grid.scales], axis=1)[:, order] / sd
+        products = np.swapaxes(white, 1, 2) @ white
+        information = products[grid.lengths] * scales[:, :, None] * scales[:, None, :]
+        information[:, np.arange(total), np.arange(total)] += 1.0
+        squares = model.target @ model.target / variance
+        if information.diagonal(axis1=1, axis2=2).max() < PRECISE:
+            lower = np.linalg.cholesky(information)
+            half = (model.target @ white)[grid.lengths] * scales / sd
+            for i in range(total):  # forward substitution
+                half[:, i] -= np.einsum("ci,ci->c", lower[:, i, :i], half[:, :i])
+                half[:, i] /= lower[:, i, i]
+            return cls(lower, half, squares - np.sum(half**2, axis=1))
+        # With hardly any noise, the information has lost its digits: |white w − target|² + |w|² by QR.
+        c = variance.size
+        aim = np.broadcast_to((model.target / sd)[:, :, None], (c, model.target.size, 1))
+        prior = np.broadcast_to(np.eye(total, total + 1), (c, total, total + 1))
+        stacked = np.concatenate([white[grid.lengths] * scales[:, None, :], aim], axis=2)
+        upper = np.asarray(np.linalg.qr(np.concatenate([stacked, prior], axis=1), mode="r"))
         upper = upper * np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
-        lower = np.swapaxes(upper[:, :total, :total], 1, 2)
-        half, left = upper[:, :total, total], upper[:, total, total] ** 2
-        inverse = _inverse(lower)
-    log = -0.5 * (left + model.rest / variance)
+        return cls(
+            np.swapaxes(upper[:, :total, :total], 1, 2), upper[:, :total, total], upper[:, total, total] ** 2
+        )
+
+
+def normals(
+    model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float, scores_only: bool = False
+) -> Normals:
+    """Compute the posteriors over a grid.
+
+    Parameters
+    ----------
+    model, grid, variance, samples
+        As of `weigh`; the variance may be one per combination, (c,).
+    scores_only : bool
+        Whether g and h are integrated out, which takes a third of the time.
+    """
+    d, total = model.positive.size, model.root.shape[1]
+    variance = np.broadcast_to(variance, grid.log_prior.size)
+    # The last coordinates of a Cholesky factor are the marginal distribution of these.
+    order = np.roll(np.arange(total), -d if scores_only else 0)
+    triangles = _Triangles.of(model, grid, variance, order)
+    lower, half = triangles.lower, triangles.half
+    log = -0.5 * (triangles.left + model.rest / variance)
     log -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
     log += grid.log_prior - 0.5 * samples * np.log(2 * np.pi * variance)
-    factors = roots @ np.swapaxes(inverse, 1, 2)
+    if scores_only:
+        lower, half = lower[:, total - d :, total - d :], half[:, total - d :]
+    factors = np.swapaxes(_inverse(lower), 1, 2).copy()
+    if not scores_only:
+        factors[:, d:] = grid.factors @ factors[:, d:]
     return Normals(log, (factors @ half[:, :, None])[:, :, 0], factors)
 
 
@@ -377,11 +448,18 @@ def weigh(model: LinearModel, grid: Grid, variance: float, samples: float) -> We
         Number of independent samples that the record stands for. The density of what the model leaves is −samples/2 ·
         log(2π variance) − rest / (2 variance), so that models with other variances can be compared.
     """
-    posteriors, places = normals(model, grid, variance, samples), np.flatnonzero(model.damping)
+    posteriors = normals(model, grid, variance, samples, scores_only=True)
     weighed = with_priors(posteriors, model.positive, model.shared)
+    weighed = replace(weighed, whole=partial(_whole, model, grid, variance, samples))
+    places = np.flatnonzero(model.damping)
     if not places.size:
         return weighed
     return replace(weighed, damping=damping_likelihood(posteriors, places, grid.log_prior))
+
+
+def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, combos: np.ndarray) -> Normals:
+    """Return the posteriors of scores, g and h under some combinations, by their places (k,)."""
+    return normals(model, grid.only(combos), variance, samples)
 
 
 def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -> Weighed:
@@ -411,7 +489,7 @@ def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -
         inside = log_probability(means, factors @ np.swapaxes(factors, 1, 2))
         log_each = log_each + (means.shape[1] * np.log(2.0) + inside)
     evidence = float(np.logaddexp.reduce(log_each))
-    return Weighed(log_each, evidence, combos, posteriors, scaled, scales)
+    return Weighed(log_each, evidence, combos, scales, positive, shared, posteriors.only)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from scipy.special import ndtr
 
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit
 from bayesdamp.inference.deviation.linear import (
-    Grid,
     Normals,
     Weighed,
     condensed,
@@ -334,7 +333,7 @@ class FitPosteriors:
         """
         normals = self.normals
         if which is not None:
-            normals = Normals(normals.log[which], normals.means[which], normals.factors[which])
+            normals = normals.only(which)
         return with_priors(normals, self.positive, self.positive)
 
 
@@ -350,7 +349,7 @@ def _posteriors_about(
     residual = blocks.x - motion.y + motion.tangents[:, :d] @ p[:d]
     scales = SCALES if n < MANY else SCALES_MANY
     sizes = grid_of(KNOTS, phases=False)
-    grid = Grid(*(np.concatenate([getattr(sizes, f.name)] * scales.size) for f in fields(Grid)))
+    grid = sizes.only(np.tile(np.arange(sizes.log_prior.size), scales.size))
     variance = np.repeat(scales**2, grid.log_prior.size // scales.size)
     weight = np.array([noise.log_weight for noise, _ in blocks.noises])
     weight = weight - np.logaddexp.reduce(weight) - np.log(scales.size)

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from bayesdamp.inference.deviation.linear import Grid, condensed, grid_of, weigh
+from bayesdamp.inference.deviation.linear import Grid, condensed, grid_of, normals, weigh
 
 N, KNOTS, SD = 30, 4, 0.3
 
@@ -50,6 +50,21 @@ def test_evidence_and_posterior_are_those_of_a_dense_normal() -> None:
         assert found.factors[i] @ found.factors[i].T == pytest.approx(
             prior - gain @ columns @ prior, abs=1e-8
         )
+
+
+def test_scores_alone_have_the_marginal_posterior() -> None:
+    """With the deviations integrated out, evidence, means and covariances of the scores are those of the whole."""
+    columns, y = problem(2, 3)
+    model, grid = condensed(columns, y, np.zeros(3, bool)), grid_of(KNOTS, coarse=True)
+    whole, scores = (normals(model, grid, SD**2, N, scores_only=only) for only in (False, True))
+    covariance = whole.factors @ np.swapaxes(whole.factors, 1, 2)
+    assert scores.log == pytest.approx(whole.log, abs=1e-8)
+    assert scores.means == pytest.approx(whole.means[:, :3], abs=1e-9)
+    assert scores.factors @ np.swapaxes(scores.factors, 1, 2) == pytest.approx(
+        covariance[:, :3, :3], abs=1e-9
+    )
+    conditional = np.linalg.inv(np.linalg.inv(covariance[-1])[:3, :3])
+    assert not np.allclose(conditional, covariance[-1, :3, :3], rtol=0.01)  # control: deviations held
 
 
 @pytest.mark.parametrize(("shift", "positive"), [(0.0, 1), (1.0, 2), (-0.4, 2)])
