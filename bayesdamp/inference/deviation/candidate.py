@@ -9,13 +9,13 @@ from itertools import product
 import numpy as np
 
 from bayesdamp.inference.deviation.data import Data
-from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit, fit, nonnegative
+from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit, nonnegative
 from bayesdamp.inference.deviation.linear import Grid, LinearModel, condensed, grid_of, normals
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.model.target import default_prior
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
-from bayesdamp.physics.kernel.solve import ALL, NONE
+from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
@@ -188,6 +188,14 @@ def tangents_at(
     solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
 ) -> np.ndarray | None:
     """Return the tangents of a candidate's motion by u = (scores, log g, h), (n, K); None where it escapes."""
+    solution = _solve(solver, at, u, tolerance)
+    return None if solution is None else solution[1]
+
+
+def _solve(
+    solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
+) -> tuple[Motion, np.ndarray] | None:
+    """Return a candidate's motion at u = (scores, log g, h) and its tangents, (n, K); None where it escapes."""
     d, n = at.z.size, solver.knots.size
     z, g, h = np.split(u, [d, d + n])
     motion = solver.solve(at.parameters.values(z), at.active, np.expm1(g), h, ALL, tolerance=tolerance)
@@ -196,7 +204,7 @@ def tangents_at(
     scores = at.parameters.by_scores(motion.tangents, z)
     columns = np.column_stack([scores, motion.tangents[:, len(solver.names) :]])
     columns[:, d : d + n] *= np.exp(g)
-    return columns
+    return motion.without_tangents(), columns
 
 
 def exact(fit: LeastSquaresFit) -> LinearModel:
@@ -214,13 +222,13 @@ def linearise(
     """
     n = solver.knots.size
     u = np.concatenate([at.z, np.zeros(2 * n)]) if u is None else u
-    z, g, h = np.split(u, [at.z.size, at.z.size + n])
+    g, h = np.split(u[at.z.size :], 2)
     if np.max(np.abs(g), initial=0.0) > MOST_G or np.max(np.abs(h), initial=0.0) > MOST_H:
         return None
-    motion = solver.solve(at.parameters.values(z), at.active, np.expm1(g), h, NONE)
-    columns = tangents_at(solver, at, u, SEARCHED)
-    if motion is None or columns is None:
+    solution = _solve(solver, at, u)
+    if solution is None:
         return None
+    motion, columns = solution
     r = data.y - motion.y
     model = condensed(columns, r + columns @ u, *at.parameters.masks)
     # Least squares of r by the columns, with the factor that `condensed` has already computed.

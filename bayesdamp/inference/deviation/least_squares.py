@@ -11,7 +11,7 @@ from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.numerics.levenberg_marquardt import FIRST, LOWEST
 from bayesdamp.physics.amplitude import AmplitudeSolver
 from bayesdamp.physics.kernel import Motion, Solver
-from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, TOLERANCE
+from bayesdamp.physics.kernel.solve import TOLERANCE
 
 LESS, MORE, AGAIN, MOST_DAMPING = 0.2, 8.0, 1e-6, 1e8
 """Factors by which the damping of a step falls and grows, the least value from which it grows, and the value from which
@@ -89,7 +89,6 @@ def fit(
     *,
     noise: float,
     windows: bool = True,
-    integrated: bool = True,
 ) -> LeastSquaresFit | None:
     """Find the best motion; None where every way leads to a motion that escapes.
 
@@ -109,8 +108,6 @@ def fit(
         A lower bound of the noise's sd in the record's unit, for the weight of the priors.
     windows : bool
         Whether the search goes through growing windows from the first two cycles, so that no cycle is skipped.
-    integrated : bool
-        Whether motions are integrated, so that a search with long steps goes first.
     """
     stages: list[tuple[int | None, float]] = []
     span = FIRST_CYCLES * 2 * np.pi / solver.frequency
@@ -119,7 +116,7 @@ def fit(
         if stop >= 3 * z.size:
             stages.append((stop, SEARCHED))
         span *= 2
-    stages += [(None, SEARCHED), (None, TOLERANCE)] if integrated else [(None, TOLERANCE)]
+    stages.append((None, TOLERANCE))
     best = None
     for stop, tolerance in stages:
         best = _search(solver, parameters, active, y[:stop], z, noise, tolerance)
@@ -140,18 +137,22 @@ def _search(
 ) -> LeastSquaresFit | None:
     """Search with motions that are solved to one tolerance; None where one escapes on the way."""
 
-    def solve(z: np.ndarray, tangents: int, tolerance: float) -> Motion | None:
-        return solver.solve(parameters.values(z), active, tangents=tangents, stop=y.size, tolerance=tolerance)
+    def solve(z: np.ndarray) -> Motion | None:
+        return solver.solve(parameters.values(z), active, stop=y.size, tolerance=tolerance)
 
-    motion, damping, steps = solve(z, NONE, tolerance), FIRST, 0
+    def fit_at(z: np.ndarray, motion: Motion, jacobian: np.ndarray) -> LeastSquaresFit:
+        return LeastSquaresFit(parameters, active, z, y - motion.y, jacobian, motion.without_tangents())
+
+    motion, damping, steps, last = solve(z), FIRST, 0, False
     if motion is None:
         return None
     close = CLOSE if tolerance == TOLERANCE else ROUGH
     while True:
-        r, moved = y - motion.y, solve(z, PARAMETERS, SEARCHED)
-        jacobian = None if moved is None else parameters.by_scores(moved.tangents, z)
-        if jacobian is None or not np.abs(jacobian).max() < LARGEST:
+        r, jacobian = y - motion.y, parameters.by_scores(motion.tangents, z)
+        if not np.abs(jacobian).max() < LARGEST:
             return None
+        if last:
+            return fit_at(z, motion, jacobian)
         variance = max(float(r @ r) / r.size, noise**2)
         whole = np.asarray(np.linalg.qr(np.column_stack([jacobian, r]), mode="r"))
         d = jacobian.shape[1]
@@ -169,9 +170,9 @@ def _search(
             new = nonnegative(root, aim, parameters.positive)
             promised = cost - left - float(np.sum((plain @ new - wanted) ** 2))
             if damping >= MOST_DAMPING or promised < NOTHING * close * cost:
-                return LeastSquaresFit(parameters, active, z, r, jacobian, motion)
+                return fit_at(z, motion, jacobian)
             new = parameters.retracted(solver.restoring, z, new)
-            trial = solve(new, NONE, tolerance)
+            trial = solve(new)
             residual = y if trial is None else y - trial.y
             after = float(residual @ residual) + variance * float(new @ new)
             if trial is not None and after < cost:
@@ -179,5 +180,4 @@ def _search(
             damping = max(damping, AGAIN) * MORE
         damping, steps = max(damping * LESS, LOWEST), steps + 1
         z, motion = new, trial
-        if (cost - after) / cost < close or steps == MOST_STEPS:
-            return LeastSquaresFit(parameters, active, z, residual, jacobian, motion)
+        last = (cost - after) / cost < close or steps == MOST_STEPS

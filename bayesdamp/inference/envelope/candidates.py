@@ -239,7 +239,7 @@ def _fitted(
     parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=START_SD)}, {})
     z = parameters.scores(dict(zip(names, map(float, (*begin, _start_of(blocks))), strict=True)))
     solver, every = solver_of(blocks, law, white), np.ones(len(names), bool)
-    fitted = fit(solver, parameters, every, white @ blocks.x, z, noise=1.0, windows=False, integrated=False)
+    fitted = fit(solver, parameters, every, white @ blocks.x, z, noise=1.0, windows=False)
     assert fitted is not None  # no decay escapes
     return fitted
 

@@ -147,6 +147,10 @@ class Motion:
         """Return the tangents of the values at the samples, (n, k)."""
         return self.slopes.at_samples() if isinstance(self.slopes, Slopes) else self.slopes
 
+    def without_tangents(self) -> Motion:
+        """Return the motion alone."""
+        return Motion(self.y, np.zeros((self.y.size, 0)), self.times, self.states)
+
     @cached_property
     def refined(self) -> tuple[np.ndarray, np.ndarray]:
         """Return times, (r,), that divide each step into `PARTS`, and θ, θ̇, θ̈ at these, (r, 3).
