@@ -204,6 +204,13 @@ class LinearModel:
     shared: np.ndarray
     damping: np.ndarray
 
+    def only(self, scores: np.ndarray) -> LinearModel:
+        """Return the model of some of the scores, (d,) of bool, with the others at 0."""
+        columns = np.concatenate([scores, np.ones(self.root.shape[1] - scores.size, bool)])
+        masks = (mask[scores] for mask in (self.positive, self.shared, self.damping))
+        model = condensed(self.root[:, columns], self.target, *masks)
+        return replace(model, rest=self.rest + model.rest, count=self.count)
+
 
 @dataclass(frozen=True)
 class DampingLikelihood:

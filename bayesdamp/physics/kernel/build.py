@@ -67,6 +67,12 @@ def kernel_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> Kernel:
 
     Raises Refusal where a term or law of a user has no `kernel`, or none of which the source is known.
     """
+    return _kernel_of(terms, laws, tuple(map(TERMS.get, terms)), tuple(map(LAWS.get, laws)))
+
+
+@lru_cache(maxsize=64)
+def _kernel_of(terms: tuple[str, ...], laws: tuple[str, ...], *_registered: object) -> Kernel:
+    """Return a kernel; a name that is registered again, with another force, gets another one."""
     module = _module(source_of(terms, laws))
     return Kernel(terms, laws, module.march, module.sums)
 
