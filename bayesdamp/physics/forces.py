@@ -28,6 +28,8 @@ STEPS, CLOSE = 60, 1e-13
 converged."""
 CHANGE = 1e-4
 """Step of differences of fourth order, relative to the place: their error is about 1e-12."""
+CENTRE = 4
+"""Points on either side of the centre of a grid that are tried before the whole grid."""
 
 
 class _Math:
@@ -106,12 +108,13 @@ def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float
     near, reach, points: centre, half width and number of points of the grid.
     """
     grid = near + np.linspace(-reach, reach, points)
-    values = force(grid)
-    rising = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
-    if rising.size == 0:
-        return None
-    i = rising[np.argmin(np.abs(grid[rising] - near))]
-    return float(grid[i]), float(grid[i + 1])
+    for some in (grid[points // 2 - CENTRE : points // 2 + CENTRE + 1], grid):
+        values = force(some)
+        rising = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
+        if rising.size:
+            i = rising[np.argmin(np.abs(some[rising] - near))]
+            return float(some[i]), float(some[i + 1])
+    return None
 
 
 def rest_near(force: Force, near: float, reach: float, points: int = 401) -> float | None:

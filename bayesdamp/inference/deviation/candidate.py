@@ -173,10 +173,11 @@ def search(
     for start in starts:
         z = parameters.scores({**dict.fromkeys(parameters.free_names, 0.0), **start})
         z[parameters.positive] = np.maximum(z[parameters.positive], 0.0)
-        new = fit(solver, parameters, active, data.y, z, noise=data.noise, windows=windows)
+        rough = len(starts) > 1
+        new = fit(solver, parameters, active, data.y, z, noise=data.noise, windows=windows, rough=rough)
         if new is not None and (best is None or new.squares < best.squares):
             best = new
-    return best
+    return best if best is None or len(starts) == 1 else refit(solver, data, best)
 
 
 def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | None:

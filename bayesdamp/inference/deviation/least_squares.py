@@ -89,6 +89,7 @@ def fit(
     *,
     noise: float,
     windows: bool = True,
+    rough: bool = False,
 ) -> LeastSquaresFit | None:
     """Find the best motion; None where every way leads to a motion that escapes.
 
@@ -108,6 +109,8 @@ def fit(
         A lower bound of the noise's sd in the record's unit, for the weight of the priors.
     windows : bool
         Whether the search goes through growing windows from the first two cycles, so that no cycle is skipped.
+    rough : bool
+        Whether the search ends early, for a fit that is compared with those from other starts.
     """
     stages: list[tuple[int | None, float]] = []
     span = FIRST_CYCLES * 2 * np.pi / solver.frequency
@@ -116,7 +119,7 @@ def fit(
         if stop >= 3 * z.size:
             stages.append((stop, SEARCHED))
         span *= 2
-    stages.append((None, TOLERANCE))
+    stages.append((None, SEARCHED if rough else TOLERANCE))
     best = None
     for stop, tolerance in stages:
         best = _search(solver, parameters, active, y[:stop], z, noise, tolerance)
