@@ -28,7 +28,7 @@ STEPS, CLOSE = 60, 1e-13
 converged."""
 CHANGE = 1e-4
 """Step of differences of fourth order, relative to the place: their error is about 1e-12."""
-CENTRE = 4
+CENTRE = 20
 """Points on either side of the centre of a grid that are tried before the whole grid."""
 
 
