@@ -72,17 +72,16 @@ def exponents_of(weighing: Weighing) -> tuple[float, ...]:
     For the force c |v|^p under the likeliest restoring law. The prior of p is uniform between 0 and 3, that of c the
     same as for any damping of this size at the middle (in the logarithm) of the record's amplitudes.
     """
-    starts = power_starts(weighing) if weighing.results else []
-    solver = power_solver(weighing, starts[0]["exponent"]) if starts else None
-    if solver is None:
+    begins = _starts(weighing) if weighing.results else []
+    if not begins:
         return ()
+    solver = power_solver(weighing, begins[0]["exponent"])
     data, near, samples, variance = weighing.data, weighing.best.fit, weighing.samples, weighing.variance
     law = weighing.best.candidate.restoring
     # At the middle, the record determines the size and the exponent independently.
     scales = data.middle.scales(data.rest_under(law, near.values[weighing.solvers[law].law_places]))
     known = {**weighing.known_motion(), **scales}
     parameters = parameters_of(MotionCandidate(("power",), law), solver, data, data.middle, {}, known)
-    begins = [{**near.parameters.named(near.z), **start} for start in starts]
     assert solver.kernel  # compiled before several threads ask for it
     top = search(solver, data, parameters, begins, windows=False)
     if top is None:
@@ -123,6 +122,19 @@ def exponents_of(weighing: Weighing) -> tuple[float, ...]:
 
     distribution = _explore(at, float(top.values[parameters.names.index("exponent")]), sd)
     return () if distribution is None else tuple(np.interp(LEVELS, *distribution).tolist())
+
+
+def _starts(weighing: Weighing) -> list[dict[str, float]]:
+    """Return values of all parameters from which the best exponent is searched, with c at the middle velocity."""
+    rival, near = (
+        next((r for r in weighing.forms if r.candidate.damping == ("power",)), None),
+        weighing.best.fit,
+    )
+    if rival is None:
+        return [{**near.parameters.named(near.z), **start} for start in power_starts(weighing)]
+    fit = rival.fit.parameters.named(rival.fit.z)
+    ratio = fit["reference_velocity"] / weighing.data.middle.peak_velocity
+    return [{**fit, "c_power": fit["c_power"] * ratio ** (1 - fit["exponent"])}]
 
 
 def power_solver(weighing: Weighing, p: float) -> Solver:
