@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.draws import between_knots, midline_drift
 from bayesdamp.inference.deviation.findings import findings, probabilities, summed
 from bayesdamp.inference.deviation.quick import weighing_of
@@ -38,12 +39,13 @@ def ratio(amplitude: float) -> float:
 
 def test_probabilities_are_probabilities(weighing: Weighing) -> None:
     each = probabilities(weighing, False)
-    assert len(each) == 7 + len(weighing.forms)
+    assert len(each) == len(weighing.results) + len(weighing.forms)
+    assert len(weighing.results) + len(weighing.refused) == 7
     assert {"displacement", "stribeck", "power"} <= {r.candidate.damping[-1] for r in weighing.forms}
     assert sum(each.values()) == pytest.approx(1.0)
     by_sum = summed({c.name: p for c, p in each.items()})
     assert next(iter(by_sum)) == "viscous+coulomb"
-    assert by_sum["quadratic"] < 1e-6
+    assert MotionCandidate(("quadratic",), "linear") in weighing.refused
     found = findings(weighing)
     every = {**found.damping, **found.exotic}
     assert found.term["coulomb"] == pytest.approx(sum(p for s, p in every.items() if "coulomb" in s))
