@@ -67,8 +67,8 @@ class Grid:
 
     def only(self, places: np.ndarray) -> Grid:
         """Return some of the combinations, by their places (k,)."""
-        each = (self.size_g, self.size_h, self.log_prior, self.scales, self.lengths)
-        return Grid(*(values[places] for values in each), self.roots)
+        names = ("size_g", "size_h", "log_prior", "scales", "lengths")
+        return replace(self, **{name: getattr(self, name)[places] for name in names})
 
 
 def knots_of(duration: float, cycles: float) -> np.ndarray:
