@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,7 +18,9 @@ import numpy as np
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from tests.benchmarks.ledger import ratio
-from tests.benchmarks.timing import table
+from tests.benchmarks.timing import in_turns, table
+from validation.contest.peers import ours, script
+from validation.contest.records import simulated
 
 SAMPLES, CYCLES = 5_000, 70
 """The largest record for which the times below are promised."""
@@ -26,6 +28,7 @@ FRESH, USED, PROVEN, OF_THREE = 25.0, 10.0, 60.0, 90.0
 """Seconds to the verdict of one record, on a fresh installation and a used one, to the end of its sampling, and to the
 end of three repeats'."""
 STIFFNESS, NOISE = 20.0, 1e-3
+CONTEST_SEED, CONTEST_RECORDS = 2711, 10
 SIMPLE = ("--restoring", "linear", "--damping", "viscous")
 
 
@@ -136,3 +139,22 @@ def test_growth() -> None:
 
 def _row(name: str, run: Waited) -> list[str]:
     return [name, *(f"{seconds:.1f}" for seconds in (run.answer, run.end, run.cpu))]
+
+
+def test_beside_a_script() -> None:
+    """`compare` without sampling and the script of 130 lines that an engineer would write, in one process."""
+    rows, ratios = [], []
+    for number in range(CONTEST_RECORDS):
+        record = simulated(CONTEST_SEED, number)
+        arguments = (record.t, record.y, record.amplitudes)
+        answers = (partial(answer, *arguments) for answer in (script.answer, ours.answer))
+        its, own = in_turns(*answers, rounds=2)
+        ratios.append(its / own)
+        rows.append([record.name, f"{its:.2f}", f"{own:.2f}", f"{its / own:.2f}"])
+    ratio("CPU seconds of an answer, median of ten records: script / ours", float(np.median(ratios)))
+    ratio("CPU seconds of an answer, slowest of ten records: script / ours", min(ratios))
+    table(
+        "CPU seconds of an answer beside a script of 130 lines",
+        ["record", "script", "ours", "ratio"],
+        rows,
+    )
