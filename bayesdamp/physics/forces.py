@@ -7,7 +7,7 @@ a place nearby.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache, reduce
 from types import FunctionType
 from typing import Any
@@ -97,9 +97,10 @@ def slope_of(
     return (8.0 * near - far) / (12.0 * h)
 
 
-def by_kernel(kernel: Callable[[float, np.ndarray], float], law: np.ndarray) -> Force:
+def by_kernel(kernel: Callable[[float, Sequence[float]], float], law: np.ndarray) -> Force:
     """Return the force of a law's kernel at values of its parameters, (r,)."""
-    return lambda x: np.array([kernel(at, law) for at in x.tolist()])
+    values, on_array = tuple(law.tolist()), on_arrays(kernel)
+    return lambda x: on_array(x, values) if x.size > 1 else np.array([kernel(x.item(), values)])
 
 
 def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float, float] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -155,7 +156,7 @@ class Data:
 
     def equilibrium(self, restoring: str, law: np.ndarray) -> float | None:
         """Return where motions under parameters of a restoring law come to rest; None where nowhere near."""
-        return rest_near(by_kernel(LAWS.get(restoring).kernel, law), self.rest, 2 * self.amplitude)
+        return _equilibrium(restoring, tuple(law.tolist()), self.rest, 2 * self.amplitude)
 
     def rest_under(self, restoring: str, law: np.ndarray) -> float:
         """Return the equilibrium, or the record's midline where there is none."""
@@ -166,6 +167,11 @@ class Data:
     def least_variance(self) -> float:
         """Variance of a noise so small that the solver's own error would be taken for the record's."""
         return (SOLVED * self.recorded_amplitude) ** 2
+
+
+@lru_cache(maxsize=4096)
+def _equilibrium(restoring: str, law: tuple[float, ...], near: float, reach: float) -> float | None:
+    return rest_near(by_kernel(LAWS.get(restoring).kernel, np.array(law)), near, reach)
 
 
 def prepared(signal: Signal, average: bool = True, noise_model: SampleNoise | None = None) -> Data:

@@ -20,7 +20,7 @@ from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.odds import odds
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.forces import by_kernel, frequency_over
+from bayesdamp.physics.forces import by_kernel, frequency_over, on_arrays
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.averaged import NUMBERS
 from bayesdamp.physics.restoring import LAWS
@@ -45,9 +45,9 @@ POINTS = 200
 REACHES = (1e-3, 0.03, 0.1, 0.25, 0.5)
 """Half widths, in amplitudes, within which the middle of a cycle is searched about its rest."""
 _PHASE = (np.arange(POINTS) + 0.5) / POINTS * np.pi - 0.5 * np.pi
-_COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi).tolist()
-_X, _W = (a.tolist() for a in np.polynomial.legendre.leggauss(48))
-_X_PART, _W_PART = (a.tolist() for a in np.polynomial.legendre.leggauss(4))
+_COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi)
+_X, _W = np.polynomial.legendre.leggauss(48)
+_X_PART, _W_PART = np.polynomial.legendre.leggauss(4)
 
 
 @dataclass(frozen=True)
@@ -210,17 +210,14 @@ class Orbit:
         return float(np.pi / np.sum(self.width / self.speed))
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=4096)
 def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: float) -> Orbit | None:
     """Return the orbit of an amplitude (rad or m) about `rest`; None where there is none."""
-    force, values = LAWS.get(restoring).kernel, np.array(law)
-
-    def between(a: float, b: float, nodes: list[float], weights: list[float]) -> float:
-        half = 0.5 * (b - a)
-        return float(half * sum(w * force(a + half * (u + 1), values) for u, w in zip(nodes, weights)))
+    force = on_arrays(LAWS.get(restoring).kernel)
 
     def potential(x: float) -> float:
-        return between(rest, x, _X, _W)
+        half = 0.5 * (x - rest)
+        return float(half * (force(rest + half * (_X + 1), law) @ _W))
 
     def uneven(shift: float) -> float:
         return potential(rest + shift + amplitude) - potential(rest + shift - amplitude)
@@ -234,9 +231,9 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
     energy = potential(centre + amplitude)
     x = centre + amplitude * np.sin(_PHASE)
     # From one point to the next, where a few nodes integrate to rounding error, with a twelfth of the forces.
-    first, *others = x.tolist()
-    parts = [between(a, b, _X_PART, _W_PART) for a, b in zip([first, *others], others)]
-    inside = potential(first) + np.concatenate([[0.0], np.cumsum(parts)])
+    half = 0.5 * np.diff(x)
+    parts = half * (force(x[:-1, None] + half[:, None] * (_X_PART + 1), law) @ _W_PART)
+    inside = potential(x[0]) + np.concatenate([[0.0], np.cumsum(parts)])
     if inside.max() > energy * (1 + 1e-9):
         return None
     speed = np.sqrt(2 * np.maximum(energy - inside, 0.0))
@@ -256,8 +253,8 @@ def balanced_frequency(restoring: str, law: np.ndarray, rest: float, amplitude: 
     This needs only a few forces, and is accurate enough for how the frequency changes with the law's parameters (N. M.
     Krylov and N. N. Bogoliubov, 1943).
     """
-    force = LAWS.get(restoring).kernel
-    pull = sum(force(rest + amplitude * c, law) * c for c in _COSINES)
+    force = by_kernel(LAWS.get(restoring).kernel, law)
+    pull = float(force(rest + amplitude * _COSINES) @ _COSINES)
     return float(np.sqrt(max(2 * pull / (len(_COSINES) * amplitude), 0.0)))
 
 
