@@ -56,7 +56,7 @@ PALER = 0.45
 """Share of the way to white by which each further candidate of one damping sum is paler."""
 LETTERS, MARK = 12.5, 7
 """Letters per inch of a legend, and the length of an entry's line and gap in letters."""
-RIGHT = 0.12
+RIGHT = 0.2
 """Space at the right of a figure, in inches."""
 HOLE = 20.0
 """Sampling intervals (medians) above which a gap is drawn as a hole."""

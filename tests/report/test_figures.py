@@ -1,15 +1,18 @@
-"""What the figures rest on: thinning that keeps extremes, densities that respect zero, a palette of few colours."""
+"""What the figures rest on: thinning that keeps extremes, margins that hold all labels, densities that respect zero."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from bayesdamp.report.drawing import Drawings
+from bayesdamp.physics.damping import all_sums
+from bayesdamp.report.drawing import RC, Drawings, fix_margins
 from bayesdamp.report.figures.answer import answer
 from bayesdamp.report.figures.posterior import contours, marginals
-from bayesdamp.report.figures.record import thinned
+from bayesdamp.report.figures.record import raw, thinned
 
 
 def test_thinning_keeps_the_extremes():
@@ -31,6 +34,33 @@ def test_the_record_of_an_acceleration_is_labelled_as_one() -> None:
     labels = [ax.get_ylabel() for ax in answer(arrays, "m", "viscous", "m/s²").axes]
     assert labels == ["m/s²", "%", "m/s²", "m²/s²"]
     assert [ax.get_ylabel() for ax in answer(arrays, "m", "viscous").axes][::2] == ["m", "m"]
+
+
+def labels_inside(figure: Figure) -> bool:
+    FigureCanvasAgg(figure).draw()
+    width, height = figure.bbox.size
+    boxes = [box for ax in figure.axes if (box := ax.get_tightbbox()) is not None]
+    return all(b.x0 >= 0 and b.y0 >= 0 and b.x1 <= width and b.y1 <= height for b in boxes)
+
+
+@pytest.mark.parametrize("scale", [3e-7, 4e-4, 1.2e4])
+def test_labels_of_any_size_are_inside_a_figure_with_fixed_margins(scale: float) -> None:
+    t = np.linspace(0.0, 20.0, 400)
+    y = scale * np.exp(-0.1 * t) * np.cos(6 * t)
+    arrays = {"t": t, "record": y, "fit": y, "residual": 0.01 * y}
+    arrays |= {name: scale * (1 + t) for name in ("amplitude", "free/amplitude")}
+    arrays |= {
+        name: 0.01 + 0.001 * t for name in ("ratio", "low", "high", "free/ratio_low", "free/ratio_high")
+    }
+    arrays |= {f"law/{name}": 0.01 + 0.0 * t for name in all_sums()} | {"work/viscous": scale**2 * (1 + t)}
+    with rc_context(RC):
+        figure = answer(arrays, "m", "viscous", "m/s²")
+        assert labels_inside(figure)
+        assert labels_inside(raw(t, y, "acceleration / (m/s²)", 2.0, 15.0))
+        without = {name: array for name, array in arrays.items() if name not in ("fit", "residual")}
+        assert labels_inside(answer(without, "m", "viscous"))
+        fix_margins(figure, left=0.2)  # the control
+        assert not labels_inside(figure)
 
 
 def test_contours_enclose_their_mass():
