@@ -156,7 +156,13 @@ class Chain:
     def _build(self, end: Point, way: int, depth: int) -> _Subtree:
         """Return 2^depth further points beyond an end of the trajectory; fewer where it does not go on."""
         if depth == 0:
-            point = self._step(end, way)
+            # A leapfrog step. The force need not be the density's gradient: each kick is a shear of the momenta in any
+            # case.
+            size = way * self.step
+            u, p = drift(end.u, end.p + 0.5 * size * end.slope, size, self.space.walls, self.space.offsets)
+            height = self.space.height(u) if np.all(np.isfinite(u)) else -np.inf
+            slope = self.space.slope(u) if np.isfinite(height) else end.slope
+            point = Point(u, p + 0.5 * size * slope, slope, height)
             joint = point.joint if np.isfinite(point.height) else -np.inf
             self._steps += 1
             self._accepted += float(np.exp(min(0.0, joint - self._begun)))
@@ -185,19 +191,6 @@ class Chain:
         )
         weight = float(np.logaddexp(early.weight, late.weight))
         return _Subtree(early.first, late.last, chosen, weight, momentum, goes_on)
-
-    def _step(self, at: Point, way: int) -> Point:
-        """Return the point a leapfrog step ahead or back.
-
-        The force need not be the density's gradient: each kick is a shear of the momenta in any case.
-        """
-        size = way * self.step
-        u, p = drift(at.u, at.p + 0.5 * size * at.slope, size, self.space.walls, self.space.offsets)
-        if not np.all(np.isfinite(u)):
-            return Point(u, p, at.slope, -np.inf)
-        height = self.space.height(u)
-        slope = self.space.slope(u) if np.isfinite(height) else at.slope
-        return Point(u, p + 0.5 * size * slope, slope, height)
 
 
 def _apart(first: Point, last: Point, momentum: np.ndarray) -> bool:
