@@ -56,7 +56,7 @@ ROUNDS = 2
 """Number of rounds that correct the averaged solution with the full equation of motion and refit."""
 REACH = 20.0
 """Nats by which the linear models of the sums of all terms expect a candidate to be behind the best, from which it is
-not weighed. They expect up to a sixth more than is found (measured on 300 candidates)."""
+not weighed (of 385 candidates on 22 simulated records 135 are left out, none of which is closer than 18 nats)."""
 BEHIND = f"its evidence is expected to be more than {REACH:g} nats below the best"
 
 
