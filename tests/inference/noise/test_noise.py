@@ -69,6 +69,15 @@ def test_slope(name):
     assert not np.allclose(NOISES.get(name).slope(1.01 * r, GAPS, P), expected, rtol=1e-6, atol=atol)
 
 
+@pytest.mark.parametrize("name", [n for n in NAMES if n != "correlated"])
+def test_slope_that_a_user_s_independent_noise_has(name):
+    """The default, by differences of the density, against the closed forms of the models that ship."""
+    model, r = NOISES.get(name), drawn(name, np.random.default_rng(1))[0]
+    assert isinstance(model, IndependentNoise)
+    expected = model.slope(r, GAPS, P)
+    np.testing.assert_allclose(IndependentNoise.slope(model, r, GAPS, P), expected, rtol=1e-5, atol=1e-4)
+
+
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("share", [1e-3, 1.0, 1e3])
 def test_parameter_slopes(name, share):
