@@ -9,9 +9,10 @@ from enum import Enum
 
 import numpy as np
 
-from bayesdamp.records.columns import DIFFER, Swing
+from bayesdamp.records.columns import DIFFER
 from bayesdamp.records.files.facts import sampling_rate
 from bayesdamp.records.files.names import SECONDS, seconds_in
+from bayesdamp.records.oscillation.spectrum import SHORTEST
 from bayesdamp.records.record import HALF_TURN, RawRecord, half_swing
 from bayesdamp.units import UNITS
 
@@ -112,16 +113,15 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         sentence = f"its unit, {raw.unit!r}, is not one of a displacement"
         option = "--unit counts for a sensor of unknown scale; mm, deg ... if that is its unit"
         doubts.append(Finding(Kind.UNIT, sentence, option, ("unit", "counts"), arguments=("unit",)))
-    swing = raw.swing
     # Times that go back are reported when they are used.
     if raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0)):
         stated = (given or raw.unit in UNITS) and quantity == "angle"
-        doubt = _doubt_times(raw, raw.t, swing)
-        if doubt is None and stated and swing.swings and raw.provenance.time_unit == "file":
-            doubt = _doubt_speed(raw, raw.t, unit, swing)
+        doubt = _doubt_times(raw, raw.t)
+        if doubt is None and stated and raw.provenance.time_unit == "file":
+            doubt = _doubt_speed(raw, raw.t, unit)
         doubts += [doubt] if doubt is not None else []
-    if raw.rate is not None and swing.swings:
-        period = swing.period / raw.rate
+    if raw.rate is not None and raw.swing.swings:
+        period = raw.swing.period / raw.rate
         if raw.rate < 1:
             sentence = (
                 f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
@@ -156,7 +156,7 @@ def question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding |
     return next((doubt for doubt in doubts if doubt.kind in QUESTIONS), None)
 
 
-def _doubt_times(raw: RawRecord, t: np.ndarray, swing: Swing) -> Finding | None:
+def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
     """Doubt times (n,) whose unit nobody states: numbers of samples, days, or an unknown or shorter unit than s."""
     if raw.columns[0] is None or raw.provenance.time_unit:
         return None
@@ -170,7 +170,7 @@ def _doubt_times(raw: RawRecord, t: np.ndarray, swing: Swing) -> Finding | None:
     if unknown is not None and unknown[1].lower() not in _NO_UNITS:
         sentence = f"the unit of its times, {unknown[1]!r}, is not known; they are read as s"
         return Finding(Kind.TIME_UNIT, sentence, f"--time-unit s if they are, or {VALID}", ("time-unit", "s"))
-    period = swing.period * step
+    swing, period = raw.swing, raw.swing.period * step
     if swing.swings and period < SHORT_DAYS and any(low <= t[0] <= high for low, high in DAY_NUMBERS):
         sentence = (
             f"its times begin at {t[0]:.7g} and a period would last {period:.3g} s; do they count days?"
@@ -183,16 +183,19 @@ def _doubt_times(raw: RawRecord, t: np.ndarray, swing: Swing) -> Finding | None:
     return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are", ("time-unit", better))
 
 
-def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str, swing: Swing) -> Finding | None:
+def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
     """Doubt the file's unit of the times (n,) where an angle or a position of a stated unit would move too fast."""
     base = UNITS[unit].base
-    limit = FASTEST.get(base, math.inf)
-    period = swing.period * float(t[-1] - t[0]) / (t.size - 1)
-    speed = 2 * math.pi / period * math.sqrt(2) * swing.size * UNITS[unit].factor
+    limit, step = FASTEST.get(base, math.inf), float(t[-1] - t[0]) / (t.size - 1)
+    scale = 2 * math.pi / step * math.sqrt(2) * UNITS[unit].factor
+    if scale * half_swing(raw) <= limit * SHORTEST:  # whatever its period is
+        return None
+    swing, period = raw.swing, raw.swing.period * step
+    speed = scale / swing.period * swing.size
     own = seconds_in(raw.provenance.time_column) or 1.0
     slower = [u for u in ("s", "ms", "us") if SECONDS[u] > own and speed * own < limit * SECONDS[u]]
     better = next((u for u in slower if period * SECONDS[u] / own < SLOW), None)
-    if speed <= limit or better is None:
+    if not swing.swings or speed <= limit or better is None:
         return None
     sentence = (
         f"the time unit of its header gives an oscillation at {1 / period:.4g} Hz with {speed:.2g} {base}/s, which is "

@@ -9,6 +9,7 @@ from functools import lru_cache, update_wrapper
 from typing import Concatenate, Generic, ParamSpec, TypeVar
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from bayesdamp.records.oscillation.noise import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_period
@@ -37,7 +38,8 @@ LEAST_SHARE = 0.3
 """Share that an oscillation must have in the variation of a record within a period or two."""
 
 
-Options, Result = ParamSpec("Options"), TypeVar("Result")
+Options = ParamSpec("Options")
+Result = TypeVar("Result")
 
 
 class _Samples:
@@ -61,12 +63,18 @@ class _Samples:
 class OncePerRecord(Generic[Options, Result]):
     """A function of a signal's samples and of options, whose results for the last few records are kept.
 
-    A record is read, stored, and read back under several names: its results are computed once all the same.
+    A record is read, stored, and read back under several names: its results are computed once all the same. Threads of
+    a linear algebra library would only wait for each other at such small matrices, so there is one.
     """
 
     def __init__(self, compute: Callable[Concatenate[Signal, Options], Result]) -> None:
-        self._cached = lru_cache(maxsize=16)(lambda samples, *options: compute(samples.signal, *options))
-        self.cache_clear = self._cached.cache_clear
+        @lru_cache(maxsize=16)
+        def cached(samples: _Samples, *options: Options.args, **named: Options.kwargs) -> Result:
+            with threadpool_limits(1, "blas"):
+                return compute(samples.signal, *options, **named)
+
+        self._cached = cached
+        self.cache_clear = cached.cache_clear
         update_wrapper(self, compute)
 
     def __call__(self, signal: Signal, *options: Options.args, **named: Options.kwargs) -> Result:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # loads its modules when they are used
-from scipy.linalg.lapack import dpotrf, dpotrs
+from scipy.linalg import cho_factor, cho_solve
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
@@ -288,27 +288,26 @@ class LawFree:
         first, last = np.exp(self.line(np.array([-1.0, 1.0])))
         return float(self.times_of(np.array([np.sqrt(first * last)]))[0])
 
-    @threadpool_limits.wrap(limits=1, user_api="blas")
     def at(self, times: np.ndarray) -> Curves:
         """Evaluate the curves at times in s, shape (k,)."""
         first, last = self.span
         half = 0.5 * (last - first)
         place = 2 * (np.asarray(times, float) - first) / (last - first) - 1
-        sizes, slope, variance = _smooth(self.windows, self.sizes, place)
+        with threadpool_limits(1, "blas"):
+            sizes, slope, variance = _smooth(self.windows, self.sizes, place)
+            # The frequency is the slope of the smoothed phases.
+            _, frequency, spread = _smooth(self.windows, self.windows.phases, place, (0.0,))
         sd = np.sqrt(variance + (SYSTEMATIC * slope) ** 2)
         amplitude = np.exp(sizes)
         _, energy, energy_sd = self.backbone.at(amplitude)
         rate = -slope / half * energy
         ratio = rate / np.hypot(rate, 1.0)
         ratio_sd = np.hypot(sd / half * energy, slope / half * energy_sd)
-        # The frequency is the slope of the smoothed phases.
-        _, frequency, variance = _smooth(self.windows, self.windows.phases, place, (0.0,))
-        frequency_sd = np.hypot(np.sqrt(variance), SLOWER * ratio**2 * frequency)
+        frequency_sd = np.hypot(np.sqrt(spread), SLOWER * ratio**2 * frequency)
         return Curves(amplitude, ratio, ratio_sd, frequency / half, frequency_sd / half)
 
 
 @OncePerRecord
-@threadpool_limits.wrap(limits=1, user_api="blas")
 def law_free(signal: Signal) -> LawFree:
     """Smooth a record's amplitude and frequency. Raises Refusal where it has too few cycles."""
     windows = sinusoids(signal)
@@ -508,19 +507,19 @@ def _smooth_power(
     curves = []
     prior = np.log(np.where(WALKS == 0, STEADY, (1 - STEADY) / (WALKS.size - 1)))
     for ratio, log_prior in zip(WALKS.tolist(), prior.tolist(), strict=True):
-        # LAPACK itself: for such small matrices SciPy's wrappers take longer than the arithmetic.
-        factor, failed = dpotrf(noise / scale + ratio * walk, lower=1, clean=0)
-        if failed:
+        try:
+            factor = cho_factor(noise / scale + ratio * walk, lower=True)
+        except np.linalg.LinAlgError:
             continue  # a walk so much larger than the errors leaves no digits of these
-        weighted = dpotrs(factor, columns, lower=1)[0]
+        weighted = cho_solve(factor, columns)
         inverse = np.linalg.inv(columns.T @ weighted)
         c = inverse @ (weighted.T @ values)
         rest = values - columns @ c
-        off = dpotrs(factor, rest, lower=1)[0]
+        off = cho_solve(factor, rest)
         variance = (float(rest @ off) + KNOWN * scale) / (free + KNOWN)
         log = (
             log_prior
-            - float(np.sum(np.log(np.diag(factor))))
+            - float(np.sum(np.log(np.diag(factor[0]))))
             + 0.5 * float(np.linalg.slogdet(inverse)[1])
             - 0.5 * (free + KNOWN) * np.log(variance)
             + float(np.sum(np.log(base)))  # densities are those of the log amplitudes
@@ -532,7 +531,7 @@ def _smooth_power(
         slopes = sds = np.empty(0)
         if with_slopes:
             slopes = (columns_slope @ c + ratio * walk_slope @ off) / stretched
-            by_walk = ratio * dpotrs(factor, walk_slope.T, lower=1)[0]
+            by_walk = ratio * cho_solve(factor, walk_slope.T)
             line = columns_slope - by_walk.T @ columns
             spread = ratio * (w - np.einsum("ij,ji->i", walk_slope, by_walk)) + np.einsum(
                 "ij,jk,ik->i", line, inverse, line

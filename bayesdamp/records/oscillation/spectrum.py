@@ -6,6 +6,8 @@ import numpy as np
 
 MOST = 16384
 """Samples that the search uses at most; longer records are averaged in blocks."""
+SHORTEST = 4.0
+"""Samples in the shortest period that is searched."""
 LOST = 0.5
 """Share of the variance below which an average over blocks has lost the oscillation."""
 UNSURE = 0.5
@@ -122,7 +124,7 @@ def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[fl
 def _search_periods(y: np.ndarray, spacing: float, most: int) -> list[tuple[float, float]]:
     """Return up to `most` periods in s with their shares, of equally spaced values y (n,), the most powerful first."""
     top = max(y.size - 1, 4.4)
-    grid = np.geomspace(4.0, top, int(28 * np.log10(top / 4.0)) + 3)
+    grid = np.geomspace(SHORTEST, top, int(28 * np.log10(top / SHORTEST)) + 3)
     scores, shares = np.array([captured(y, p) for p in grid]).T
     padded = np.pad(scores, 1, constant_values=-np.inf)
     peaks = np.flatnonzero((scores >= padded[:-2]) & (scores > padded[2:]) & (scores > WEAK * scores.max()))
