@@ -46,7 +46,7 @@ _NAMES = {
     "records.cleaning.clean": ("clean",),
     "records.envelope.record": ("EnvelopeRecord", "read_envelope"),
     "records.oscillation.features": ("features",),
-    "records.oscillation.first_look": ("first_words",),
+    "records.oscillation.law_free": ("first_words",),
     "records.read": ("read_record",),
     "types": ("InputError", "Refusal"),
     "verdict.types": ("Verdict",),
@@ -94,7 +94,7 @@ if TYPE_CHECKING:
     from bayesdamp.records.envelope.record import EnvelopeRecord as EnvelopeRecord
     from bayesdamp.records.envelope.record import read_envelope as read_envelope
     from bayesdamp.records.oscillation.features import features as features
-    from bayesdamp.records.oscillation.first_look import first_words as first_words
+    from bayesdamp.records.oscillation.law_free import first_words as first_words
     from bayesdamp.records.read import read_record as read_record
     from bayesdamp.types import InputError as InputError
     from bayesdamp.types import Refusal as Refusal

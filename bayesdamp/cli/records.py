@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 
 from bayesdamp.cli.options import bound, wrong
 from bayesdamp.interface.no_free_decay import no_free_decay
-from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.cleaning.decimate import decimated
+from bayesdamp.records.cleaning.clean import clean, decimated
 from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.files.names import SECONDS, by_name
 from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
 from bayesdamp.records.opening import read_each
-from bayesdamp.records.oscillation.first_look import first_words
+from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.records.read import FASTEST, FROM_FIRST, SLOWEST, read_records
 from bayesdamp.records.record import RawRecord, read_as, unwrapped
 from bayesdamp.types import InputError, Refusal, Signal

@@ -11,12 +11,11 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 from bayesdamp.physics.damping import median
-from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.oscillator import Oscillator, reference_of
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.records.oscillation.features import features as measure
 from bayesdamp.records.oscillation.turning import midpoints, turning_points
-from bayesdamp.records.reference import reference_of
 from bayesdamp.types import Problem, Reference, Refusal, Signal
 
 if TYPE_CHECKING:

@@ -40,12 +40,11 @@ from bayesdamp.interface.arguments import (
 from bayesdamp.interface.density import Density
 from bayesdamp.interface.result import Result
 from bayesdamp.interface.signal import Signal
-from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.oscillator import Oscillator, reference_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.records.reference import reference_of
 from bayesdamp.table import Table
 from bayesdamp.types import InputError, Problem, Reference, Refusal, Seed, System
 from bayesdamp.units import UNITS

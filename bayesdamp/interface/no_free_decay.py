@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.records.oscillation.features import OncePerRecord, features
+from bayesdamp.records.oscillation.features import features, once_per_record
 from bayesdamp.records.oscillation.modes import OtherMotion, find_other_motion
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict import thresholds
@@ -19,7 +19,7 @@ TWO_SIDED = 1.96
 VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 
-@OncePerRecord
+@once_per_record
 def _other_motion(signal: Signal, harmonics: bool) -> OtherMotion | None:
     """Return what a signal is if not the free decay of one oscillator; None where it may be one."""
     try:

@@ -23,9 +23,9 @@ from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface import axes as drawing
 from bayesdamp.interface.fit import Fit, tabulate_ratios
 from bayesdamp.interface.result import Result, outcome_notes
+from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.records.reference import reference_of
 from bayesdamp.store.contents import NO_DRAWS
 from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError, Refusal

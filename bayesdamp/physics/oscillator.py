@@ -1,4 +1,4 @@
-"""Define an oscillator: a sum of damping terms and a restoring law."""
+"""Define an oscillator: a sum of damping terms and a restoring law. The scales of its priors."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
 from bayesdamp.physics.forces import bracket, by_kernel, frequency_over, newton_many, rest_near
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
+from bayesdamp.types import FeaturesSeen, InputError, Reference, System
 
 Parameters = Mapping[str, float | np.ndarray]
 REACH, POINTS = 10.0, 4001
@@ -139,3 +140,35 @@ def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> floa
     if rest is None:
         raise _no_rest(restoring, near)
     return rest
+
+
+def reference_of(system: System, features: FeaturesSeen) -> Reference:
+    """Return the amplitude and frequency that prior widths scale with: given, else the system's, else the record's.
+
+    Raises
+    ------
+    InputError
+        Where no motion about the record's midline is possible with the known parameters of the restoring law.
+    """
+    amplitude, frequency = system.amplitude, system.frequency
+    law, osc = LAWS.get(system.restoring), Oscillator(("viscous",), system.restoring)
+    known = {n: system.known[n] for n in law.parameters if n in system.known}
+    rest = features.rest
+    try:
+        if known:
+            reach = REACH * max(1.0, features.amplitude)
+            osc.rough_frequency(law.start(features.frequency, rest, known), rest, reach)
+        if len(known) == len(law.parameters):
+            if frequency is None:
+                frequency = osc.natural_frequency(system.known, rest)
+            if amplitude is None and "theta0" in system.known:
+                amplitude = abs(system.known["theta0"] - osc.equilibrium(system.known, rest)) or None
+    except (ValueError, ZeroDivisionError):
+        each = ", ".join(f"{name} = {value:g}" for name, value in known.items())
+        raise InputError(
+            f"{each}: the law {law.name} then has no stable equilibrium near the record's midline "
+            f"({rest:.3g}); give values with which it oscillates there, or leave them free"
+        ) from None
+    return Reference(
+        amplitude or float(f"{features.amplitude:.1e}"), frequency or float(f"{features.frequency:.1e}")
+    )

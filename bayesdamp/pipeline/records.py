@@ -15,19 +15,18 @@ from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.interface.simulate import simulated
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.tasks import Product, cell_seed, task_key
 from bayesdamp.plugins import sources_below
 from bayesdamp.provenance import Provenance
-from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.cleaning.decimate import decimated
+from bayesdamp.records.cleaning.clean import clean, decimated
 from bayesdamp.records.findings import question
 from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord, unwrapped
-from bayesdamp.records.reference import reference_of
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents import FeaturesSeen, RecordContent
 from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Refusal, Signal, System

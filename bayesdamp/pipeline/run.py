@@ -17,6 +17,7 @@ from bayesdamp.config import Recording, Study
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.machine.threads import cores
 from bayesdamp.outcomes import Status, status_of
+from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.pipeline.answering import ANSWERED, SAMPLED, asks_for_answers, verdict_of
 from bayesdamp.pipeline.jobs import Depth, Job, count_parallel_jobs, is_within, jobs_of, stages, work_of
 from bayesdamp.pipeline.progress import progress_on, words_of
@@ -26,7 +27,6 @@ from bayesdamp.pipeline.tasks import digest, perform
 from bayesdamp.pipeline.workers import KILLED, pool_of, restart, spread
 from bayesdamp.plugins import use
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.records.reference import reference_of
 from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.cells import Place

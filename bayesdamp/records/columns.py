@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.facts import sampling_rate
 from bayesdamp.records.files.names import (
     find_columns,
     list_names,
     names_index,
     names_time,
     quote_name,
+    sampling_rate,
     seconds_of_unit,
     select_runs,
     split_run,

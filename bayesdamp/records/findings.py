@@ -10,8 +10,7 @@ from enum import Enum
 import numpy as np
 
 from bayesdamp.records.columns import DIFFER
-from bayesdamp.records.files.facts import sampling_rate
-from bayesdamp.records.files.names import SECONDS, seconds_in
+from bayesdamp.records.files.names import SECONDS, sampling_rate, seconds_in
 from bayesdamp.records.oscillation.spectrum import SHORTEST
 from bayesdamp.records.record import HALF_TURN, RawRecord, half_swing
 from bayesdamp.units import UNITS

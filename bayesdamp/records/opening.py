@@ -23,7 +23,7 @@ from pathlib import Path
 from subprocess import DEVNULL, PIPE
 from typing import TypeVar
 
-from bayesdamp.records.files import limits
+from bayesdamp.records.files import contents as file_contents
 from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.readers import READERS
 from bayesdamp.types import InputError
@@ -150,7 +150,7 @@ def contents(path: Path | str, isolate: bool = True) -> Contents:
         reader = reader_of(path)
         if isolate and getattr(reader, "foreign", False):
             with _one_line(None):
-                return load_isolated(read_in_child, path, largest=limits.LARGEST)
+                return load_isolated(read_in_child, path, largest=file_contents.LARGEST)
         with _one_line(reader), _ONE_AT_A_TIME, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             content = reader.read(path)
@@ -163,7 +163,7 @@ def contents(path: Path | str, isolate: bool = True) -> Contents:
 
 def read_in_child(path: Path, largest: float) -> Contents:
     """Read a file for another process, whose limit in bytes is passed on. Raises InputError as `contents` does."""
-    limits.LARGEST = largest
+    file_contents.LARGEST = largest
     return contents(path, isolate=False)
 
 
@@ -279,8 +279,8 @@ def _read_head(path: Path) -> bytes:
     size = path.stat().st_size
     if size == 0:
         raise InputError("the file is empty; export the record again")
-    if size > limits.LARGEST:
-        most = f"files of more than {limits.LARGEST / 2**30:g} GiB are not read"
+    if size > file_contents.LARGEST:
+        most = f"files of more than {file_contents.LARGEST / 2**30:g} GiB are not read"
         raise InputError(f"has {size / 2**30:.1f} GiB; {most}: give a part")
     try:
         with path.open("rb") as file:

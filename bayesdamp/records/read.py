@@ -11,12 +11,12 @@ import numpy as np
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.columns import LARGEST, LEAST, RecordColumns, choose_columns, separate_clocks
 from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.facts import stated_unit
 from bayesdamp.records.files.names import (
     DAY,
     SECONDS,
     seconds_of_unit,
     split_run,
+    stated_unit,
     unit_of_column,
     unit_written,
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.records.files import limits
+from bayesdamp.records.files import contents
 from tests.bad_input import binaries, commands, studies, tables
 from tests.bad_input.case import READ, REFUSED, Case
 from tests.bad_input.judge import judge
@@ -27,7 +27,7 @@ def judge_all(cases: list[Case]) -> None:
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_bad_input(group: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "LARGEST", 2**26)
+    monkeypatch.setattr(contents, "LARGEST", 2**26)
     judge_all(GROUPS[group])
 
 

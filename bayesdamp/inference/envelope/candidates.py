@@ -32,7 +32,7 @@ from bayesdamp.priors import (
     SharedHalfNormal,
     shared_log_density,
 )
-from bayesdamp.records.envelope.decay import SeenFloor
+from bayesdamp.records.envelope.window import SeenFloor
 
 KNOTS = 14
 """Number of knots of the deviation."""

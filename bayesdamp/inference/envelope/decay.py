@@ -14,9 +14,15 @@ from bayesdamp.inference.envelope.noise import SHARES, SLOW, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit, sums_on
 from bayesdamp.physics.amplitude import EXPONENTS, SUMS, ClosedForm, Scale, power_decay, power_slopes
 from bayesdamp.physics.kernel.solve import ALL
-from bayesdamp.records.envelope.decay import ABOVE_FLOOR, LEAST_DROP, NEPER, blocks
 from bayesdamp.records.envelope.record import EnvelopeRecord, scale_of
-from bayesdamp.records.envelope.window import EnvelopeWindow, find_window
+from bayesdamp.records.envelope.window import (
+    ABOVE_FLOOR,
+    LEAST_DROP,
+    NEPER,
+    EnvelopeWindow,
+    blocks,
+    find_window,
+)
 from bayesdamp.types import Refusal
 
 MOST = 100

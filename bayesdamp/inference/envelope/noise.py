@@ -18,7 +18,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import minimize
 
 from bayesdamp.inference.deviation.linear import MEAN_G, smooth_root
-from bayesdamp.records.envelope.decay import SeenFloor
+from bayesdamp.records.envelope.window import SeenFloor
 
 LONGEST_SCATTER = 0.04
 """Largest correlation time of the multiplicative scatter, in durations: a slower one is a deviation of the law."""

@@ -33,7 +33,7 @@ from bayesdamp.odds import FURTHER_TERM, odds
 from bayesdamp.physics.amplitude import POWERS, SUMS, ClosedForm, Law, Scale, Shape, Tabled, alike, log_loss
 from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.priors import SHARED_SCALES
-from bayesdamp.records.envelope.decay import ABOVE_FLOOR
+from bayesdamp.records.envelope.window import ABOVE_FLOOR
 from bayesdamp.types import InputError
 
 HOPELESS = 25.0

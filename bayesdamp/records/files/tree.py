@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.facts import sampling_rate, stated_unit, trim_facts
+from bayesdamp.records.files.names import sampling_rate, stated_unit, trim_facts
 from bayesdamp.types import InputError
 
 WIDEST = 64

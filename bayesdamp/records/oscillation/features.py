@@ -5,16 +5,15 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache, update_wrapper
-from typing import Concatenate, Generic, ParamSpec, TypeVar
+from functools import lru_cache, wraps
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.records.oscillation.noise import roughness
+from bayesdamp.records.oscillation.noise import of_equal_size, roughness
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import (
-    BLOCK,
     Turning,
     local_median,
     midpoints,
@@ -60,26 +59,25 @@ class _Samples:
         return isinstance(other, _Samples) and self.key == other.key
 
 
-class OncePerRecord(Generic[Options, Result]):
-    """A function of a signal's samples and of options, whose results for the last few records are kept.
+def once_per_record(
+    compute: Callable[Concatenate[Signal, Options], Result],
+) -> Callable[Concatenate[Signal, Options], Result]:
+    """Keep what a function computes from the samples of the last few records.
 
     A record is read, stored, and read back under several names: its results are computed once all the same. Threads of
     a linear algebra library would only wait for each other at such small matrices, so there is one.
     """
 
-    def __init__(self, compute: Callable[Concatenate[Signal, Options], Result]) -> None:
-        @lru_cache(maxsize=16)
-        def cached(samples: _Samples, *options: Options.args, **named: Options.kwargs) -> Result:
-            with threadpool_limits(1, "blas"):
-                return compute(samples.signal, *options, **named)
+    @lru_cache(maxsize=16)
+    def cached(samples: _Samples, *options: Options.args, **named: Options.kwargs) -> Result:
+        with threadpool_limits(1, "blas"):
+            return compute(samples.signal, *options, **named)
 
-        self._cached = cached
-        self.cache_clear = cached.cache_clear
-        update_wrapper(self, compute)
+    @wraps(compute)
+    def of_signal(signal: Signal, *options: Options.args, **named: Options.kwargs) -> Result:
+        return cached(_Samples(signal), *options, **named)
 
-    def __call__(self, signal: Signal, *options: Options.args, **named: Options.kwargs) -> Result:
-        """Return the result for a signal; options are given by their places."""
-        return self._cached(_Samples(signal), *options, **named)
+    return of_signal
 
 
 def wandering(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
@@ -163,7 +161,7 @@ class Features(FeaturesSeen):
     swing_sizes: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
-@OncePerRecord
+@once_per_record
 def features(signal: Signal) -> Features:
     """Return the features of a signal. Raises Refusal, with a sentence, where it does not oscillate."""
     t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
@@ -288,23 +286,21 @@ def crossing_times(
     sizes = np.searchsorted(t, centres + half) - begins
     times = centres.copy()
     grid = np.linspace(-0.4, 0.4, 801)
-    for n in np.unique(sizes):
-        same = np.flatnonzero(sizes == n)
-        for part in np.array_split(same, -(-same.size * max(int(n), grid.size) // BLOCK)) if n >= 3 else ():
-            rows = begins[part][:, None] + np.arange(n)
-            x = (t[rows] - centres[part][:, None]) / gaps[part][:, None]
-            columns = _swing(x)[:, :, : 4 if n > 5 else 2]
-            values = (y[rows] - levels[part][:, None])[:, :, None]
-            c = (np.linalg.pinv(columns, rcond=1e-10) @ values)[:, :, 0]
-            curve = c @ _swing(grid)[:, : c.shape[1]].T
-            sign = np.signbit(curve[:, 1:]) != np.signbit(curve[:, :-1])
-            crosses = np.flatnonzero(sign.any(axis=1))
-            j = np.argmin(np.where(sign[crosses], np.abs(grid[:-1]), np.inf), axis=1)
-            before, after = curve[crosses, j], curve[crosses, j + 1]
-            z = grid[j] - before * (grid[1] - grid[0]) / (after - before)
-            which = part[crosses]
-            times[which] += z * gaps[which]
-            weights[which] = np.diff(turns.values)[which] ** 2 * n
+    for n, same in of_equal_size(sizes, 3, grid.size):
+        rows = begins[same][:, None] + np.arange(n)
+        x = (t[rows] - centres[same][:, None]) / gaps[same][:, None]
+        columns = _swing(x)[:, :, : 4 if n > 5 else 2]
+        values = (y[rows] - levels[same][:, None])[:, :, None]
+        c = (np.linalg.pinv(columns, rcond=1e-10) @ values)[:, :, 0]
+        curve = c @ _swing(grid)[:, : c.shape[1]].T
+        sign = np.signbit(curve[:, 1:]) != np.signbit(curve[:, :-1])
+        crosses = np.flatnonzero(sign.any(axis=1))
+        j = np.argmin(np.where(sign[crosses], np.abs(grid[:-1]), np.inf), axis=1)
+        before, after = curve[crosses, j], curve[crosses, j + 1]
+        z = grid[j] - before * (grid[1] - grid[0]) / (after - before)
+        which = same[crosses]
+        times[which] += z * gaps[which]
+        weights[which] = np.diff(turns.values)[which] ** 2 * n
     return times, weights
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 ENOUGH = 512
@@ -83,6 +85,29 @@ class _Fits:
         return rest, np.sqrt(squares / np.maximum(good.sum(axis=1) - (n - self.free), 1))
 
 
+def of_equal_size(sizes: np.ndarray, least: int, values: int = 0) -> Iterator[tuple[int, np.ndarray]]:
+    """Return the windows of each number of samples, which are fitted together.
+
+    Parameters
+    ----------
+    sizes
+        Number of samples in each window, (w,).
+    least
+        Fewest samples of a window that is fitted.
+    values
+        Number of values in each window besides its samples.
+
+    Yields
+    ------
+    tuple
+        The number of samples, and the windows, at most as many as have `BLOCK` samples or values.
+    """
+    for n in np.unique(sizes[sizes >= least]).tolist():
+        same = np.flatnonzero(sizes == n)
+        for part in np.array_split(same, -(-same.size * max(n, values) // BLOCK)):
+            yield n, part
+
+
 def _inverse(columns: np.ndarray) -> np.ndarray:
     """Return pseudo-inverses (w, k, n) of columns (w, n, k).
 
@@ -131,12 +156,10 @@ def residuals(
     starts = np.searchsorted(window, np.arange(count + 1))
     sizes = np.diff(starts)
     every = np.arange(count) if most is None or count <= most else np.linspace(0, count - 1, most).astype(int)
-    for n in np.unique(sizes[every]):
-        same = every[sizes[every] == n]
-        for part in np.array_split(same, -(-same.size * int(n) // BLOCK)) if n >= 7 else ():
-            at = starts[part][:, None] + np.arange(n)
-            x = 2 * np.pi * (t[at] - (t[at[:, :1]] + t[at[:, -1:]]) / 2) / period
-            rest[at], sd[part] = _Fits(x, y[at]).robust_residuals()
+    for n, same in of_equal_size(sizes[every], 7):
+        at = starts[every[same]][:, None] + np.arange(n)
+        x = 2 * np.pi * (t[at] - (t[at[:, :1]] + t[at[:, -1:]]) / 2) / period
+        rest[at], sd[every[same]] = _Fits(x, y[at]).robust_residuals()
     return rest, sd, window
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
+from bayesdamp.records.oscillation.noise import of_equal_size
+
 PER_CYCLE = 48
 """Samples a cycle that suffice to find a turning point before it is refined on all samples."""
 FEW = 7
@@ -14,8 +16,8 @@ FEW = 7
 LEAST = 9
 """Samples about a turning point that determine a sinusoid whose amplitude, phase and midline change; the window grows
 until it has so many."""
-BLOCK = 200_000
-"""Samples that are fitted at a time."""
+GRID = 81
+"""Points of a fitted curve among which its extremum is sought."""
 
 
 @dataclass(frozen=True)
@@ -193,14 +195,12 @@ def refine(
         width[few] = wider * half[few]
     begins = np.searchsorted(t, at - width)
     sizes = np.searchsorted(t, at + width) - begins
-    for n in np.unique(sizes):
-        same = np.flatnonzero(sizes == n)
-        for part in np.array_split(same, -(-same.size * max(int(n), 81) // BLOCK)) if n >= 5 else ():
-            rows = begins[part][:, None] + np.arange(n)
-            scale = 2 * np.pi / period[part]
-            x = scale[:, None] * (t[rows] - at[part][:, None])
-            out[part] = _fit_extrema(x, y[rows], kind[part].astype(float), scale * width[part])
-            out[part, 0] = at[part] + out[part, 0] / scale
+    for n, same in of_equal_size(sizes, 5, GRID):
+        rows = begins[same][:, None] + np.arange(n)
+        scale = 2 * np.pi / period[same]
+        x = scale[:, None] * (t[rows] - at[same][:, None])
+        out[same] = _fit_extrema(x, y[rows], kind[same].astype(float), scale * width[same])
+        out[same, 0] = at[same] + out[same, 0] / scale
     return out
 
 
@@ -218,7 +218,7 @@ def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.
         c[again], inverse[again] = _solve(kept_columns, kept_values)
     far = np.minimum(width, 2.0)
     edges = np.stack([np.maximum(x[:, 0], -far) - 0.06, np.minimum(x[:, -1], far) + 0.06])
-    grid = np.linspace(edges[0], edges[1], 81, axis=1)
+    grid = np.linspace(edges[0], edges[1], GRID, axis=1)
     slope = (_basis(grid, 1) @ c[:, :, None])[:, :, 0]
     here = (slope[:, :-1] * kind[:, None] >= 0) & (slope[:, 1:] * kind[:, None] < 0)
     best = np.argmin(np.where(here, np.abs(grid[:, :-1]), np.inf), axis=1)

@@ -9,10 +9,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from bayesdamp.provenance import Fact
-from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.facts import trim_facts
-from bayesdamp.records.files.limits import refuse_archive
-from bayesdamp.records.files.names import seconds_written
+from bayesdamp.records.files.contents import Column, Contents, Reader, refuse_archive
+from bayesdamp.records.files.names import seconds_written, trim_facts
 from bayesdamp.records.readers.text import LARGEST, make_column
 from bayesdamp.types import InputError
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from bayesdamp.provenance import Fact
-from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.limits import archive_names, refuse_archive
+from bayesdamp.records.files.contents import Column, Contents, archive_names, refuse_archive
 from bayesdamp.records.readers.text import parse_table
 from bayesdamp.types import InputError
 

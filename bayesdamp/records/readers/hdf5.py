@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.files.facts import trim_facts
-from bayesdamp.records.files.limits import refuse_large
+from bayesdamp.records.files.contents import Contents, Reader, refuse_large
+from bayesdamp.records.files.names import trim_facts
 from bayesdamp.records.files.tree import DEEPEST, Walk, join_path, to_plain, unit_and_rate
 from bayesdamp.types import InputError
 

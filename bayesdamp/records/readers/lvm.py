@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.facts import trim_facts
+from bayesdamp.records.files.names import trim_facts
 from bayesdamp.records.readers.text import make_column, parse_number, read_text
 from bayesdamp.types import InputError
 

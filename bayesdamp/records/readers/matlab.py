@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from pathlib import Path
 
-from bayesdamp.records.files import limits
+from bayesdamp.records.files import contents
 from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.files.tree import Walk
 from bayesdamp.types import InputError
@@ -62,10 +62,10 @@ def _refuse_large_elements(path: Path) -> None:
                 total += size
                 continue
             unpack = zlib.decompressobj()
-            while data and total <= limits.LARGEST:
+            while data and total <= contents.LARGEST:
                 total += len(unpack.decompress(data, 2**24))
                 data = unpack.unconsumed_tail
-            limits.refuse_large(total)
+            contents.refuse_large(total)
 
 
 PLUGIN = MatlabReader()

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.files.limits import archive_names, refuse_archive
+from bayesdamp.records.files.contents import Contents, Reader, archive_names, refuse_archive
 from bayesdamp.records.files.tree import Walk
 from bayesdamp.types import InputError
 

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.facts import trim_facts
-from bayesdamp.records.files.limits import refuse_large
+from bayesdamp.records.files.contents import Column, Contents, refuse_large
+from bayesdamp.records.files.names import trim_facts
 from bayesdamp.records.files.tree import to_seconds, unit_and_rate
 from bayesdamp.types import InputError
 

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.facts import trim_facts
-from bayesdamp.records.files.limits import refuse_large
+from bayesdamp.records.files.contents import Column, Contents, Reader, refuse_large
+from bayesdamp.records.files.names import trim_facts
 from bayesdamp.records.files.tree import to_plain, to_seconds, unit_and_rate
 
 

@@ -19,8 +19,7 @@ import numpy as np
 
 from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.facts import header_facts, trim_facts
-from bayesdamp.records.files.names import DAY, may_be_unit, unit_and_quantity
+from bayesdamp.records.files.names import DAY, header_facts, may_be_unit, trim_facts, unit_and_quantity
 from bayesdamp.types import InputError
 
 LARGEST = 2**29

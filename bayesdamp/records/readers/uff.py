@@ -11,7 +11,7 @@ import numpy as np
 
 from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.facts import trim_facts
+from bayesdamp.records.files.names import trim_facts
 from bayesdamp.types import InputError
 
 _SETS = re.compile(rb"(?:^|[\r\n])    -1[ \t]*\r?\n[ \t]{0,5}(\d{1,5})(b?)(?=[ \t\r\n])")

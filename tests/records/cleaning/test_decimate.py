@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.cleaning.decimate import MOST, PASS, decimated, thinned
+from bayesdamp.records.cleaning.clean import MOST_SAMPLES, PASS, clean, decimated, thinned
 from bayesdamp.records.record import RawRecord
 
 RATE = 44100.0
@@ -39,7 +38,7 @@ def test_the_passband_and_what_would_fold_down(factor: int) -> None:
 def test_a_decay_is_the_same_decay_with_fewer_samples() -> None:
     raw = decimated(RawRecord(None, decay(T), RATE))
     assert raw.t is not None
-    assert raw.y.size < MOST
+    assert raw.y.size < MOST_SAMPLES
     assert 95 < 1 / np.median(np.diff(raw.t)) / 30.0 < 110
     # exp(-st) is real in ω - is instead of ω: the same response a little beside the real axis.
     np.testing.assert_allclose(raw.y, decay(raw.t), rtol=0, atol=0.2 * 1e-4)
@@ -67,7 +66,7 @@ def test_the_files_own_times_are_kept() -> None:
 
 
 def test_what_need_not_or_cannot_be_thinned_stays() -> None:
-    short = RawRecord(None, decay(T[:MOST]), RATE)
+    short = RawRecord(None, decay(T[:MOST_SAMPLES]), RATE)
     assert decimated(short) is short
     gap = RawRecord(np.where(T > 2, T + 1.0, T), decay(T))
     assert decimated(gap) is gap

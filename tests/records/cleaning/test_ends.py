@@ -10,7 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.cleaning.window import free_decay
-from bayesdamp.records.oscillation.first_look import first_words
+from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.records.oscillation.spectrum import coarse_periods
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Signal

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.oscillation.first_look import first_words
+from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.records.record import RawRecord, unwrapped
 from bayesdamp.types import InputError
 from tests.failures import Failures

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.envelope.noise import Noise
-from bayesdamp.records.envelope.decay import SeenFloor, measure_floor
+from bayesdamp.records.envelope.window import SeenFloor, measure_floor
 from validation.truth.ringdowns import wandering
 
 

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bayesdamp.records.oscillation.first_look import first_words
+from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.types import Signal
 from tests.records.hands import Rig, W
 

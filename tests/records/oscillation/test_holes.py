@@ -7,7 +7,7 @@ import pytest
 
 from bayesdamp.records.cleaning.window import free_decay
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.records.oscillation.first_look import first_words
+from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.records.oscillation.modes import find_other_motion
 from bayesdamp.records.oscillation.spectrum import coarse_periods
 from bayesdamp.types import Signal

@@ -124,8 +124,7 @@ def test_a_noisy_record_of_thousands_of_cycles_is_measured_where_its_turns_are_c
 
     def measured(seen: Features) -> tuple[float, float]:
         monkeypatch.setattr("bayesdamp.records.oscillation.law_free.features", lambda _: seen)
-        law_free.cache_clear()
-        fit = law_free(signal)
+        fit = law_free.__wrapped__(signal)
         curve = fit.at(np.linspace(*fit.span, 7))
         return np.abs(curve.frequency / frequency - 1).max(), np.abs(
             (curve.ratio - ratio) / curve.ratio_sd
@@ -155,9 +154,8 @@ def viscous_and_coulomb(
 def squares(records: list[tuple[Signal, float, float]]) -> np.ndarray:
     """Return the mean squares of the scores of the damping ratio at the start and at the end, (2,)."""
     scores = []
-    law_free.cache_clear()
     for signal, viscous, friction in records:
-        fit = law_free(signal)
+        fit = law_free.__wrapped__(signal)  # constants differ: nothing kept is used
         curve = fit.at(np.array(fit.span))
         scores.append((curve.ratio - viscous * (1 + friction / curve.amplitude)) / curve.ratio_sd)
     return np.mean(np.square(scores), axis=0)

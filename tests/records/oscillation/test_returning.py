@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.features import features, wandering
-from bayesdamp.records.oscillation.first_look import first_words
+from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Refusal, Signal
 
