@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import lru_cache, wraps
+from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
@@ -37,26 +38,10 @@ LEAST_SHARE = 0.3
 """Share that an oscillation must have in the variation of a record within a period or two."""
 
 
+KEPT = 16
+"""Records whose results stay in memory."""
 Options = ParamSpec("Options")
 Result = TypeVar("Result")
-
-
-class _Samples:
-    """A signal as a key: equal to another of the same samples, whatever their names and provenance."""
-
-    def __init__(self, signal: Signal) -> None:
-        self.signal = signal
-        values = np.ascontiguousarray(signal.t), np.ascontiguousarray(signal.y)
-        digests = (hashlib.blake2b(v.tobytes()).digest() for v in values)
-        self.key = (*digests, signal.quantity, signal.unit, signal.step)
-
-    def __hash__(self) -> int:
-        """Return the hash of the samples."""
-        return hash(self.key)
-
-    def __eq__(self, other: object) -> bool:
-        """Return whether the samples are equal."""
-        return isinstance(other, _Samples) and self.key == other.key
 
 
 def once_per_record(
@@ -67,15 +52,20 @@ def once_per_record(
     A record is read, stored, and read back under several names: its results are computed once all the same. Threads of
     a linear algebra library would only wait for each other at such small matrices, so there is one.
     """
-
-    @lru_cache(maxsize=16)
-    def cached(samples: _Samples, *options: Options.args, **named: Options.kwargs) -> Result:
-        with threadpool_limits(1, "blas"):
-            return compute(samples.signal, *options, **named)
+    kept: dict[tuple[object, ...], Result] = {}
 
     @wraps(compute)
     def of_signal(signal: Signal, *options: Options.args, **named: Options.kwargs) -> Result:
-        return cached(_Samples(signal), *options, **named)
+        samples = hashlib.blake2b(np.stack([signal.t, signal.y]).tobytes()).digest()
+        key = (samples, signal.quantity, signal.unit, signal.step, *options, *named.items())
+        with suppress(KeyError):
+            return kept[key]
+        with threadpool_limits(1, "blas"):
+            result = compute(signal, *options, **named)
+        for old in list(kept)[: 1 - KEPT]:
+            kept.pop(old, None)
+        kept[key] = result
+        return result
 
     return of_signal
 
