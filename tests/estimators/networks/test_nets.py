@@ -9,11 +9,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-import torch
 
 from bayesdamp.estimators import run
-from bayesdamp.estimators.networks.shooting import Shooting
-from bayesdamp.estimators.networks.training import generator
+from bayesdamp.estimators.methods.neural_ode import NeuralOdeOptions, Shooting
+from bayesdamp.estimators.methods.pinn import Collocation, PinnOptions
+from bayesdamp.estimators.methods.rnn import RecurrentNetwork
 from bayesdamp.estimators.shared import checked_features
 from tests.estimators.truths import (
     EVERYTHING,
@@ -35,20 +35,11 @@ def noisy():
     return pendulum({"zeta": 0.05}, noise=0.003, samples=1000, free=("stiffness",))
 
 
-def test_the_seed_is_all_the_chance_there_is(noisy):
-    """torch's own random numbers and settings are neither used nor moved."""
-    name = "pinn"
-    signal, problem = noisy
-    first = initial(name, signal, problem, **SHORT[name])
-    torch.manual_seed(99)
-    before = torch.get_rng_state(), torch.get_num_threads(), torch.get_default_dtype()
-    assert initial(name, signal, problem, **SHORT[name]).values == first.values
-    after = torch.get_rng_state(), torch.get_num_threads(), torch.get_default_dtype()
-    assert torch.equal(before[0], after[0])
-    assert before[1:] == after[1:]
+def test_another_seed_is_another_network(noisy):
+    """That the seed alone decides is in the contract of all estimators."""
+    first, second = (initial("pinn", *noisy, seed=seed, **SHORT["pinn"]) for seed in (1, 2))
     assert {"loss", "zeta"} <= set(first.trace)
-    # Negative control: another seed is another network.
-    assert initial(name, signal, problem, seed=2, **SHORT[name]).values != first.values
+    assert first.values != second.values
 
 
 @pytest.mark.parametrize(
@@ -56,8 +47,7 @@ def test_the_seed_is_all_the_chance_there_is(noisy):
 )
 def test_papers_pendulum(name, damping):
     ((parameter, truth),) = damping.items()
-    options = {"records": 256, "epochs": 20} if name == "rnn" else {}
-    found = initial(name, *pendulum(damping, samples=2000), **options)
+    found = initial(name, *pendulum(damping, samples=2000))
     assert error(found.values[parameter], truth) < INITIAL[name] / 4  # an order below what is asked for
     assert found.outcome == "ok"
     assert found.trace[parameter][-1] == found.values[parameter]
@@ -86,16 +76,36 @@ def test_pinn_negative_control_a_wrong_equation_of_motion_does_not_fit():
     assert misses["data_rms"] > 10 * fits["data_rms"]
 
 
-def test_sensitivities_through_the_solver_are_differences():
+@pytest.mark.parametrize("kind", ["neural_ode", "pinn"])
+def test_derivatives_of_a_loss_are_differences(kind):
     signal, problem = pendulum({"mu_c": 0.03}, samples=400, free=("stiffness", "omega0"))
-    seen = checked_features(signal)
-    random = generator(np.random.default_rng(0))
-    shooting = Shooting(signal, problem, seen, width=3, steps=24, continuity_weight=1.0, random=random)
-    x = shooting.start
-    _, jacobian = shooting.linearise(x)
-    direction = torch.randn(x.numel(), dtype=torch.float64, generator=random)
-    step = 1e-5
-    change = (shooting.residuals(x + step * direction) - shooting.residuals(x - step * direction)) / (
-        2 * step
-    )
-    assert torch.allclose(jacobian @ direction, change, atol=1e-6 * float(change.abs().max()))
+    features, rng = checked_features(signal), np.random.default_rng(0)
+    if kind == "neural_ode":
+        shooting = Shooting(signal, problem, features, NeuralOdeOptions(width=3, steps=24), rng)
+        start, linearise, residuals = shooting.start, shooting.linearise, shooting.residuals
+    else:
+        collocation = Collocation(signal, problem, features, PinnOptions(width=4, collocation=100), rng)
+        start, linearise = collocation.start, collocation.linearise
+
+        def residuals(x):
+            return np.concatenate(collocation.residuals(x))
+
+    r, jacobian = linearise(start)
+    assert r == pytest.approx(residuals(start), abs=1e-12)
+    check_differences(residuals, start, jacobian, rng)
+
+
+@pytest.mark.parametrize("cell", ["lstm", "gru"])
+def test_derivatives_through_time_are_differences(cell):
+    rng = np.random.default_rng(0)
+    network = RecurrentNetwork(cell, 5)
+    weights, sequences = 2.0 * network.draw(rng), rng.normal(size=(7, 9, 2))
+    answers, jacobian = network.slopes(weights, sequences)
+    assert answers == pytest.approx(network.answers(weights, sequences), abs=1e-12)
+    check_differences(lambda x: network.answers(x, sequences), weights, jacobian, rng)
+
+
+def check_differences(function, x, jacobian, rng):
+    direction, step = rng.normal(size=x.size), 1e-5
+    change = (function(x + step * direction) - function(x - step * direction)) / (2 * step)
+    assert jacobian @ direction == pytest.approx(change, abs=1e-6 * np.abs(change).max())
