@@ -8,8 +8,19 @@ from functools import partial
 import numpy as np
 
 from bayesdamp import formatting as fmt
-from bayesdamp.claims.bench import TRUTH, error, initial
-from bayesdamp.claims.judge import FAR, NO_RUN, Claim, Judgement, Runs, Verdict, claim, on_clean
+from bayesdamp.claims.judge import (
+    FAR,
+    NO_RUN,
+    TRUTH,
+    Claim,
+    Judgement,
+    Runs,
+    Verdict,
+    claim,
+    error,
+    initial,
+    on_clean,
+)
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.report import words
 from bayesdamp.report.results.estimators import (

@@ -4,8 +4,17 @@ from __future__ import annotations
 
 import math
 
-from bayesdamp.claims.bench import PENDULUM, TRUTH, initial_error, period_drift
-from bayesdamp.claims.judge import FAR, Claim, Judgement, Runs, claim
+from bayesdamp.claims.judge import (
+    FAR,
+    PENDULUM,
+    TRUTH,
+    Claim,
+    Judgement,
+    Runs,
+    claim,
+    initial_error,
+    period_drift,
+)
 from bayesdamp.physics.oscillator import Oscillator
 
 CLAIMS: list[Claim] = []

@@ -18,10 +18,10 @@ from numpy.polynomial import Polynomial
 from bayesdamp.estimators.shared import (
     ORDER,
     epsilon_of,
-    noise_level,
     oscillator,
     ratios_per_unit,
     start_parameters,
+    thin_record,
 )
 from bayesdamp.physics.forces import slope_of
 from bayesdamp.records.oscillation.features import Features
@@ -30,8 +30,6 @@ from bayesdamp.types import OK, Problem, Signal
 WITHIN = 1e-2
 """Step of differences by the velocity, as a share of the width of a switch."""
 MOST_SAMPLES = 1500
-PER_CYCLE = 40.0
-"""Means are taken over no more than this part of a cycle: the mean of a sinusoid is then 0.1 % small."""
 BIAS = 0.5
 """Standard deviation of a network's first biases."""
 COLLINEAR = 1e-3
@@ -257,20 +255,6 @@ def train(
             break
     losses = np.array([point.loss for point in course])
     return Training(course[-1].x, losses, np.array(watched), course[-1].evaluations, outcome)
-
-
-def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return (t, y) with about `most` samples or fewer: means of neighbours if there is noise, else a selection."""
-    t, y = signal.t, signal.y
-    size = float(np.abs(features.turning_amplitudes).max())
-    if t.size > most and noise_level(signal) > 1e-5 * size:
-        group = min(-(-t.size // most), max(1, int(features.samples_per_cycle / PER_CYCLE)))
-        blocks = t.size // group
-        times = t[: blocks * group].reshape(blocks, group)
-        whole = times[:, -1] - times[:, 0] <= 1.5 * (group - 1) * float(np.median(np.diff(t)))
-        t, y = times.mean(axis=1)[whole], y[: blocks * group].reshape(blocks, group).mean(axis=1)[whole]
-    rows = np.unique(np.linspace(0, t.size - 1, min(most, t.size)).round().astype(int))
-    return t[rows], y[rows]
 
 
 class ScaledRecord:

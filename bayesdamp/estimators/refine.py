@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bayesdamp.estimators.search import brent
 from bayesdamp.estimators.shared import (
+    brent,
     checked_features,
     decay_start,
     free_names,

@@ -1,10 +1,10 @@
-"""What several estimators need of a record: its motion with derivatives, and starting values."""
+"""What several estimators need: a record's motion with derivatives, starting values, and small searches."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,6 +37,10 @@ EDGE = 1.5
 LEAST_SAMPLES_PER_CYCLE = 6.0
 ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}
 """Order of the time derivative of the displacement that each quantity is."""
+SCORE = 3.5
+"""Farthest distance from the middle of its prior at which a term's further parameter is searched, in normal scores."""
+PER_CYCLE = 40.0
+"""Means are taken over no more than this part of a cycle: the mean of a sinusoid is then 0.1 % small."""
 Curve = Callable[[np.ndarray], np.ndarray]
 
 
@@ -238,6 +242,20 @@ def noise_level(signal: Signal) -> float:
     return max(1.4826 * float(np.median(np.concatenate(left))), signal.step / np.sqrt(12.0))
 
 
+def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return (t, y) with about `most` samples or fewer: means of neighbours if there is noise, else a selection."""
+    t, y = signal.t, signal.y
+    size = float(np.abs(features.turning_amplitudes).max())
+    if t.size > most and noise_level(signal) > 1e-5 * size:
+        group = min(-(-t.size // most), max(1, int(features.samples_per_cycle / PER_CYCLE)))
+        blocks = t.size // group
+        times = t[: blocks * group].reshape(blocks, group)
+        whole = times[:, -1] - times[:, 0] <= 1.5 * (group - 1) * float(np.median(np.diff(t)))
+        t, y = times.mean(axis=1)[whole], y[: blocks * group].reshape(blocks, group).mean(axis=1)[whole]
+    rows = np.unique(np.linspace(0, t.size - 1, min(most, t.size)).round().astype(int))
+    return t[rows], y[rows]
+
+
 def motion(
     signal: Signal, problem: Problem, features: Features, knots_per_period: float = KNOTS_PER_PERIOD
 ) -> SmoothedMotion:
@@ -424,3 +442,78 @@ def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.nda
     if turns.times.size < 4:
         return np.r_[float(np.mean(y)), np.zeros(degree)]
     return np.polynomial.polynomial.polyfit(turns.times - t[0], midpoints(turns.values), degree)
+
+
+def brent(cost: Callable[[float], float], guess: float, unit: float) -> tuple[float, np.ndarray]:
+    """Find the minimum of `cost` over x ≥ 0 (paper, section 3.3: Brent's method with bounded search).
+
+    The bracket is [guess/3, 3·guess] and moves on if the minimum is at its end.
+
+    Parameters
+    ----------
+    cost
+        The function to minimise.
+    guess
+        Where the search starts, but no lower than `unit`.
+    unit
+        A value of x that is small but matters.
+
+    Returns
+    -------
+    float, ndarray
+        The best x, and the cost of each evaluation.
+    """
+    costs: list[float] = []
+
+    def counted(x: float) -> float:
+        costs.append(cost(x))
+        return costs[-1]
+
+    factor = 3.0
+    centre = max(guess, unit)
+    low, high = centre / factor, centre * factor
+    x = centre
+    for _ in range(12):
+        result = scipy.optimize.minimize_scalar(
+            counted, bounds=(low, high), method="bounded", options={"xatol": 1e-9 * max(centre, unit)}
+        )
+        x = float(result.x)  # pyright: ignore[reportAttributeAccessIssue]
+        margin = 1e-3 * (high - low)
+        if x > high - margin:
+            low, high = x / factor, high * factor**2
+        elif x < low + margin and low > 0.0:
+            low, high = (low / factor**3 if low > unit / factor else 0.0), x * factor
+        else:
+            break
+        centre = max(x, unit)
+    if low == 0.0 and counted(0.0) <= counted(x):
+        x = 0.0
+    return x, np.array(costs)
+
+
+def search_further(
+    priors: Mapping[str, Prior], cost: Callable[[dict[str, float]], float]
+) -> dict[str, float]:
+    """Find the values of these parameters with the least cost.
+
+    This is variable projection (Golub and Pereyra 1973) if the cost is what the best coefficients leave. Nelder and
+    Mead's search runs over the parameters' normal scores, from the best point of a grid.
+    """
+    if not priors:
+        return {}
+
+    def values(z: np.ndarray) -> dict[str, float]:
+        bounded = np.clip(z, -SCORE, SCORE)
+        return {
+            n: float(p.value(np.abs(x) if p.reflected else x)) for (n, p), x in zip(priors.items(), bounded)
+        }
+
+    def bounded_cost(z: np.ndarray) -> float:
+        return cost(values(z)) * (1.0 + float(np.sum(np.maximum(np.abs(z) - SCORE, 0.0))))
+
+    starts = [np.array(z) for z in product(*[(-1.0, 0.1, 1.0)] * len(priors))]
+    options = {"xatol": 1e-5, "fatol": 0.0, "maxfev": 400}
+    result = scipy.optimize.minimize(
+        bounded_cost, min(starts, key=bounded_cost), method="Nelder-Mead", options=options
+    )
+    return values(result.x)

@@ -6,8 +6,7 @@ import pytest
 
 from bayesdamp.claims import CLAIMS, Claim, Judgement, judged, written
 from bayesdamp.claims.accuracy import PRINTED, verdict_of
-from bayesdamp.claims.bench import initial_error
-from bayesdamp.claims.judge import Runs
+from bayesdamp.claims.judge import Runs, initial_error
 from bayesdamp.claims.mechanisms import (
     _nonlinearity_is_the_cause,
     _regression_is_accurate,

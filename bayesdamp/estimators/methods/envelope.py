@@ -8,8 +8,9 @@ from scipy.optimize import least_squares
 from scipy.signal import hilbert, savgol_filter
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.search import SCORE, brent
 from bayesdamp.estimators.shared import (
+    SCORE,
+    brent,
     checked_features,
     decay_start,
     free_names,

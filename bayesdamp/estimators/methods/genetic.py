@@ -51,14 +51,14 @@ class GeneticOptions(Options):
     evenly spread samples.
     """
 
-    population: int = Field(default=40, ge=8, le=10_000)
+    population: int = Field(default=20, ge=8, le=10_000)
     tournament: int = Field(default=3, ge=2)
     blend: float = Field(default=0.5, ge=0.0, le=2.0)
     mutation: float = Field(default=0.1, ge=0.0, le=1.0)
     mutated: float = Field(default=0.2, ge=0.0, le=1.0)
     elite: float = Field(default=0.1, ge=0.0, lt=1.0)
     generations: int = Field(default=200, ge=1)
-    patience: int = Field(default=12, ge=2)
+    patience: int = Field(default=8, ge=2)
     readings: int = Field(default=250_000, ge=10_000)
 
 
@@ -79,10 +79,15 @@ class Genetic(Estimator[GeneticOptions]):
         tolerance = TOLERANCE * float(np.abs(features.turning_amplitudes).max())
         trajectories = Trajectories(genes.osc, signal.t[rows], signal.quantity, genes.base, tolerance)
         best, mean, leaders = [], [], []
+        elite = max(1, round(options.elite * len(people)))
+        misfit, evaluations = np.zeros(0), 0
         while True:
-            left = trajectories.many(genes.decode(people)) - signal.y[rows]
-            misfit = np.sqrt(np.mean(left**2, axis=1))
-            misfit = np.where(np.isfinite(misfit), misfit, np.inf)  # a trajectory that escapes
+            new = people[misfit.size :]
+            left = trajectories.many(genes.decode(new)) - signal.y[rows]
+            evaluations += len(new)
+            rms = np.sqrt(np.mean(left**2, axis=1))
+            rms = np.where(np.isfinite(rms), rms, np.inf)  # a trajectory that escapes
+            misfit = np.concatenate([misfit, rms])
             order = np.argsort(misfit, kind="stable")
             people, misfit = people[order], misfit[order]
             best.append(float(misfit[0]))
@@ -92,7 +97,7 @@ class Genetic(Estimator[GeneticOptions]):
             earlier = best[-1 - options.patience] if len(best) > options.patience else np.inf
             if len(best) > options.generations or are_equal or best[-1] > (1 - GAIN) * earlier:
                 break
-            people = _next_generation(people, genes, options, rng)
+            people, misfit = _next_generation(people, genes, options, elite, rng), misfit[:elite]
         if not np.isfinite(best[-1]):
             raise Refusal("every trajectory within the search range escapes")
         values = genes.decode(np.array(leaders))
@@ -104,7 +109,6 @@ class Genetic(Estimator[GeneticOptions]):
             "searched": [f"{name}: {low:.4g} to {high:.4g}" for name, low, high in ranges],
         }
         final = {name: float(each[-1]) for name, each in course.items()}
-        evaluations = len(people) * len(best)
         return Estimate(self.name, "initial", final, trace=trace, details=details, evaluations=evaluations)
 
 
@@ -221,11 +225,10 @@ def coefficient_alone(term: DampingTerm, features: Features) -> float:
 
 
 def _next_generation(
-    people: np.ndarray, genes: Genes, options: GeneticOptions, rng: np.random.Generator
+    people: np.ndarray, genes: Genes, options: GeneticOptions, elite: int, rng: np.random.Generator
 ) -> np.ndarray:
     """Return the generation (m, d) after people (m, d) that are in order of misfit, the elite first."""
     size, count = people.shape
-    elite = max(1, round(options.elite * size))
     children = size - elite
     # The people are in order, so that the least index wins a tournament.
     parents = np.min(rng.integers(size, size=(2, children, options.tournament)), axis=2)

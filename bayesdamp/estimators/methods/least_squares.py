@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.search import search_further
 from bayesdamp.estimators.shared import (
     SmoothedMotion,
     checked_features,
@@ -18,6 +17,7 @@ from bayesdamp.estimators.shared import (
     known_restoring,
     motion,
     oscillator,
+    search_further,
     solve,
 )
 from bayesdamp.physics.oscillator import Oscillator

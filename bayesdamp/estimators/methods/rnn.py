@@ -18,13 +18,14 @@ import numpy as np
 from pydantic import Field
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.networks import descend, phase_of, thin_record
+from bayesdamp.estimators.networks import descend, phase_of
 from bayesdamp.estimators.shared import (
     checked_features,
     free_names,
     noise_level,
     oscillator,
     start_parameters,
+    thin_record,
 )
 from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.records.oscillation.features import Features

@@ -9,7 +9,6 @@ from pydantic import Field
 from scipy.optimize import least_squares
 
 from bayesdamp.estimators._protocol import Estimator, Options, optional_package
-from bayesdamp.estimators.search import search_further
 from bayesdamp.estimators.shared import (
     ORDER,
     checked_features,
@@ -21,6 +20,7 @@ from bayesdamp.estimators.shared import (
     motion,
     noise_level,
     oscillator,
+    search_further,
     solve,
 )
 from bayesdamp.records.oscillation.features import Features
