@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
+from threadpoolctl import threadpool_limits
 
 from bayesdamp.estimators._protocol import Estimator, Options, refusal
 from bayesdamp.estimators.refine import refine
@@ -109,14 +110,15 @@ def run(
     if sentence := refusal(estimator, problem.damping):
         return [Estimate(name, stage, outcome=sentence) for stage in STAGES if stage in stages]
 
-    first = _timed(name, "initial", lambda: estimator.initial(signal, problem, parsed, rng))
-    estimates = [first] if "initial" in stages else []
-    if "refined" in stages:
-        if first.values:
-            estimates.append(_timed(name, "refined", lambda: refine(signal, problem, first)))
-        else:
-            outcome = f"no initial estimate to refine: {first.outcome}"
-            estimates.append(Estimate(name, "refined", outcome=outcome))
+    with threadpool_limits(1, "blas"):  # the matrices are small: more threads would only wait for each other
+        first = _timed(name, "initial", lambda: estimator.initial(signal, problem, parsed, rng))
+        estimates = [first] if "initial" in stages else []
+        if "refined" in stages:
+            if first.values:
+                estimates.append(_timed(name, "refined", lambda: refine(signal, problem, first)))
+            else:
+                outcome = f"no initial estimate to refine: {first.outcome}"
+                estimates.append(Estimate(name, "refined", outcome=outcome))
     return estimates
 
 

@@ -58,7 +58,7 @@ class GeneticOptions(Options):
     mutated: float = Field(default=0.2, ge=0.0, le=1.0)
     elite: float = Field(default=0.1, ge=0.0, lt=1.0)
     generations: int = Field(default=200, ge=1)
-    patience: int = Field(default=8, ge=2)
+    patience: int = Field(default=10, ge=2)
     readings: int = Field(default=250_000, ge=10_000)
 
 
