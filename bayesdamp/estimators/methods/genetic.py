@@ -51,14 +51,14 @@ class GeneticOptions(Options):
     evenly spread samples.
     """
 
-    population: int = Field(default=20, ge=8, le=10_000)
+    population: int = Field(default=40, ge=8, le=10_000)
     tournament: int = Field(default=3, ge=2)
     blend: float = Field(default=0.5, ge=0.0, le=2.0)
     mutation: float = Field(default=0.1, ge=0.0, le=1.0)
     mutated: float = Field(default=0.2, ge=0.0, le=1.0)
     elite: float = Field(default=0.1, ge=0.0, lt=1.0)
     generations: int = Field(default=200, ge=1)
-    patience: int = Field(default=10, ge=2)
+    patience: int = Field(default=12, ge=2)
     readings: int = Field(default=250_000, ge=10_000)
 
 
