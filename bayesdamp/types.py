@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass, field, fields
+from enum import Enum
+from typing import TYPE_CHECKING, Any, Self
 
-from bayesdamp.provenance import Provenance
+from bayesdamp.serial import join
 
 if TYPE_CHECKING:
     import numpy as np
@@ -54,6 +55,139 @@ class InputError(BayesdampError):
 
 class Refusal(BayesdampError):  # noqa: N818 - a method's answer, not an error
     """A method cannot work on this record; the text is the sentence in the tables."""
+
+
+P_LIMIT = 0.01
+"""Predictive p below which, or above 1 − it, records drawn from a model look different from the record."""
+
+
+class _Beginning(Enum):
+    """Values are the beginnings of sentences, with which an outcome is text in tables.
+
+    A sentence without these is a method's own refusal. No other module writes or reads these words.
+    """
+
+    def because(self, reason: str) -> str:
+        """Return the sentence with this beginning and a reason."""
+        return f"{self.value}: {reason}"
+
+
+class Status(_Beginning):
+    """The outcome of a task; the value is the beginning of its sentence.
+
+    FAILED: by a fault of the program. NOT_COMPUTED: it depends on a task that failed. Both are tried again. PRUNED: a
+    model of far lower evidence. NOT_SAMPLED: a model whose evidence suffices. NOT_APPLICABLE: there is nothing to infer
+    from. REFUSED: a method cannot work on this record; the sentence is the reason.
+    """
+
+    OK = "ok"
+    FAILED = "failed"
+    NOT_COMPUTED = "not computed"
+    PRUNED = "pruned"
+    NOT_SAMPLED = "not sampled"
+    NOT_APPLICABLE = "not applicable"
+    REFUSED = ""
+
+
+class Fitting(_Beginning):
+    """Whether a model fits a record; the value is the beginning of its sentence."""
+
+    FITS = "fits"
+    DOES_NOT_FIT = "does not fit"
+
+
+def status_of(outcome: str) -> Status:
+    """Return the status of an outcome."""
+    if outcome == Status.OK.value:
+        return Status.OK
+    named = (s for s in Status if s not in (Status.OK, Status.REFUSED))
+    return next((s for s in named if outcome == s.value or outcome.startswith(f"{s.value}:")), Status.REFUSED)
+
+
+def fitting_of(sentence: str) -> Fitting | None:
+    """Return whether a model fits, by the sentence on its fit; None where nothing was checked."""
+    return next((fitting for fitting in Fitting if sentence.startswith(fitting.value)), None)
+
+
+def reason_of(sentence: str) -> str:
+    """Return the reason in a sentence, without the words of the status or of the fit."""
+    for beginning in (*Status, *Fitting):
+        if beginning.value and sentence.startswith(f"{beginning.value}:"):
+            return sentence.removeprefix(f"{beginning.value}:").lstrip()
+    return sentence
+
+
+def following(name: str, outcome: str) -> str:
+    """Return the outcome of a task that depends on another one, of this name and outcome, which is not ok.
+
+    Where the other one failed, the outcome names it.
+    """
+    if status_of(outcome) is Status.FAILED:
+        return Status.NOT_COMPUTED.because(f"{name} {outcome}")
+    return outcome
+
+
+Fact = str | float
+
+
+@dataclass(frozen=True)
+class FreeDecay:
+    """A free decay in a record: start and stop in s of the record's own times."""
+
+    start: float
+    stop: float
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """How a record was read, and what was done to it.
+
+    warnings: sentences that a user must know; notes: sentences on what was done; header_lines: how many were skipped.
+    facts: metadata in the file. time_column, value_column: labels in the file; time_unit: the source of the unit of the
+    times, "given", "file", or empty; first_line: line of the file (from 1) with the first row of numbers;
+    constant_columns: columns that were left out. unit: of the record, a name in UNITS. start, stop: of the part that is
+    used, in s of the record's own times; offset: what was subtracted from all values (unit of the signal's y); decays:
+    all free decays of the record, with the one that is used. more: numbers and words for run.json alone.
+    """
+
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    header_lines: int = 0
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    time_column: str = ""
+    value_column: str = ""
+    time_unit: str = ""
+    first_line: int | None = None
+    constant_columns: tuple[str, ...] = ()
+    unit: str = ""
+    start: float = 0.0
+    stop: float | None = None
+    offset: float = 0.0
+    decays: tuple[FreeDecay, ...] = ()
+    more: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Return the sentences for the user: warnings, the number of header lines, notes."""
+        head = self.header_lines
+        lines = [f"Beware: {text}" for text in self.warnings]
+        lines += [f"{head} header line{'s' if head != 1 else ''} skipped."] if head else []
+        return (*lines, *self.notes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as in run.json, without empty fields; `of` is the inverse."""
+        values = asdict(self)
+        always = {name: list(values.pop(name)) for name in ("warnings", "notes")}
+        more = values.pop("more")
+        return {**more, **{n: v for n, v in values.items() if v not in ((), {}, "", None)}, **always}
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Self:
+        """Return the provenance of which `to_dict` made this, also after it was a file."""
+        own = {f.name for f in fields(cls)} - {"more"}
+        values = {name: value for name, value in given.items() if name in own and value is not None}
+        more = {name: value for name, value in given.items() if name not in own}
+        return join(cls, {**values, "more": more})
 
 
 @dataclass(frozen=True, eq=False)

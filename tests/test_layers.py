@@ -14,20 +14,16 @@ OUTSIDE = "validation"
 
 NEUTRAL = {
     "types",
-    "provenance",
     "units",
     "plugins",
     "plain_text",
     "sources",
     "priors",
-    "odds",
     "serial",
     "calls",
     "machine",
     "numerics",
-    "outcomes",
     "formatting",
-    "table",
 }
 REGISTRIES = {"estimators", "inference.samplers", "inference.noise", "inference.evidence"}
 """Packages that `config` asks for names; it imports no module inside them."""

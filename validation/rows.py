@@ -13,7 +13,7 @@ from typing import Any
 
 import pandas as pd
 
-from bayesdamp.machine.processes import processes
+from bayesdamp.machine import processes
 from bayesdamp.store import write_table
 from bayesdamp.types import InputError
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import norm
 
-from bayesdamp.table import markdown_table as table
+from bayesdamp.formatting import markdown_table as table
 from bayesdamp.types import OK
 from validation.answers import COLUMNS, LEAST
 from validation.truth.records import FAMILY, KINDS

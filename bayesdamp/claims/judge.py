@@ -12,13 +12,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from bayesdamp.estimators import run
+from bayesdamp.formatting import markdown_table
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.report.results.estimators import ErrorSeries, EstimatorComparison, compare_estimators, series
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.table import markdown_table
 from bayesdamp.types import Estimate, Problem, Signal, System
 
 Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be judged"]

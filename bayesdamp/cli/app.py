@@ -12,13 +12,12 @@ from importlib import import_module
 from typing import Annotated, Any
 
 import typer
+from typer.completion import completion_init  # pyright: ignore[reportPrivateImportUsage]
 from typer.core import TyperCommand, TyperGroup
 
-from bayesdamp import __version__
+import bayesdamp as bd
 from bayesdamp.cli.border import discard_output, machine_refusal, one_line, prepare_streams, print_error
-from bayesdamp.cli.commands.completion import answer_shell
 from bayesdamp.machine import kill_as_interrupt
-from bayesdamp.types import BayesdampError, InputError
 
 FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 UNREAD = 141
@@ -113,7 +112,7 @@ parsed = lru_cache(maxsize=1)(typer.main.get_command)
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"bayesdamp {__version__}")
+        typer.echo(f"bayesdamp {bd.__version__}")
         raise typer.Exit
 
 
@@ -135,16 +134,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     prepare_streams()
-    answer_shell()
+    completion_init()
     try:
         if any("\0" in word for word in given):
-            raise InputError(
+            raise bd.InputError(
                 "a word of the command contains a zero byte, which no path or name has; remove it"
             )
         with kill_as_interrupt():
             status = parsed(app)(args=given, standalone_mode=False)
         sys.stdout.flush()
-    except BayesdampError as error:
+    except (bd.InputError, bd.Refusal) as error:  # which loads them, and NumPy, where something was raised
         _trace()
         print_error(one_line(error))
         return WRONG_INPUT

@@ -10,8 +10,8 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from bayesdamp.cli.files import GENERATOR
 from bayesdamp.cli.looking import RecordView, columns_table
-from bayesdamp.cli.single_file import GENERATOR
 from bayesdamp.records.files.contents import Contents
 from bayesdamp.report.drawing import QUIET, WIDTH, Drawings
 

@@ -11,13 +11,13 @@ import numpy as np
 from rich.text import Text
 
 from bayesdamp.cli.records import MAYBE_ENVELOPE, FileRecord
+from bayesdamp.formatting import Table
 from bayesdamp.records.envelope.record import read_envelope
 from bayesdamp.records.envelope.window import bounded
 from bayesdamp.records.files.contents import Contents
 from bayesdamp.records.files.names import seconds_of_unit, unit_of_column
 from bayesdamp.records.oscillation.features import holes
 from bayesdamp.records.oscillation.spectrum import coarse_period
-from bayesdamp.table import Table
 from bayesdamp.types import Refusal
 from bayesdamp.units import UNITS
 

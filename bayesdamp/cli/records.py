@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bayesdamp.cli.options import bound, wrong
-from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.records.cleaning.clean import clean, decimated
-from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.files.names import SECONDS, by_name
 from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
 from bayesdamp.records.opening import read_each
-from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.records.read import FASTEST, FROM_FIRST, SLOWEST, read_records
 from bayesdamp.records.record import RawRecord, read_as, unwrapped
-from bayesdamp.types import InputError, Refusal, Signal
+from bayesdamp.types import InputError, Signal
 from bayesdamp.units import UNITS
-from bayesdamp.verdict.units import in_unit
 
 if TYPE_CHECKING:
     from bayesdamp.config.compare import Asked
@@ -149,10 +144,10 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
     except InputError as error:
         raise _with_command(error, path, options) from None
     records = [FileRecord(path, raw, *options.interpret(raw), several=len(raws) > 1) for raw in raws]
-    return [_cleaned(record, options) for record in records] if cleaned else records
+    return [with_free_decay(record, options) for record in records] if cleaned else records
 
 
-def _cleaned(record: FileRecord, options: ReadingOptions) -> FileRecord:
+def with_free_decay(record: FileRecord, options: ReadingOptions) -> FileRecord:
     """Return the record with the free decay in it, or with the reason why there is none."""
     try:
         signal = clean(
@@ -167,36 +162,6 @@ def _cleaned(record: FileRecord, options: ReadingOptions) -> FileRecord:
     except InputError as error:
         return replace(record, refusal=str(error))
     return replace(record, signal=signal)
-
-
-def first_words_on(records: Sequence[FileRecord], options: ReadingOptions) -> list[str]:
-    """Return lines on records before anything is fitted.
-
-    For each record its frequency and damping without any law, or what it is if not the free decay of one oscillator;
-    nothing where nothing oscillates. Then a line for each file whose unit is assumed.
-    """
-    lines = []
-    assumed: dict[str, None] = {}
-    for record in records:
-        signal = record.signal if record.signal is not None else _cleaned(record, options).signal
-        if signal is None:
-            if record.raw.y.min() >= 0:
-                lines.append(f"{record.path.name}: {MAYBE_ENVELOPE}")
-            continue
-        if options.assumes_rad(record.raw, record.unit, record.quantity):
-            assumed[record.path.name] = None
-        other = no_free_decay(signal)
-        whose = ", ".join(filter(None, (record.path.name, _own_label(record, records))))
-        if other is not None:
-            lines.append(f"{whose}: {in_unit(other, UNITS[record.unit]).sentence}")
-            continue
-        with suppress(Refusal):
-            lines.append(f"{whose}: {first_words(signal).in_unit(UNITS[record.unit]).sentence()}")
-            about = signal.provenance
-            others = other_decays(about.decays, about.start, about.start + float(signal.t[-1]))
-            lines += [f"{whose}: {others}"] if others else []
-    unit = "No unit given; assuming an angle in rad. Use --unit deg, m or mm to change this."
-    return [*lines, *(f"{name}: {unit}" for name in assumed)]
 
 
 @dataclass(frozen=True)
@@ -252,7 +217,7 @@ def _choose(
     records = records_in(path, options, cleaned=cleaned)
     several = len(records) > 1
     if several and all_of_it:
-        every = records if cleaned else [_cleaned(record, options) for record in records]
+        every = records if cleaned else [with_free_decay(record, options) for record in records]
         records = [record for record in every if record.signal is not None]
         notes += [f"{path.name}: {r.label} is left out: {r.refusal}" for r in every if r.signal is None]
         if not records:
@@ -285,7 +250,7 @@ def doubts(path: Path, records: Sequence[FileRecord], kinds: Iterable[Kind] = Ki
     return [f"{path.name}: {finding}" for kind, finding in first.items() if kind in kinds]
 
 
-def _own_label(record: FileRecord, records: Sequence[FileRecord]) -> str:
+def own_label(record: FileRecord, records: Sequence[FileRecord]) -> str:
     """Return what distinguishes a record from the others of its file: its run, its channel, or both; else nothing."""
     if not record.several:
         return ""
@@ -315,7 +280,7 @@ def as_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[A
                 "start": o.start,
                 "stop": o.stop,
                 "time_unit": o.time_unit,
-                "label": _own_label(record, records),
+                "label": own_label(record, records),
                 "specimen": specimen,
             }
         )

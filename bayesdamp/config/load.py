@@ -24,17 +24,6 @@ from bayesdamp.config.checks import (
     read_section,
     show,
 )
-from bayesdamp.config.sections import (
-    NAME,
-    CalibrationTable,
-    EstimatorsTable,
-    EvidenceTable,
-    Header,
-    ModelsTable,
-    PluginsTable,
-    PosteriorTable,
-    RecoveryTable,
-)
 from bayesdamp.config.signals import (
     canonical_models,
     check_base,
@@ -43,7 +32,22 @@ from bayesdamp.config.signals import (
     expand,
     resolve_signal,
 )
-from bayesdamp.config.study import Estimators, Models, Published, SignalSpec, Study
+from bayesdamp.config.study import (
+    NAME,
+    CalibrationTable,
+    Estimators,
+    EstimatorsTable,
+    EvidenceTable,
+    Header,
+    Models,
+    ModelsTable,
+    PluginsTable,
+    PosteriorTable,
+    Published,
+    RecoveryTable,
+    SignalSpec,
+    Study,
+)
 from bayesdamp.estimators import ESTIMATORS, names_for_all
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES

@@ -22,8 +22,16 @@ from bayesdamp.config.checks import (
     read_section,
     show,
 )
-from bayesdamp.config.sections import UNIT, FileTable, SignalTable, SimulateTable, SweepTable
-from bayesdamp.config.study import Recording, SignalSpec, Simulation
+from bayesdamp.config.study import (
+    UNIT,
+    FileTable,
+    Recording,
+    SignalSpec,
+    SignalTable,
+    SimulateTable,
+    Simulation,
+    SweepTable,
+)
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.oscillator import Oscillator

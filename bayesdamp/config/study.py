@@ -5,23 +5,248 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from bayesdamp.config.sections import (
-    CalibrationTable,
-    EvidenceTable,
-    FileTable,
-    PosteriorTable,
-    RecoveryTable,
-    SimulateTable,
-)
 from bayesdamp.estimators import parse_options
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.plugins import PluginModule
 from bayesdamp.serial import split
 from bayesdamp.types import InputError, System, candidate_name, candidate_parts
+from bayesdamp.units import UNITS
+
+NAME = r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"
+
+
+def _tuple_of(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value
+
+
+Name = Annotated[str, Field(pattern=NAME, max_length=64)]
+Names = Annotated[tuple[str, ...], BeforeValidator(_tuple_of)]
+SomeNames = Annotated[Names, Field(min_length=1)]
+Levels = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(_tuple_of), Field(min_length=1)]
+Deviation = Literal["auto", "none", "law"]
+DEVIATIONS: tuple[str, ...] = get_args(Deviation)
+"""Whether laws hold exactly ("none") or approximately ("law"), or it depends on the record ("auto")."""
+MANY = 10_000_000
+"""The most samples of a record, and draws of a chain, that a study may ask for (conventional)."""
+RECORDS = 1_000_000
+"""The most records, and repeats of one, that it may ask for (conventional)."""
+CHAINS = 1000
+COLUMN = 100_000
+"""The largest number of a column or of a run."""
+ColumnName = Annotated[int, Field(ge=1, le=COLUMN)] | Annotated[str, Field(min_length=1)]
+UNIT = f"one of {', '.join(UNITS)} (of the displacement itself)"
+_A_COUNT = "a whole number from 1 to 1,000,000"
+
+
+class StudySection(BaseModel):
+    """A table of the study file: frozen, without other keys than its own."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Header(StudySection):
+    """The top of the file; the tables are checked one by one after it."""
+
+    version: int = Field(ge=1, le=1, description="1, the version of this format")
+    name: Name | None = Field(None, description="at most 64 letters, digits, - and _")
+    seed: int = Field(0, ge=0, lt=2**63, description="a whole number, 0 or more")
+    description: str = Field("", description="a line of text in quotes")
+    published: str | None = Field(
+        None, min_length=1, description="a CSV file's path in quotes: estimator, signal, error_pct, time"
+    )
+
+
+class FileTable(StudySection):
+    """How a record's file is read.
+
+    angle: the recorded quantity's column, whatever the quantity; None where the file has only that one. start and stop
+    in s of the record's own clock. The file or the reader decides what is not given.
+    """
+
+    time: ColumnName | None = Field(None, description="a column's name or its number from 1")
+    angle: ColumnName | None = Field(
+        None, description="the name of the recorded quantity's column or its number from 1"
+    )
+    unit: str = Field("rad", min_length=1, description=UNIT)
+    quantity: Literal["angle", "velocity", "acceleration", "envelope"] = Field(
+        "angle", description='"angle", "velocity", "acceleration" or "envelope"'
+    )
+    frequency: float | None = Field(
+        None, gt=0, description="the frequency of an envelope's oscillation in Hz, a positive number"
+    )
+    rate: float | None = Field(None, gt=0, description="the sampling rate in Hz, a positive number")
+    clock: Literal["auto", "as_logged", "uniform"] = Field(
+        "auto", description='"auto", "as_logged" or "uniform" (rebuilt from stamps that come in bursts)'
+    )
+    run: Annotated[int, Field(ge=0, le=COLUMN * COLUMN)] | Annotated[str, Field(min_length=1)] | None = Field(
+        None, description="the number of one of the file's runs, or its label in quotes"
+    )
+    channel: str | None = Field(None, min_length=1, description="the name of one of the file's channels")
+    time_unit: Literal["s", "ms", "us", "ns", "ps", "min", "h", "d"] | None = Field(
+        None, description='the unit of the times: "s", "ms", "us", "ns", "ps", "min", "h" or "d"'
+    )
+    start: float | Literal["auto"] = Field("auto", description='a time in s, or "auto" (after the release)')
+    stop: float | Literal["auto"] = Field("auto", description='a time in s, or "auto" (before rest)')
+    least_noise: float = Field(
+        0.0, ge=0, lt=1, description="a share of the amplitude: noise that is added where the record has none"
+    )
+
+
+class SignalTable(FileTable):
+    """One [[signal]]: a record that is simulated or read."""
+
+    name: Name = Field(description="a name in quotes: at most 64 letters, digits, - and _")
+    simulate: dict[str, Any] | None = Field(None, description="a table such as { viscous = 0.05, ... }")
+    system: dict[str, Any] = Field(
+        {}, description='a table of what is known, such as { restoring = "pendulum", stiffness = 20.1 }'
+    )
+    compare: SomeNames | None = Field(
+        None, description="a list of one or more models for this signal, in place of [models]'s"
+    )
+    restoring: SomeNames | None = Field(
+        None, description="a list of one or more restoring laws for this signal, in place of [models]'s"
+    )
+    estimate: Names | None = Field(
+        None, description="a list of the models under which estimators run on this signal; all by default"
+    )
+    specimen: Name | None = Field(
+        None, description="a name in quotes, the same for repeats of one specimen: letters, digits, - and _"
+    )
+    file: str | None = Field(None, min_length=1, description="a file's path in quotes")
+
+
+class SimulateTable(StudySection):
+    """How a record is simulated, besides the true values of the parameters."""
+
+    duration: float = Field(
+        ge=1e-12, le=1e9, description="the length of the record in s, a positive number up to 1e9"
+    )
+    samples: int = Field(ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
+    repeats: int = Field(1, ge=1, le=RECORDS, description=_A_COUNT)
+    noise: str = Field("gaussian", description="a noise model's name in quotes")
+    outliers: float = Field(0.0, ge=0, description="a number of samples, or their share below 1")
+    gaps: int = Field(0, ge=0, le=20, description="a whole number from 0 to 20")
+    quantum: float = Field(0.0, ge=0, description="the recording step in the record's unit, 0 or more")
+    quantity: Literal["angle", "velocity", "acceleration"] = Field(
+        "angle", description='"angle", "velocity" or "acceleration"'
+    )
+    unit: Literal["rad", "m"] = Field("rad", description='"rad", or "m" for a translation')
+
+
+class SweepTable(StudySection):
+    """One [[sweep]]: all signals that have the key, repeated over its values."""
+
+    key: str = Field(min_length=1, description='a key of a signal, such as "simulate.noise_sd"')
+    values: Annotated[tuple[Any, ...], BeforeValidator(_tuple_of), Field(min_length=1)] = Field(
+        description="a list of one or more values"
+    )
+
+
+class PluginsTable(StudySection):
+    """[plugins]: the user's own modules of plug-ins."""
+
+    modules: SomeNames | None = Field(
+        None, description='a list of Python files, such as ["my_terms.py"], whose paths start at this file'
+    )
+
+
+class EstimatorsTable(StudySection):
+    """[estimators] without the options of single methods."""
+
+    use: Literal["all"] | Names = Field("all", description='"all" or a list of names')
+    stages: Annotated[tuple[Literal["initial", "refined"], ...], BeforeValidator(_tuple_of)] = Field(
+        ("initial", "refined"), description='a list of "initial" and "refined"'
+    )
+    repeats: dict[str, Annotated[int, Field(ge=1)]] = Field(
+        {}, description="a table of whole numbers: on how many repeats of a signal a method runs at most"
+    )
+
+
+class ModelsTable(StudySection):
+    """[models]: the damping sums and restoring laws to compare, and the priors of the terms."""
+
+    compare: Literal["all"] | SomeNames = Field(
+        ("viscous", "coulomb", "quadratic"), description='"all" or a list of one or more models'
+    )
+    restoring: SomeNames | None = Field(
+        None, description="a list of one or more restoring laws, in place of [system]'s one"
+    )
+    prior: dict[str, Any] = Field({}, description="a table of priors by damping term")
+    prune: float | None = Field(
+        None, gt=0, description="a positive number of nats: what is farther behind is not weighed further"
+    )
+
+
+class PosteriorTable(StudySection):
+    """[posterior]: which samplers, with which noise model, how many draws."""
+
+    samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
+    noise: str | SomeNames = Field(
+        "gaussian", description='a noise model\'s name in quotes, a list of names, or "auto"'
+    )
+    best: int | None = Field(
+        None, ge=1, description="how many models of a signal are sampled, a whole number"
+    )
+    deviation: Deviation = Field(
+        "auto", description='"auto", "none" or "law": whether laws may hold approximately'
+    )
+    sensor: float = Field(
+        0.002, ge=0, lt=0.5, description="the sensor's relative linearity, a number from 0 to below 0.5"
+    )
+    chains: int = Field(4, ge=2, le=CHAINS, description="a whole number from 2 to 1000")
+    warmup: int = Field(500, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
+    draws: int = Field(1000, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
+
+
+class EvidenceTable(StudySection):
+    """[evidence]: which methods, and when nested sampling is used as a referee."""
+
+    methods: Names = Field(("importance", "bridge"), description="a list of methods' names")
+    referee: Literal["auto", "always", "never"] = Field(
+        "auto", description='"auto" (nested sampling where the methods disagree), "always" or "never"'
+    )
+
+
+class CalibrationTable(StudySection):
+    """[calibration]: how many records for each model, and how truths are ranked.
+
+    draws: thinned draws among which a truth is ranked; bins: of the ranks, of equal size.
+    """
+
+    records: int = Field(500, ge=1, le=RECORDS, description=_A_COUNT)
+    samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
+    draws: int = Field(255, ge=15, le=MANY, description="a whole number from 15 to 10,000,000")
+    bins: int = Field(16, ge=2, le=MANY, description="a whole number that divides draws + 1")
+
+    @model_validator(mode="after")
+    def _even(self) -> CalibrationTable:
+        if (self.draws + 1) % self.bins:
+            raise ValueError(f"bins ({self.bins}) must divide draws + 1 ({self.draws + 1})")
+        return self
+
+
+class RecoveryTable(StudySection):
+    """[recovery]: records for `calibrate --models`, over levels of noise and lengths that the inference knows.
+
+    noise: medians of the noise's prior as shares of the reference amplitude; noise_sigma: its sd in the logarithm.
+    cycles: of the reference frequency. single: records of single dampings, at their own noise and length; those that
+    lose at least least_loss of their amplitude count.
+    """
+
+    records: int = Field(1000, ge=1, le=RECORDS, description=_A_COUNT)
+    noise: Levels = Field((0.003, 0.01, 0.03, 0.1), description="a list of positive numbers")
+    noise_sigma: float = Field(0.3, gt=0, description="a positive number")
+    cycles: Levels = Field((5.0, 10.0, 20.0, 50.0), description="a list of positive numbers")
+    samples: int = Field(600, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
+    single: int = Field(0, ge=0, le=RECORDS, description="a whole number from 0 to 1,000,000")
+    single_noise: float = Field(0.01, gt=0, description="a positive number")
+    single_cycles: float = Field(10.0, gt=0, description="a positive number")
+    single_samples: int = Field(1000, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
+    least_loss: float = Field(0.3, ge=0, lt=1, description="a share from 0 to below 1")
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ import numpy as np
 from bayesdamp.inference.mode import ROUGHLY, LocalSearch, Mode, maximise_posterior, settle
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
-from bayesdamp.outcomes import Status
-from bayesdamp.types import Refusal, Seed
+from bayesdamp.types import Refusal, Seed, Status
 
 SAME_MODE = 1.0
 """Two ends within this many posterior sds are one mode."""

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.config.sections import DEVIATIONS
+from bayesdamp.config.study import DEVIATIONS
 from bayesdamp.inference.deviation.findings import SENSOR, Findings, findings, picture, posterior_of
 from bayesdamp.inference.deviation.forms import place_of
 from bayesdamp.inference.deviation.linear import DampingLikelihood

@@ -9,20 +9,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bayesdamp import types
+from bayesdamp.formatting import Table
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.sample_noise import noises_of
-from bayesdamp.interface import axes as drawing
 from bayesdamp.interface.answer import Answer, answer
 from bayesdamp.interface.arguments import check_noise, check_sensor, known_and_priors, sums_and_laws
 from bayesdamp.interface.envelopes import answer_envelope, specimen_of_envelopes
-from bayesdamp.interface.result import Result
+from bayesdamp.interface.result import Result, get_axes, show_in_notebook
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.priors import Prior
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.store import DAMPING_CURVES, CellResult
 from bayesdamp.store.files import save_bytes
-from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit, unit_named
 from bayesdamp.verdict.parts import Grade, decay_table, ratios_table
@@ -33,6 +32,8 @@ from bayesdamp.verdict.units import in_unit, picture_in_unit
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+
+    from bayesdamp.interface.result import GivenAxes
 
 
 _CANDIDATES = ["record", "damping", "restoring", "log_evidence", "log_evidence_exact", "rms", "outcome"]
@@ -140,7 +141,7 @@ class Comparison(Result):
 
         return pd.DataFrame([v.row() for v in (*(r.verdict for r in self.records), self.verdict)])
 
-    def plot(self, ax: drawing.Given = None) -> tuple[Axes, ...]:
+    def plot(self, ax: GivenAxes = None) -> tuple[Axes, ...]:
         """Draw the answer on the first record that has one.
 
         Parameters
@@ -169,13 +170,13 @@ class Comparison(Result):
             raise InputError(f"nothing to draw: {self.outcome}")
         answer, unit = self.answers[first], unit_named(self.units[first])
         if answer.content.envelope is not None:
-            three = drawing.get_axes(ax, 3, size=(WIDTH, HEIGHT))
+            three = get_axes(ax, 3, size=(WIDTH, HEIGHT))
             draw_envelope(three, answer.arrays, answer.verdict, unit.name)
             return three
         recorded = unit.of(self.quantities[first])
-        drawing.show_in_notebook()
+        show_in_notebook()
         with rc_context(RC):
-            four = drawing.get_axes(ax, 4, columns=2, size=(WIDTH, HEIGHT))
+            four = get_axes(ax, 4, columns=2, size=(WIDTH, HEIGHT))
             arrays = picture_in_unit(answer.arrays, unit)
             draw_answer(four, arrays, unit.displacement.name, answer.verdict.damping, recorded)
         return four

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.formatting import compact
+from bayesdamp.formatting import Table, compact
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
@@ -19,7 +19,6 @@ from bayesdamp.interface.result import Result, Shown
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior, joint_log_density, joint_slope
-from bayesdamp.table import Table
 from bayesdamp.types import InputError, candidate_name
 
 if TYPE_CHECKING:

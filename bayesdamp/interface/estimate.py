@@ -12,15 +12,13 @@ from bayesdamp import types
 from bayesdamp.estimators import STAGES
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import start_parameters
-from bayesdamp.formatting import compact
-from bayesdamp.interface import axes as drawing
+from bayesdamp.formatting import Table, compact
 from bayesdamp.interface.density import units_of
 from bayesdamp.interface.model import Case, Model, check_signal
-from bayesdamp.interface.result import Result
+from bayesdamp.interface.result import BLUE, INK, QUIET, Result, get_axes
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
-from bayesdamp.table import Table
 from bayesdamp.types import OK, Refusal
 
 if TYPE_CHECKING:
@@ -87,14 +85,14 @@ class Estimate(Result):
         """
         if not self.values:
             raise Refusal(self.outcome)
-        ax = drawing.get_axes(ax)[0]
+        ax = get_axes(ax)[0]
         t, unit = self.signal.t, self.signal.own_unit
-        ax.plot(t, unit.scale * self.signal.y, ".", color=drawing.QUIET, ms=2, label="record")
+        ax.plot(t, unit.scale * self.signal.y, ".", color=QUIET, ms=2, label="record")
         case = Case.of(self.signal, self.model)
         rest = start_parameters(self.signal, case.problem, case.features)
         oscillator = Oscillator(self.model.terms, self.model.restoring)
         precision = 1e-4 * float(np.ptp(self.signal.y))
-        looks = ((self.initial, ":", drawing.INK), (self.refined, "-", drawing.BLUE))
+        looks = ((self.initial, ":", INK), (self.refined, "-", BLUE))
         for stage, dashes, colour in looks:
             values = {**rest, **stage.values}
             if stage.values and all(n in values for n in oscillator.parameters):

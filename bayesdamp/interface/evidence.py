@@ -6,12 +6,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from bayesdamp import types
-from bayesdamp.formatting import compact
+from bayesdamp.formatting import Table, compact
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.posterior import TEMPERED, Array, Posterior, sample
 from bayesdamp.interface.result import Result, outcome_notes
-from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError, Refusal
 
 if TYPE_CHECKING:

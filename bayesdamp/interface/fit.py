@@ -11,19 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.formatting import compact
+from bayesdamp.formatting import Table, compact
 from bayesdamp.inference.checks import laplace_draws
 from bayesdamp.inference.deviation.draws import Quantity, quantity
 from bayesdamp.inference.deviation.findings import default_amplitudes
 from bayesdamp.inference.deviation.single import Found, Single, put_together
 from bayesdamp.inference.mode import Mode, StoredMode, restore_mode, value_intervals, value_sds
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface import axes as drawing
 from bayesdamp.interface.answer import in_base
 from bayesdamp.interface.arguments import numbers_of
 from bayesdamp.interface.density import Density, units_of
 from bayesdamp.interface.model import Model, check_signal, fit_approximate, fit_exact
-from bayesdamp.interface.result import Result, outcome_notes
+from bayesdamp.interface.result import BLUE, FAINT, QUIET, Result, get_axes, list_axes, outcome_notes
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.kernel.solve import QUANTITIES
 from bayesdamp.physics.oscillator import Oscillator
@@ -32,7 +31,6 @@ from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.serial import Reduced
-from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError, Refusal
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.words import UNSEEN
@@ -40,6 +38,8 @@ from bayesdamp.verdict.words import UNSEEN
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+
+    from bayesdamp.interface.result import GivenAxes
 
 Vector = NDArray[np.float64]
 EXACT = 'laws hold exactly in this fit: use sample(fit).derived, or give deviation="law"'
@@ -83,11 +83,11 @@ class Prediction(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the motion with its 95 % band, and return the axes."""
-        ax = drawing.get_axes(ax)[0]
+        ax = get_axes(ax)[0]
         order = np.argsort(self.t)
         t, value, half = self.t[order], self.value[order], TWO_SIDED * self.sd[order]
-        ax.fill_between(t, value - half, value + half, color=drawing.FAINT, label="95 %")
-        ax.plot(t, value, color=drawing.BLUE, lw=1.0, label="best fit")
+        ax.fill_between(t, value - half, value + half, color=FAINT, label="95 %")
+        ax.plot(t, value, color=BLUE, lw=1.0, label="best fit")
         ax.set_xlabel("time / s")
         ax.set_ylabel(f"{self.quantity} / {self.unit}")
         ax.legend(loc="upper right")
@@ -283,7 +283,7 @@ class Fit(Result, Reduced):
         }
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*columns, "unit", "prior"])
 
-    def plot(self, ax: drawing.Given = None, until: float | None = None) -> tuple[Axes, ...]:
+    def plot(self, ax: GivenAxes = None, until: float | None = None) -> tuple[Axes, ...]:
         """Draw the record with the fit, and the residuals below.
 
         Parameters
@@ -307,26 +307,26 @@ class Fit(Result, Reduced):
         """
         if not self.values:
             raise Refusal(self.outcome)
-        alone = ax is not None and len(drawing.list_axes(ax)) == 1
-        above, *rest = drawing.get_axes(ax, 1 if alone else 2, heights=(2, 1))
+        alone = ax is not None and len(list_axes(ax)) == 1
+        above, *rest = get_axes(ax, 1 if alone else 2, heights=(2, 1))
         t = self.signal.t
         end = float(t[-1]) if until is None else max(float(until), float(t[-1]))
         unit = self.signal.own_unit
         label, scale = unit.of(self.signal.quantity), unit.scale
-        above.plot(t, self.signal.y * scale, ".", color=drawing.QUIET, ms=2, label="record")
-        above.plot(t, self.fitted * scale, color=drawing.BLUE, lw=1.0, label=f"fit of {self.model.damping}")
+        above.plot(t, self.signal.y * scale, ".", color=QUIET, ms=2, label="record")
+        above.plot(t, self.fitted * scale, color=BLUE, lw=1.0, label=f"fit of {self.model.damping}")
         if end > t[-1]:
             gap = float(np.median(np.diff(t)))
             ahead = self.predict(np.arange(float(t[-1]), end, gap))
             value, sd = ahead.value * scale, ahead.sd * scale
-            above.plot(ahead.t, value, color=drawing.BLUE, lw=1.0, ls="--", label="beyond the record")
+            above.plot(ahead.t, value, color=BLUE, lw=1.0, ls="--", label="beyond the record")
             low, high = value - 2 * sd, value + 2 * sd
-            above.fill_between(ahead.t, low, high, color=drawing.BLUE, alpha=0.2, lw=0)
+            above.fill_between(ahead.t, low, high, color=BLUE, alpha=0.2, lw=0)
         above.set_ylabel(f"{unit.called(self.signal.quantity)} / {label}")
         above.legend(loc="upper right")
         for below in rest:
-            below.plot(t, self.residuals * scale, color=drawing.BLUE, lw=0.6)
-            below.axhline(0.0, color=drawing.QUIET, lw=0.6)
+            below.plot(t, self.residuals * scale, color=BLUE, lw=0.6)
+            below.axhline(0.0, color=QUIET, lw=0.6)
             below.set_ylabel(f"residual / {label}")
             below.set_xlim(above.get_xlim())
         (above, *rest)[-1].set_xlabel("time / s")

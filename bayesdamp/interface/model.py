@@ -12,10 +12,11 @@ from threadpoolctl import threadpool_limits
 from bayesdamp import types
 from bayesdamp.calls import checked_call
 from bayesdamp.config.checks import StudyError
-from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.config.signals import canonical_model
+from bayesdamp.config.study import DEVIATIONS
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, has_noise, start_parameters
+from bayesdamp.formatting import Table
 from bayesdamp.inference.deviation.candidate import START, MotionCandidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.findings import SENSOR
@@ -45,7 +46,6 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.table import Table
 from bayesdamp.types import InputError, Problem, Reference, Refusal, Seed, System
 from bayesdamp.units import UNITS
 

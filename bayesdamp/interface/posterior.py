@@ -14,26 +14,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayesdamp import __version__, types
-from bayesdamp.formatting import compact
+from bayesdamp.formatting import Table, compact
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.derived import Motions, derive, units
 from bayesdamp.inference.deviation.single import Single, sample_motions
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.interface import axes as drawing
 from bayesdamp.interface.fit import Fit, tabulate_ratios
-from bayesdamp.interface.result import Result, outcome_notes
+from bayesdamp.interface.result import QUIET, Result, get_axes, outcome_notes
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.store.contents import NO_DRAWS
-from bayesdamp.table import Table
 from bayesdamp.types import OK, InputError, Refusal
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from matplotlib.axes import Axes
+
+    from bayesdamp.interface.result import GivenAxes
 
 Array = NDArray[np.float64]
 COLUMNS = ("mean", "sd", "median", "q2.5", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat")
@@ -230,7 +230,7 @@ class Posterior(Result, types.Posterior):
         parts = ["sd_noise", "sd_law"] if self.fit.law is not None else []
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*COLUMNS, *parts, "unit"])
 
-    def plot(self, ax: drawing.Given = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
+    def plot(self, ax: GivenAxes = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
         """Draw the trace of each parameter, and its density to the right of it.
 
         Parameters
@@ -258,7 +258,7 @@ class Posterior(Result, types.Posterior):
             if name not in self.names:
                 raise InputError(f"plot: unknown parameter {name!r}{nearest(name, list(self.names))}")
         size = (9.0, 1.6 * len(chosen))
-        axes = drawing.get_axes(ax, 2 * len(chosen), columns=2, size=size)
+        axes = get_axes(ax, 2 * len(chosen), columns=2, size=size)
         for i, name in enumerate(chosen):
             draws = self.draws[..., self.names.index(name)]
             trace, density = axes[2 * i], axes[2 * i + 1]
@@ -267,7 +267,7 @@ class Posterior(Result, types.Posterior):
                 density.hist(chain, bins=40, density=True, histtype="step")
             grid = np.linspace(*density.get_xlim(), 200)
             prior = np.exp(self.fit.priors[name].log_density(grid))
-            density.plot(grid, prior, color=drawing.QUIET, ls="--", label="prior")
+            density.plot(grid, prior, color=QUIET, ls="--", label="prior")
             unit = self.fit.units[name]
             trace.set_ylabel(name)
             density.set_xlabel(f"{name} / {unit}")

@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bayesdamp.formatting import compact
-from bayesdamp.interface import axes
-from bayesdamp.interface.result import Result
+from bayesdamp.formatting import Table, compact
+from bayesdamp.interface.result import Result, get_axes
 from bayesdamp.interface.signal import Signal, cut
 from bayesdamp.records.cleaning.clean import known_unit
 from bayesdamp.records.files.names import by_name
 from bayesdamp.records.findings import Kind, findings, question
 from bayesdamp.records.read import read_records
 from bayesdamp.records.record import RawRecord, read_as
-from bayesdamp.table import Table
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -115,7 +113,7 @@ class Record(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw all runs as they were read, in the file's unit, and return the axes."""
-        ax = axes.get_axes(ax)[0]
+        ax = get_axes(ax)[0]
         for run, raw in zip(self.runs, self.raw, strict=True):
             times = np.arange(raw.y.size) / (raw.rate or 1.0) if raw.t is None else raw.t
             ax.plot(times, raw.y, lw=0.8, label=f"run {run}")

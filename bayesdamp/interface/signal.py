@@ -10,18 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.formatting import compact
-from bayesdamp.interface import axes
+from bayesdamp.formatting import Table, compact
 from bayesdamp.interface.arguments import numbers_of
-from bayesdamp.interface.result import Result
-from bayesdamp.provenance import Provenance
+from bayesdamp.interface.result import FAINT, INK, Result, get_axes
 from bayesdamp.records.cleaning.clean import clean, known_unit, recording_step
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.files.names import by_name
 from bayesdamp.records.read import FASTEST, SLOWEST
 from bayesdamp.records.record import RawRecord, resolved_unit, unwrapped
-from bayesdamp.table import Table
-from bayesdamp.types import InputError
+from bayesdamp.types import InputError, Provenance
 from bayesdamp.units import UNITS, Unit
 
 if TYPE_CHECKING:
@@ -96,12 +93,12 @@ class Signal(Result, types.Signal):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the record, with what was cut away faint and the reasons in the title, and return the axes."""
-        ax = axes.get_axes(ax)[0]
+        ax = get_axes(ax)[0]
         begun = self.provenance.start if self.whole_t.size else 0.0
         unit = self.own_unit
         if self.whole_t.size:
-            ax.plot(self.whole_t, self.whole_y * unit.scale, color=axes.FAINT, lw=1.0, label="cut away")
-        ax.plot(self.t + begun, self.y * unit.scale, color=axes.INK, lw=0.8, label="kept")
+            ax.plot(self.whole_t, self.whole_y * unit.scale, color=FAINT, lw=1.0, label="cut away")
+        ax.plot(self.t + begun, self.y * unit.scale, color=INK, lw=0.8, label="kept")
         ax.set_xlabel("time / s")
         ax.set_ylabel(f"{unit.called(self.quantity)} / {unit.of(self.quantity)}")
         notes = textwrap.wrap(" ".join(self.notes), 110)

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.evidence._method import NESTED_CHECK
-from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.answering import (
     ANSWERED,
     SAMPLED,
@@ -21,9 +20,9 @@ from bayesdamp.pipeline.answering import (
     likelihood_of,
     shortlist,
 )
-from bayesdamp.pipeline.candidates.averaging import compute_average, has_average
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of, compute
+from bayesdamp.pipeline.candidates.weighing import compute_average, has_average
 from bayesdamp.pipeline.records import compute_signal, signal_key
 from bayesdamp.pipeline.specimens import Specimen, compute_joint, compute_population
 from bayesdamp.pipeline.tasks import Make, digest, task_key
@@ -31,7 +30,7 @@ from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.cells import Place
 from bayesdamp.store.contents import EvidenceContent
-from bayesdamp.types import OK, candidate_parts
+from bayesdamp.types import OK, Status, candidate_parts, status_of
 
 FAR = 5.0
 """Nats behind the best, beyond which the sensitivity of a candidate that is not sampled is not computed."""

@@ -13,13 +13,11 @@ from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import has_noise
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.interface.simulate import simulated
-from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.tasks import Product, cell_seed, task_key
 from bayesdamp.plugins import sources_below
-from bayesdamp.provenance import Provenance
 from bayesdamp.records.cleaning.clean import clean, decimated
 from bayesdamp.records.findings import question
 from bayesdamp.records.oscillation.anomalies import anomalies
@@ -29,7 +27,17 @@ from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord, unwrapped
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents import FeaturesSeen, RecordContent
-from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Refusal, Signal, System
+from bayesdamp.types import (
+    FRICTION_WIDTH,
+    OK,
+    InputError,
+    Problem,
+    Provenance,
+    Refusal,
+    Signal,
+    Status,
+    System,
+)
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import seen_instead
@@ -37,7 +45,7 @@ from bayesdamp.verdict.words import seen_instead
 NOT_APPLICABLE = Status.NOT_APPLICABLE.because("the record has no noise, so there is no posterior")
 RAW_POINTS = 20_000
 KEPT = 8
-"""Signals that stay in memory."""
+"""Records that stay in memory."""
 _SIGNALS: dict[tuple[str, str], Signal] = {}
 _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
 
@@ -62,7 +70,7 @@ def recorded(source: Recording) -> RawRecord:
 def read_free_decay(source: Recording, name: str) -> tuple[RawRecord, Signal]:
     """Return the record and its free decay, under a name. Raises InputError with the file as the study names it.
 
-    The last record is kept until its file changes: a run reads its inputs once before it begins.
+    The last few records are kept until their files change: a run reads its inputs once before it begins.
     """
     stamp: tuple[int, ...] = ()
     with suppress(OSError):
@@ -74,7 +82,7 @@ def read_free_decay(source: Recording, name: str) -> tuple[RawRecord, Signal]:
         raise InputError(error.what, source.file, error.at, error.arguments) from None
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=KEPT)
 def _read_free_decay(source: Recording, name: str, stamp: tuple[int, ...]) -> tuple[RawRecord, Signal]:
     del stamp
     raw = recorded(source)

@@ -16,9 +16,8 @@ from bayesdamp import types
 from bayesdamp.config import Study, in_keys, load_study
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
-from bayesdamp.formatting import compact
+from bayesdamp.formatting import Table, compact
 from bayesdamp.interface.result import Shown, outcome_notes
-from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import run
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import split
@@ -26,8 +25,7 @@ from bayesdamp.store import TABLES, CellResult, Store, read_table
 from bayesdamp.store.cells import Place
 from bayesdamp.store.contents import EstimateContent, EvidenceContent, ModeContent, PosteriorContent
 from bayesdamp.store.files import read_description
-from bayesdamp.table import Table
-from bayesdamp.types import OK, InputError
+from bayesdamp.types import OK, InputError, Status, status_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -175,7 +173,7 @@ class Run(Shown):
             right = "give the folder that run_study or the command wrote"
             raise InputError(f"{folder}: its run.json names no study; {right}")
         store = Store(folder)
-        failed = [n for n in store.names() if status_of(store.head(n)[1]) is Status.FAILED]
+        failed = [n for n in store.names() if status_of(store.read(n, arrays=False).outcome) is Status.FAILED]
         outcome = f"{len(failed)} tasks failed: {', '.join(failed)}" if failed else OK
         return cls(folder, name, outcome)
 

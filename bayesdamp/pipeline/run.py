@@ -15,8 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.config import Recording, Study
 from bayesdamp.interface.no_free_decay import no_free_decay
-from bayesdamp.machine.threads import cores
-from bayesdamp.outcomes import Status, status_of
+from bayesdamp.machine import cores
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.pipeline.answering import ANSWERED, SAMPLED, asks_for_answers, verdict_of
 from bayesdamp.pipeline.jobs import Depth, Job, count_parallel_jobs, is_within, jobs_of, stages, work_of
@@ -30,7 +29,7 @@ from bayesdamp.records.oscillation.features import features
 from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.cells import Place
-from bayesdamp.types import InputError
+from bayesdamp.types import InputError, Status, status_of
 from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:
@@ -124,7 +123,7 @@ def run_study(
                 assert pool is not None
                 restart(pool)
                 render(out)
-        cells = ((n, store.find(n)) for n in names)
+        cells = ((n, store.find(n, arrays=False)) for n in names)
         failed = [(n, c.outcome) for n, c in cells if c and status_of(c.outcome) is Status.FAILED]
         for name, outcome in failed:
             console.print(f"{name}: {outcome}", style="red", highlight=False)
@@ -189,7 +188,7 @@ _unpickled: Callable[[bytes], Study] = lru_cache(maxsize=1)(pickle.loads)
 
 def _is_done(store: Store, name: str, key: str) -> bool:
     """Return whether a cell has its result; one that failed is tried again, and so is what depends on it."""
-    cell = store.find(name)
+    cell = store.find(name)  # with its arrays: a damaged one counts as absent
     return (
         cell is not None
         and cell.key == key
@@ -263,10 +262,7 @@ def _current(study: Study, store: Store) -> dict[str, str]:
         if is_of_candidates and not any(path in f"{name}/" for name in stored):
             continue
         for name, (key, _) in work_of(study, store, job).items():
-            try:
-                own, outcome = store.head(name)
-            except KeyError:
-                continue
-            if own in (key, digest(outcome, key)):
-                current[name] = own
+            cell = store.find(name, arrays=False)
+            if cell is not None and cell.key in (key, digest(cell.outcome, key)):
+                current[name] = cell.key
     return current

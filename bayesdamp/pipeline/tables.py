@@ -12,7 +12,6 @@ from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.config.load import record_question
 from bayesdamp.config.signals import damping_order
 from bayesdamp.numerics.weights import summarise
-from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -26,10 +25,8 @@ from bayesdamp.pipeline.answering import (
     is_approximate,
     likelihood_of,
     stated_priors,
-    verdict_of,
 )
-from bayesdamp.pipeline.candidates.averaging import probabilities
-from bayesdamp.pipeline.candidates.weighing import evidence_by_method
+from bayesdamp.pipeline.candidates.weighing import evidence_by_method, probabilities
 from bayesdamp.pipeline.specimens import Specimen, coefficients_of
 from bayesdamp.pipeline.tasks import cell_seed
 from bayesdamp.store import (
@@ -55,7 +52,7 @@ from bayesdamp.store.contents import (
     WeighingContent,
 )
 from bayesdamp.store.files import SCHEMA
-from bayesdamp.types import OK, Evidence, candidate_name, candidate_parts
+from bayesdamp.types import OK, Evidence, Status, candidate_name, candidate_parts, status_of
 from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict, save_verdicts
@@ -89,10 +86,17 @@ def write_verdicts(study: Study, store: Store) -> None:
     unit; lines have the unit of the record's file, which they state.
     """
     verdicts: list[tuple[Verdict, Unit]] = []
+    curves: list[Row] = []  # without a law, a row for each amplitude
     for spec, repeat in study.records:
-        verdict = verdict_of(store, spec.name, repeat)
-        if verdict is not None:
-            verdicts.append((verdict, unit_named(spec.source.unit)))
+        answer, unit = answer_of(store, spec.name, repeat), unit_named(spec.source.unit)
+        if answer is None:
+            continue
+        verdicts.append((answer.verdict, unit))
+        if "free/amplitude" in answer.arrays:
+            arrays = picture_in_unit(answer.arrays, unit)
+            head = {"record": answer.verdict.record, "unit": unit.displacement.name}
+            rows = zip(*(arrays[f"free/{name}"].tolist() for name in DAMPING_CURVES), strict=True)
+            curves += [{**head, **dict(zip(DAMPING_CURVES, row, strict=True))} for row in rows]
     for name, specs in study.every_specimen.items():
         together = _specimen_verdict(study, store, name, specs)
         if together is not None:
@@ -102,14 +106,6 @@ def write_verdicts(study: Study, store: Store) -> None:
     if not verdicts:
         return
     save_verdicts(store.folder, [v for v, _ in verdicts], [in_unit(v, unit) for v, unit in verdicts])
-    curves: list[Row] = []  # without a law, a row for each amplitude
-    for spec, repeat in study.records:
-        answer, unit = answer_of(store, spec.name, repeat), unit_named(spec.source.unit)
-        if answer is not None and "free/amplitude" in answer.arrays:
-            arrays = picture_in_unit(answer.arrays, unit)
-            head = {"record": answer.verdict.record, "unit": unit.displacement.name}
-            rows = zip(*(arrays[f"free/{name}"].tolist() for name in DAMPING_CURVES), strict=True)
-            curves += [{**head, **dict(zip(DAMPING_CURVES, row, strict=True))} for row in rows]
     write_table(store.folder / "damping_curves.csv", ("record", "unit", *DAMPING_CURVES), curves)
 
 
@@ -424,7 +420,7 @@ def run_info(study: Study, store: Store) -> Row:
         "asked": record_question(study, store.folder),
         "schema": SCHEMA,
         **provenance(files),
-        "seconds": {name: cell.seconds for name in store.names() if (cell := store.find(name))},
+        "seconds": {n: c.seconds for n in store.names() if (c := store.find(n, arrays=False))},
         "cells": dict(store.only or {}),
         "signals": about,
         "priors": priors,

@@ -13,12 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bayesdamp.config import Study
-from bayesdamp.outcomes import Status
 from bayesdamp.sources import code_digest, reached
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents import Content
 from bayesdamp.store.files import no_room
-from bayesdamp.types import OK, InputError, Refusal
+from bayesdamp.types import OK, InputError, Refusal, Status
 
 _BRANCH = (
     "bayesdamp.pipeline.candidates.branch", "bayesdamp.physics.kernel.march", "bayesdamp.pipeline.records",
@@ -39,7 +38,7 @@ CODE: dict[str, tuple[str, ...]] = {
     "posterior": (*_BRANCH, "bayesdamp.pipeline.candidates.posteriors"),
     "evidence": (*_BRANCH, "bayesdamp.pipeline.candidates.weighing"),
     "sensitivity": (*_BRANCH, "bayesdamp.pipeline.candidates.sensitivity"),
-    "averaged": ("bayesdamp.pipeline.candidates.averaging",),
+    "averaged": ("bayesdamp.pipeline.candidates.weighing",),
     "joint": ("bayesdamp.pipeline.specimens",),
     "population": ("bayesdamp.pipeline.specimens",),
     "calibration": ("bayesdamp.calibrate.ranks", "bayesdamp.calibrate.recovery"),

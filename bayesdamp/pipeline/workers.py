@@ -12,7 +12,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, 
 from contextlib import contextmanager, suppress
 from typing import TypeVar
 
-from bayesdamp.machine.processes import processes
+from bayesdamp.machine import processes
 from bayesdamp.types import InputError
 
 Job = TypeVar("Job")

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.provenance import Provenance
 from bayesdamp.records.columns import LARGEST, LEAST, RecordColumns, choose_columns, separate_clocks
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.names import (
@@ -22,7 +21,7 @@ from bayesdamp.records.files.names import (
 )
 from bayesdamp.records.opening import contents, file_error
 from bayesdamp.records.record import RawRecord
-from bayesdamp.types import InputError
+from bayesdamp.types import InputError, Provenance
 
 SLOWEST, FASTEST = 1e-9, 1e12
 """Sampling rates in Hz that a record can have: one in thirty years, a thousand in a nanosecond (conventional)."""

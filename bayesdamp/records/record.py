@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.provenance import Provenance
 from bayesdamp.records.columns import Swing, measure_swing
+from bayesdamp.types import Provenance
 from bayesdamp.units import UNITS
 
 HALF_TURN, FULL_TURN = math.pi, 360.0

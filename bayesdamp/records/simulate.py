@@ -8,8 +8,7 @@ import numpy as np
 
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
-from bayesdamp.provenance import Provenance
-from bayesdamp.types import InputError, Signal
+from bayesdamp.types import InputError, Provenance, Signal
 
 NOISES = ("gaussian", "correlated", "student_t")
 GAP = 0.02

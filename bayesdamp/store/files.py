@@ -161,10 +161,15 @@ def packed(
     return buffer.getvalue()
 
 
-def unpacked(path: Path, first: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Return the values and arrays of an archive. Raises one of `BROKEN` for another file, or one that is cut off."""
+def unpacked(path: Path, first: str, *, arrays: bool = True) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Return the values and, unless they are not wanted, the arrays of an archive.
+
+    Raises one of `BROKEN` for another file, or one that is cut off.
+    """
     with zipfile.ZipFile(path) as archive:
         head = json.loads(archive.read(first))
+        if not arrays:
+            return head, {}
         # each member is read whole: only then is its checksum compared
         return head, {
             label: np.lib.format.read_array(io.BytesIO(archive.read(f"{i}.npy")), allow_pickle=False)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from bayesdamp import __version__
-from bayesdamp.machine.threads import cores
+from bayesdamp.machine import cores
 
 
 def provenance(inputs: Mapping[str, Path] | None = None, packages: Iterable[str] = ()) -> dict[str, Any]:

@@ -33,10 +33,9 @@ from bayesdamp.inference.envelope.sums import (
     weighed,
 )
 from bayesdamp.numerics.weights import shares
-from bayesdamp.odds import odds
 from bayesdamp.physics.amplitude import POWERS, Scale, coefficient, parameter
 from bayesdamp.physics.damping import PAPER_TERMS, twins_of
-from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal
+from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal, odds
 from bayesdamp.types import InputError, Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import interval_of, rivals_of

@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import Any
 
 from bayesdamp import formatting as fmt
-from bayesdamp.table import Table
+from bayesdamp.formatting import Table
 
 NAN = math.nan
 """The one object for every value that is not known, so that verdicts with such fields can be equal."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from bayesdamp.config import sections as s
+from bayesdamp.config import study as s
 from tests.bad_input.case import Case, raw, text
 
 SYSTEM = '[system]\nrestoring = "linear"\nstiffness = 20.0\nrest_angle = 0.0\ntheta0 = 0.3\nomega0 = 0.0\nepsilon = 0.0\n'

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.cli.arguments import choose_folder
+from bayesdamp.cli.runs import choose_folder
 from bayesdamp.config.compare import comparison, laws_for
 from bayesdamp.config.load import record_question
 from bayesdamp.pipeline.records import compute_signal, signal_key
@@ -82,7 +82,7 @@ def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, 
         return 0
 
     monkeypatch.setattr("bayesdamp.cli.runs.run_study", run)
-    monkeypatch.setattr("bayesdamp.cli.commands.compare.conclude", lambda *_: None)
+    monkeypatch.setattr("bayesdamp.cli.runs.conclude", lambda *_: None)
     words = [*map(str, (good[0], bad, good[1])), "--quick", "--workers", "1", "--out", str(tmp_path / "out")]
     assert main(["compare", *words]) == 3
     said = capsys.readouterr().err.splitlines()

@@ -11,7 +11,8 @@ import pytest
 
 import bayesdamp
 from bayesdamp.cli import main
-from bayesdamp.cli.records import ReadingOptions, as_signals, chosen_records, first_words_on
+from bayesdamp.cli.commands.compare import first_words_on
+from bayesdamp.cli.records import ReadingOptions, as_signals, chosen_records
 from bayesdamp.config import Recording, in_keys, load_study
 from bayesdamp.config.compare import comparison
 from bayesdamp.pipeline.records import recorded

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.cli import look_page, main
-from bayesdamp.cli.single_file import CLAIMS_PAGE, GENERATOR, LOOK_PAGE, SIMULATED
+from bayesdamp.cli.files import CLAIMS_PAGE, GENERATOR, LOOK_PAGE, SIMULATED
 
 ROOT = Path(__file__).parents[2]
 WRITING = {

@@ -6,8 +6,8 @@ import numpy as np
 
 from bayesdamp.interface.answer import Answer
 from bayesdamp.interface.envelopes import analyse, answer_envelope, specimen_of_envelopes
-from bayesdamp.odds import odds
 from bayesdamp.physics.amplitude import SUMS
+from bayesdamp.priors import odds
 from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.verdict.envelope import joint_damping, specimen

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import ESTIMATORS, Estimator, Options, names_for_all, parse_options, run
-from bayesdamp.provenance import Provenance
-from bayesdamp.types import Estimate, InputError, Refusal, Signal
+from bayesdamp.types import Estimate, InputError, Provenance, Refusal, Signal
 from tests.estimators.truths import SHORT, pendulum
 
 NAMES = names_for_all()

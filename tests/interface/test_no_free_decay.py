@@ -136,7 +136,7 @@ def test_a_study_without_a_verdict_says_what_is_wrong_with_a_record(
     rate: float,
     grows: bool,
 ) -> None:
-    monkeypatch.setattr("bayesdamp.report.render", lambda out, _: (out / "report.html").write_text(""))
+    monkeypatch.setattr("bayesdamp.report.render.render", lambda out, _: (out / "report.html").write_text(""))
     study, out = str(study_of(tmp_path, rate)), str(tmp_path / "out")
     assert main(["study", study, "--out", out, "--workers", "1", "--quick"]) == 0
     said = capsys.readouterr().out

@@ -11,12 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.machine import kill_as_interrupt
-from bayesdamp.machine.processes import processes
+from bayesdamp.machine import kill_as_interrupt, processes
 
 SCRIPT = """
 import os, time
-from bayesdamp.machine.processes import processes
+from bayesdamp.machine import processes
 
 if __name__ == "__main__":
     with processes(2) as pool:

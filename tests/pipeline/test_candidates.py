@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.config import load_study
-from bayesdamp.pipeline import run_study, tables
+from bayesdamp.pipeline import tables
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from bayesdamp.types import Evidence
 from tests.interface.problems import not_refused

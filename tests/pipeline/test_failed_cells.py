@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from bayesdamp.pipeline import records, run_study
+from bayesdamp.pipeline import records
 from bayesdamp.pipeline.candidates import cells
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from tests.studies import ESTIMATED, signal_text, study_text, write_study
 
@@ -59,7 +60,7 @@ def test_a_failed_mode(study, tmp_path, monkeypatch):
         raise ArithmeticError("made to fail")
 
     monkeypatch.setattr(cells, "compute_mode", failing)
-    monkeypatch.setattr("bayesdamp.report.render", lambda *_: None)
+    monkeypatch.setattr("bayesdamp.report.render.render", lambda *_: None)
     assert run_study(study, tmp_path / "out", workers=1) == 3
     store = Store(tmp_path / "out")
     assert store.read("mode/good/0/viscous").outcome == "failed: ArithmeticError: made to fail"

@@ -11,8 +11,8 @@ import pytest
 
 import bayesdamp as bd
 from bayesdamp.config import Study, load_study
-from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.pipeline.tasks import cell_seed
 from bayesdamp.store import Store, read_table
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-from bayesdamp.pipeline import run_study
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store import Store, read_table
 from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
@@ -20,7 +20,7 @@ def modes(run: RunFolder) -> set[str]:
 
 
 def test_the_first_question_does_not_show(tmp_path, monkeypatch):
-    monkeypatch.setattr("bayesdamp.report.render", lambda *_: None)
+    monkeypatch.setattr("bayesdamp.report.render.render", lambda *_: None)
     out = tmp_path / "out"
     assert run_study(write_study(tmp_path, STUDY), out, workers=1) == 0
     assert modes(RunFolder(out)) == {"viscous", "quadratic"}

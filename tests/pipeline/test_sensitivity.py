@@ -6,8 +6,8 @@ import pytest
 
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.search import find_mode
-from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store
 from bayesdamp.types import Seed
 from tests.studies import COMPARED, study_text, write_study

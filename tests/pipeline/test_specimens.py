@@ -9,7 +9,7 @@ import pytest
 from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.config.compare import SPECIMEN, comparison
-from bayesdamp.pipeline import cells
+from bayesdamp.pipeline.jobs import cells
 from bayesdamp.types import InputError
 
 HEAD = """

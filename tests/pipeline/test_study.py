@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 
 from bayesdamp.config import load_study
-from bayesdamp.pipeline import cells, run_study
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.posteriors import weighted_curves
+from bayesdamp.pipeline.jobs import cells
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from tests.studies import COMPARED, WEIGHED, signal_text, study_text, write_study
 
@@ -198,7 +199,7 @@ IMPORTS = """
 import sys
 from pathlib import Path
 from bayesdamp.config import load_study
-from bayesdamp.pipeline import run_study
+from bayesdamp.pipeline.run import run_study
 assert run_study(load_study(sys.argv[1]), Path(sys.argv[2]), workers=1) == 0
 print(sorted({name.partition(".")[0] for name in sys.modules} & {"torch", "pysindy", "pyoperon", "gudhi", "optax"}))
 """

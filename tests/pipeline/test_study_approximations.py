@@ -7,7 +7,7 @@ import math
 import pytest
 
 from bayesdamp.inference.samplers import SAMPLERS, Sampler
-from bayesdamp.pipeline import run_study
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from bayesdamp.types import Refusal
 from tests.studies import SYSTEM, study_text, write_study

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bayesdamp.pipeline import cells, run_study
+from bayesdamp.pipeline.jobs import cells
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import ModeContent
 from bayesdamp.types import Seed

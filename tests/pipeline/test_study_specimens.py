@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.config import load_study
-from bayesdamp.pipeline import run_study
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.pipeline.specimens import WIDE
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import JointContent

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.evidence import nested
-from bayesdamp.pipeline import cells, run_study
+from bayesdamp.pipeline.jobs import cells
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from tests.pipeline.test_study import SMALL
 from tests.studies import write_study

@@ -12,7 +12,7 @@ from scipy import stats
 import bayesdamp as bd
 from bayesdamp.cli import main
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.pipeline import run_study
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.plugins import read_modules, use
 from bayesdamp.report.sections import SECTIONS
 from bayesdamp.store import read_table

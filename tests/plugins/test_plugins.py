@@ -10,7 +10,7 @@ import pytest
 
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, others
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline import run_study
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.plugins import read_modules, use
 from bayesdamp.report.results.run import RunFolder, coefficients
 from bayesdamp.store import Store, read_table

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.pipeline import run_study
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.plugins import use
 from bayesdamp.store import read_table
 from tests.studies import SYSTEM, study_text, write_study

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from bayesdamp.provenance import FreeDecay, Provenance
+from bayesdamp.types import FreeDecay, Provenance
 
 WHOLE = Provenance(
     warnings=("no unit is said.",),

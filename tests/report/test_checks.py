@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from bayesdamp.odds import FURTHER_TERM
+from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report.results.checks import Checks
 from bayesdamp.report.results.run import RunFolder, over_odds, ranking
 from bayesdamp.store import CellResult

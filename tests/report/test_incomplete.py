@@ -10,7 +10,7 @@ import pytest
 
 from bayesdamp.report.render import render
 from bayesdamp.store import CellResult, Store, write_json
-from bayesdamp.store.folders import claim
+from bayesdamp.store.cells import claim
 from bayesdamp.types import InputError
 from tests.report.pages import Page
 

@@ -16,7 +16,7 @@ from bayesdamp.report.results.run import RunFolder, answers, common_amplitude, r
 from bayesdamp.report.sections.estimates import inside
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json
-from bayesdamp.store.folders import claim
+from bayesdamp.store.cells import claim
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval
 from bayesdamp.verdict.types import Verdict
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from bayesdamp.formatting import Table, TableLine
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_symbol
 from bayesdamp.plugins import read_modules, use
 from bayesdamp.report import words
-from bayesdamp.table import Table, TableLine
 
 OWN = """
 from bayesdamp.physics.damping import DampingTerm

@@ -11,8 +11,8 @@ import pytest
 import bayesdamp as bd
 from bayesdamp.claims import accuracy
 from bayesdamp.cli import main
+from bayesdamp.store.cells import MARK, SIGNED
 from bayesdamp.store.files import read_description
-from bayesdamp.store.folders import MARK, SIGNED
 from bayesdamp.types import InputError
 from tests.failures import Failures
 

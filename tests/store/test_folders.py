@@ -15,8 +15,8 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.store import CellResult, Store, write_bytes
+from bayesdamp.store.cells import MARK, SIGNED
 from bayesdamp.store.files import create, temporary_path
-from bayesdamp.store.folders import MARK, SIGNED
 from bayesdamp.types import InputError
 from tests.failures import Failures
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bayesdamp.provenance import Provenance
-from bayesdamp.types import InputError
+from bayesdamp.types import InputError, Provenance
 from validation.truth import discrepancies as odd
 from validation.truth.drawing import Draw
 from validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS, Oscillator

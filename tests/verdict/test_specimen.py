@@ -17,8 +17,7 @@ from bayesdamp.inference.deviation.specimen import (
     weigh_specimen,
 )
 from bayesdamp.inference.model.target import damping_priors
-from bayesdamp.odds import FURTHER_TERM, OTHERS
-from bayesdamp.priors import SharedHalfNormal
+from bayesdamp.priors import FURTHER_TERM, OTHERS, SharedHalfNormal
 from bayesdamp.types import Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share

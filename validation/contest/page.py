@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from bayesdamp.table import markdown_table as table
+from bayesdamp.formatting import markdown_table as table
 from bayesdamp.types import OK
 from validation.contest import plots
 from validation.contest.roster import OURS, ROSTER, SCRIPT, peers_of

@@ -15,11 +15,11 @@ from itertools import pairwise
 import numpy as np
 from scipy.integrate import quad
 
+from bayesdamp.formatting import markdown_table as table
 from bayesdamp.inference.deviation.draws import probabilities
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.interface.answer import WEIGHED, answer
 from bayesdamp.physics.damping import all_sums
-from bayesdamp.table import markdown_table as table
 from bayesdamp.types import Signal
 from validation.rows import make_page, page_options
 from validation.scoring import hits_of

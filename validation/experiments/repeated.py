@@ -20,7 +20,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from bayesdamp.config import load_study
-from bayesdamp.pipeline import Depth, run_study
+from bayesdamp.pipeline.jobs import Depth
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.pipeline.specimens import Specimen, compute_joint
 from bayesdamp.pipeline.tasks import perform
 from bayesdamp.store import Store

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from bayesdamp.interface.answer import answer
-from bayesdamp.odds import odds
+from bayesdamp.priors import odds
 from bayesdamp.types import Signal
 from bayesdamp.verdict.specimen import Answered, specimen
 from bayesdamp.verdict.thresholds import DECIDED

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from bayesdamp.cli.records import ReadingOptions, records_in
+from bayesdamp.formatting import markdown_table as table
 from bayesdamp.interface.answer import answer
-from bayesdamp.table import markdown_table as table
 from bayesdamp.types import InputError
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict

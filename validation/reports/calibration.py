@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import binom, binomtest, norm
 
 from bayesdamp.calibrate.tables import ALARM
-from bayesdamp.table import markdown_table as table
+from bayesdamp.formatting import markdown_table as table
 from validation.rows import read_rows
 
 LEVEL = 0.95

@@ -21,7 +21,7 @@ from scipy.integrate import quad
 from scipy.optimize import root_scalar
 from scipy.stats import binom, poisson
 
-from bayesdamp.odds import odds
+from bayesdamp.priors import odds
 from bayesdamp.types import OK
 from validation.rows import read_rows
 from validation.truth.oscillator import COEFFICIENTS, LAWS, Oscillator

@@ -15,11 +15,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from bayesdamp.formatting import markdown_table as table
 from bayesdamp.interface.answer import Answer, answer
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.odds import FURTHER_TERM, odds
+from bayesdamp.priors import FURTHER_TERM, odds
 from bayesdamp.records.envelope.record import made_record
-from bayesdamp.table import markdown_table as table
 from bayesdamp.types import OK, InputError, Signal
 from validation.rows import make_page, page_options, rounded
 from validation.scoring import share_of

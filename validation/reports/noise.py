@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 from bayesdamp import formatting as fmt
+from bayesdamp.formatting import markdown_table as table
 from bayesdamp.report import words
 from bayesdamp.report.results.estimators import FACTORS, ErrorSeries, interval, places, series
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.table import markdown_table as table
 
 INITIAL, REFINED = "initial", "refined"
 

@@ -9,7 +9,8 @@ from rich.console import Console
 
 from bayesdamp.calibrate import run_calibration
 from bayesdamp.cli import options as o
-from bayesdamp.cli.arguments import check_folder, read_study
+from bayesdamp.cli.files import check_folder
+from bayesdamp.cli.runs import read_study
 
 
 def calibrate(

@@ -8,12 +8,12 @@ import typer
 from rich.console import Console
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.arguments import read_study
+from bayesdamp.cli.runs import read_study
 from bayesdamp.config import in_keys
-from bayesdamp.pipeline import cells
+from bayesdamp.formatting import Table
+from bayesdamp.pipeline.jobs import cells
 from bayesdamp.pipeline.run import read_records
 from bayesdamp.store.cells import Place
-from bayesdamp.table import Table
 
 
 def check(file: o.StudyFile, plugin: o.Plugins = None) -> int:

@@ -9,7 +9,7 @@ import typer
 
 from bayesdamp.claims import CLAIMS, judged, written
 from bayesdamp.claims.judge import Runs
-from bayesdamp.cli.single_file import CLAIMS_PAGE, SingleFile
+from bayesdamp.cli.files import CLAIMS_PAGE, SingleFile
 from bayesdamp.report.results.estimators import series
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.types import InputError

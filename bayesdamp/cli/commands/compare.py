@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,21 +12,23 @@ import typer
 
 from bayesdamp.cli import options as o
 from bayesdamp.cli import records as r
-from bayesdamp.cli.arguments import check_folder, check_names, choose_folder
-from bayesdamp.cli.border import one_line, print_error
+from bayesdamp.cli.files import check_folder, check_names
 from bayesdamp.cli.options import READING, RUNNING, WEIGHED
-from bayesdamp.cli.runs import FIRST_WORDS, run_and_print
-from bayesdamp.config import Recording
+from bayesdamp.config import Recording, Study
 from bayesdamp.config.compare import Asked, comparison
-from bayesdamp.pipeline import Depth
-from bayesdamp.pipeline.envelopes import read_recording
-from bayesdamp.pipeline.run import WRONG_CELLS
+from bayesdamp.interface.no_free_decay import no_free_decay
+from bayesdamp.pipeline.records import read_free_decay
 from bayesdamp.plugins import read_modules, use
+from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import read_each
-from bayesdamp.report.terminal import conclude
-from bayesdamp.types import InputError
+from bayesdamp.records.oscillation.first_look import first_words
+from bayesdamp.types import InputError, Refusal
+from bayesdamp.units import UNITS
+from bayesdamp.verdict.units import in_unit
 
+FIRST_WORDS = 5
+"""Largest number of records in one command for which a first line on each is printed."""
 ALONE = 6
 """Number of envelopes that one process answers before a second one has started."""
 
@@ -108,7 +112,7 @@ def compare(
     sums = [name.strip() for given in damping or () for name in given.split(",")]
     plugins = read_modules(plugin or ())
     use(plugins)  # they may contain readers
-    words: list[str] = []
+    chosen, reading = r.Chosen([], [], [], []), r.ReadingOptions()
     envelopes = are_envelopes(records, angle, unit, quantity)
     if envelopes:
         given = {"restoring": restoring, "exact": exact, "runs": runs, "channel": channel}
@@ -129,11 +133,6 @@ def compare(
         chosen = r.chosen_records(records, reading)
         failed = chosen.failed
         signals = r.as_signals(chosen.records, reading)
-        if not quiet:
-            few = len(chosen.records) <= FIRST_WORDS
-            first = r.first_words_on(chosen.records, reading) if few else []
-            # What may have been misread comes first, and how the file was read last.
-            words = [*chosen.doubted, *first, *r.one_command(chosen.records, reading), *chosen.notes]
     # Threads of this process answer a single record: other processes would only wait.
     alone = len(signals) <= (ALONE if envelopes else 1) and not exact and scheduler is None
     study = comparison(
@@ -147,18 +146,22 @@ def compare(
         deviation=deviation,
         sensor=sensor,
     )
-    for line in words:
-        typer.echo(line, err=True)
+    if not quiet:
+        few = 0 < len(chosen.records) <= FIRST_WORDS
+        first = first_words_on(read_by_study(chosen.records, study), reading) if few else []
+        # What may have been misread comes first, and how the file was read last.
+        for line in [*chosen.doubted, *first, *r.one_command(chosen.records, reading), *chosen.notes]:
+            typer.echo(line, err=True)
+    # Imports slowly, which the first words do not wait for.
+    from bayesdamp.cli.runs import Depth, choose_folder, run_and_print
+
     folder = check_folder(out, study.name) if out is not None else choose_folder(study)
     if folder.name != study.name and out is None and not quiet:
         before = folder.with_name(study.name)
         typer.echo(f"{before} has the answer to another question; this one goes to {folder}", err=True)
     depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
     options = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
-    status = run_and_print(study, folder, depth, conclude, as_json=as_json, **options)
-    for error in failed:
-        print_error(one_line(f"failed: {error}"))
-    return WRONG_CELLS if failed else status
+    return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **options)
 
 
 def _envelopes(
@@ -181,6 +184,8 @@ def _envelopes(
         Where none can be read.
     """
 
+    from bayesdamp.pipeline.envelopes import read_recording  # imports slowly
+
     def check(path: Path) -> Asked:
         # Not validated as a table of a study, because the user did not write its keys.
         source = Recording.model_construct(file=path.name, path=path.resolve(), unit=unit or "", **options)
@@ -188,3 +193,44 @@ def _envelopes(
         return {"file": str(path), "unit": unit, "quantity": "envelope", **options}
 
     return read_each(paths, check)
+
+
+def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileRecord]:
+    """Return records with the free decays that the study's run will use; without one where it cannot be read."""
+    read = []
+    for record, spec in zip(records, study.signals, strict=True):
+        assert isinstance(spec.source, Recording)
+        with suppress(InputError):  # the run reports it
+            record = replace(record, signal=read_free_decay(spec.source, spec.name)[1])
+        read.append(record)
+    return read
+
+
+def first_words_on(records: Sequence[r.FileRecord], options: r.ReadingOptions) -> list[str]:
+    """Return lines on records before anything is fitted.
+
+    For each record its frequency and damping without any law, or what it is if not the free decay of one oscillator;
+    nothing where nothing oscillates. Then a line for each file whose unit is assumed.
+    """
+    lines = []
+    assumed: dict[str, None] = {}
+    for record in records:
+        signal = record.signal if record.signal is not None else r.with_free_decay(record, options).signal
+        if signal is None:
+            if record.raw.y.min() >= 0:
+                lines.append(f"{record.path.name}: {r.MAYBE_ENVELOPE}")
+            continue
+        if options.assumes_rad(record.raw, record.unit, record.quantity):
+            assumed[record.path.name] = None
+        other = no_free_decay(signal)
+        whose = ", ".join(filter(None, (record.path.name, r.own_label(record, records))))
+        if other is not None:
+            lines.append(f"{whose}: {in_unit(other, UNITS[record.unit]).sentence}")
+            continue
+        with suppress(Refusal):
+            lines.append(f"{whose}: {first_words(signal).in_unit(UNITS[record.unit]).sentence()}")
+            about = signal.provenance
+            others = other_decays(about.decays, about.start, about.start + float(signal.t[-1]))
+            lines += [f"{whose}: {others}"] if others else []
+    unit = "No unit given; assuming an angle in rad. Use --unit deg, m or mm to change this."
+    return [*lines, *(f"{name}: {unit}" for name in assumed)]

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from typing import Annotated
 
 import typer
-from typer.completion import (
-    completion_init,  # pyright: ignore[reportPrivateImportUsage]
-    get_completion_script,  # pyright: ignore[reportPrivateImportUsage]
-)
+from typer.completion import get_completion_script  # pyright: ignore[reportPrivateImportUsage]
 
 from bayesdamp.plugins import nearest
 from bayesdamp.types import InputError
@@ -26,9 +22,3 @@ def completion(
         raise InputError(f"completion {shell}: unknown shell{nearest(shell, SHELLS)}")
     typer.echo(get_completion_script(prog_name="bayesdamp", complete_var=VARIABLE, shell=shell))
     return 0
-
-
-def answer_shell() -> None:
-    """Answer a shell that asks for completions."""
-    if VARIABLE in os.environ:
-        completion_init()

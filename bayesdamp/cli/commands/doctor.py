@@ -77,7 +77,7 @@ def kernels() -> CheckResult:
 
 def machine() -> CheckResult:
     """Check the cores and the memory (GiB) that this process may use."""
-    from bayesdamp.machine.threads import cores
+    from bayesdamp.machine import cores
 
     count = cores()
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30

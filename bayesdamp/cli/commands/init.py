@@ -13,12 +13,12 @@ from typing import Annotated, Any
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.arguments import check_names
+from bayesdamp.cli.files import check_names
 from bayesdamp.cli.records import ReadingOptions, as_signals, chosen_records
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.compare import Asked, comparison_tables
 from bayesdamp.config.load import resolve_study
-from bayesdamp.config.sections import (
+from bayesdamp.config.study import (
     EstimatorsTable,
     EvidenceTable,
     Header,

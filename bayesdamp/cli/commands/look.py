@@ -11,8 +11,8 @@ from rich.console import Console
 
 from bayesdamp.cli import looking
 from bayesdamp.cli import options as o
+from bayesdamp.cli.files import LOOK_PAGE, SingleFile
 from bayesdamp.cli.records import ReadingOptions, doubts, one_command, records_in
-from bayesdamp.cli.single_file import LOOK_PAGE, SingleFile
 from bayesdamp.plugins import read_modules, use
 from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import contents

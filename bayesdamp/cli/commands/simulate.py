@@ -11,8 +11,8 @@ import numpy as np
 import typer
 
 from bayesdamp.cli import options as o
+from bayesdamp.cli.files import FIRST_LINE, SIMULATED, SingleFile
 from bayesdamp.cli.options import wrong
-from bayesdamp.cli.single_file import FIRST_LINE, SIMULATED, SingleFile
 from bayesdamp.interface.signal import Signal
 from bayesdamp.interface.simulate import START
 from bayesdamp.interface.simulate import simulate as simulate_record

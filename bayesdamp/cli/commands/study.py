@@ -9,10 +9,10 @@ import typer
 from rich.console import Console
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.arguments import check_folder, read_study
-from bayesdamp.cli.runs import run_and_print
+from bayesdamp.cli.files import check_folder
+from bayesdamp.cli.runs import read_study, run_and_print
 from bayesdamp.config import in_keys
-from bayesdamp.pipeline import Depth
+from bayesdamp.pipeline.jobs import Depth
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.terminal import beware
 

@@ -18,12 +18,12 @@ import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
-from bayesdamp.odds import odds
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.forces import by_kernel, frequency_over, on_arrays
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.averaged import NUMBERS
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.priors import odds
 from bayesdamp.types import Ratio
 
 MOMENTS = 4000

@@ -27,7 +27,7 @@ from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.linear import EXACT_LAWS, weigh
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import Weighing
-from bayesdamp.machine.threads import at_once
+from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Solver
 

@@ -27,7 +27,7 @@ from bayesdamp.inference.deviation.candidate import (
 from bayesdamp.inference.deviation.exponent import power_solver, power_starts
 from bayesdamp.inference.deviation.linear import condensed, weigh
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
-from bayesdamp.machine.threads import at_once
+from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, TINY, others
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import PARAMETERS

@@ -16,7 +16,7 @@ from bayesdamp.inference.deviation.exponent import exponents_of
 from bayesdamp.inference.deviation.forms import columns_of, with_rivals
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, prepared_for
 from bayesdamp.inference.deviation.weighing import CandidateResult, Known, Weighing, weigh_all
-from bayesdamp.machine.threads import at_once
+from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.physics.restoring import LAWS

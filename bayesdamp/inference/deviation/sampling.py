@@ -19,7 +19,7 @@ from bayesdamp.inference.deviation.parameters import Parameters, straight_at
 from bayesdamp.inference.deviation.ridge import Ridge, ridge_of
 from bayesdamp.inference.deviation.tempered import DRAWS, sample_posterior
 from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
-from bayesdamp.machine.threads import at_once
+from bayesdamp.machine import at_once
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE, TOLERANCE
 

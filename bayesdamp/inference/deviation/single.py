@@ -35,7 +35,7 @@ from bayesdamp.inference.model.deviation import Deviation
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import FittedNoise, SampleNoise
-from bayesdamp.machine.threads import at_once
+from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.averaged import AveragedSolver

@@ -13,9 +13,8 @@ from bayesdamp.inference.deviation.repeats import Repeats, RunLikelihood, joined
 from bayesdamp.inference.deviation.weighing import CandidateResult
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.numerics.weights import summarise
-from bayesdamp.odds import odds
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.priors import Prior
+from bayesdamp.priors import Prior, odds
 from bayesdamp.types import Reference
 
 STEP = 1e-4

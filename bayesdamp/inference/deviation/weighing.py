@@ -33,7 +33,7 @@ from bayesdamp.inference.deviation.sample_noise import (
 )
 from bayesdamp.inference.deviation.tempered import Sampled
 from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
-from bayesdamp.machine.threads import at_once
+from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.averaged import AveragedSolver

@@ -29,10 +29,9 @@ from bayesdamp.inference.envelope.candidates import (
 )
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
 from bayesdamp.numerics.weights import effective, shares
-from bayesdamp.odds import FURTHER_TERM, odds
 from bayesdamp.physics.amplitude import POWERS, SUMS, ClosedForm, Law, Scale, Shape, Tabled, alike, log_loss
 from bayesdamp.physics.damping import TERMS, DampingTerm
-from bayesdamp.priors import SHARED_SCALES
+from bayesdamp.priors import FURTHER_TERM, SHARED_SCALES, odds
 from bayesdamp.records.envelope.window import ABOVE_FLOOR
 from bayesdamp.types import InputError
 

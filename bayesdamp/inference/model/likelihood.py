@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 
 from bayesdamp.inference.model.target import Target
-from bayesdamp.machine.threads import at_once
+from bayesdamp.machine import at_once
 from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.priors import log_prior_of
 

@@ -9,14 +9,13 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from bayesdamp.provenance import FreeDecay
 from bayesdamp.records.cleaning.swings import ERRORS, RISE, Reason, Series, Swings, stretches, worth
 from bayesdamp.records.oscillation.features import without_edges
 from bayesdamp.records.oscillation.modes import excited, few_samples, find_other_motion
 from bayesdamp.records.oscillation.noise import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_periods, samples_a_cycle
 from bayesdamp.records.oscillation.turning import Turning, thinned, turning_points
-from bayesdamp.types import InputError
+from bayesdamp.types import FreeDecay, InputError
 
 STEPS = 2.0
 """Recording steps from the midline below which a turning point is not informative about the damping."""

@@ -10,8 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from bayesdamp.provenance import Fact
-from bayesdamp.types import InputError
+from bayesdamp.types import Fact, InputError
 from bayesdamp.units import UNITS
 
 LARGEST = 2**31

@@ -10,9 +10,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 
-from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column
-from bayesdamp.types import InputError
+from bayesdamp.types import Fact, InputError
 from bayesdamp.units import UNITS
 
 DAY = 86400.0

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.names import sampling_rate, stated_unit, trim_facts
-from bayesdamp.types import InputError
+from bayesdamp.types import Fact, InputError
 
 WIDEST = 64
 """Columns of a matrix that are taken for columns of records."""

@@ -8,11 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
-from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents, Reader, refuse_archive
 from bayesdamp.records.files.names import seconds_written, trim_facts
 from bayesdamp.records.readers.text import LARGEST, make_column
-from bayesdamp.types import InputError
+from bayesdamp.types import Fact, InputError
 
 _ROOT = b"<cassylab"
 _MEMBER = "data.xml"

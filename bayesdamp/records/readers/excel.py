@@ -6,10 +6,9 @@ import datetime
 from dataclasses import replace
 from pathlib import Path
 
-from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents, archive_names, refuse_archive
 from bayesdamp.records.readers.text import parse_table
-from bayesdamp.types import InputError
+from bayesdamp.types import Fact, InputError
 
 _OLE = bytes.fromhex("d0cf11e0a1b11ae1")
 """First bytes of an Excel 97-2003 workbook, and of a workbook with a password ([MS-CFB] 2.2)."""

@@ -17,10 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.names import DAY, header_facts, may_be_unit, trim_facts, unit_and_quantity
-from bayesdamp.types import InputError
+from bayesdamp.types import Fact, InputError
 
 LARGEST = 2**29
 """Bytes of a text that is read; as lines it takes some ten times that (conventional)."""

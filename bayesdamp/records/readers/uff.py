@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.names import trim_facts
-from bayesdamp.types import InputError
+from bayesdamp.types import Fact, InputError
 
 _SETS = re.compile(rb"(?:^|[\r\n])    -1[ \t]*\r?\n[ \t]{0,5}(\d{1,5})(b?)(?=[ \t\r\n])")
 TIME_RESPONSE = (0, 1)

@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 
-from bayesdamp.provenance import FreeDecay
 from bayesdamp.report import words
 from bayesdamp.report.drawing import (
     FAINT,
@@ -27,6 +26,7 @@ from bayesdamp.report.drawing import (
     looks,
     plain,
 )
+from bayesdamp.types import FreeDecay
 from bayesdamp.verdict.parts import Oscillation
 
 USED, NOT_USED = "#0072B2", "#56B4E9"

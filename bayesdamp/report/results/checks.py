@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp import formatting as fmt
-from bayesdamp.outcomes import P_LIMIT, Fitting, Status, fitting_of, status_of
+from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.results.estimators import true_models
 from bayesdamp.report.results.run import (
@@ -27,8 +27,7 @@ from bayesdamp.report.results.run import (
     truth,
 )
 from bayesdamp.store.contents import PosteriorContent
-from bayesdamp.table import Table
-from bayesdamp.types import OK, candidate_parts
+from bayesdamp.types import OK, P_LIMIT, Fitting, Status, candidate_parts, fitting_of, status_of
 from bayesdamp.verdict.agreement import Z95, Agreement, agreement, intervals
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.thresholds import MOVED, WIDTH_HOLDS

@@ -11,10 +11,10 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from bayesdamp.formatting import symbols
 from bayesdamp.plugins import Registry
 from bayesdamp.report import words
 from bayesdamp.report.results.run import RunFolder, only_answered
-from bayesdamp.table import symbols
 
 __all__ = [
     "SECTIONS", "TEMPLATES", "Section", "SignalSection", "by_model", "by_signal", "fill", "folded", "heading",

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bayesdamp import formatting as fmt
+from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.drawing import FAINT, INK, LOOKS, QUIET, WIDTH
 from bayesdamp.report.results.run import RunFolder, rows_of
 from bayesdamp.report.sections import Section, folded, heading, paragraph, stack
-from bayesdamp.table import Table
 from bayesdamp.types import OK
 
 FEWEST = 15

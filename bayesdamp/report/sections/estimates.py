@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
+from bayesdamp.formatting import Table, TableLine
 from bayesdamp.report import words
 from bayesdamp.report.figures.estimators import against, eigenvalues, force, sweep, traces
 from bayesdamp.report.results.estimators import (
@@ -48,7 +49,6 @@ from bayesdamp.report.sections import (
     stack,
 )
 from bayesdamp.store.contents import EstimateContent
-from bayesdamp.table import Table, TableLine
 from bayesdamp.types import OK
 
 Details = Mapping[str, Any]

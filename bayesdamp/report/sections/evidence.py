@@ -8,9 +8,8 @@ from collections.abc import Callable, Sequence
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.odds import FURTHER_TERM, OTHERS
-from bayesdamp.outcomes import Status, reason_of, status_of
-from bayesdamp.priors import LEAST_SCALE, MOST_SCALE, SharedHalfNormal
+from bayesdamp.formatting import Table, TableLine
+from bayesdamp.priors import FURTHER_TERM, LEAST_SCALE, MOST_SCALE, OTHERS, SharedHalfNormal
 from bayesdamp.report import words
 from bayesdamp.report.results.run import (
     EvidenceRanking,
@@ -26,8 +25,7 @@ from bayesdamp.report.results.run import (
 from bayesdamp.report.sections import SignalSection, by_signal, folded, paragraph, stack
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import HalfContent, NoisesContent, RatiosContent, WidthsContent
-from bayesdamp.table import Table, TableLine
-from bayesdamp.types import OK
+from bayesdamp.types import OK, Status, reason_of, status_of
 
 ADOPTED = (
     "The adopted evidence is that of nested sampling if it was computed as a check, otherwise the mean of the other "

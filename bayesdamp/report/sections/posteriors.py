@@ -10,12 +10,12 @@ import numpy as np
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
+from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import marginals, pairs, running
 from bayesdamp.report.results.run import Row, RunFolder, coefficients, mode_of, models_by_rank, rows_of, truth
 from bayesdamp.report.sections import SignalSection, by_model, folded, is_drawn, stack
 from bayesdamp.store.contents import Climb, ModeContent, PosteriorContent
-from bayesdamp.table import Table
 from bayesdamp.types import OK, ChainStart, Seed
 
 COLUMNS: dict[str, Callable[[Row], str]] = {

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from scipy.special import expit
 
 from bayesdamp import formatting as fmt
-from bayesdamp.provenance import Provenance
+from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures.record import ModelFit, raw, record
 from bayesdamp.report.results.run import (
@@ -26,8 +26,7 @@ from bayesdamp.report.results.run import (
 )
 from bayesdamp.report.sections import SignalSection, fill, folded, is_drawn, paragraph, stack
 from bayesdamp.store.contents import RecordContent, WeighedNoise
-from bayesdamp.table import Table
-from bayesdamp.types import OK, AddedForm, Friction, PartialFit
+from bayesdamp.types import OK, AddedForm, Friction, PartialFit, Provenance
 
 USED = "used for the answer"
 _EXACT = (

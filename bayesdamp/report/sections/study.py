@@ -8,13 +8,12 @@ from collections.abc import Callable
 from markupsafe import Markup, escape
 
 from bayesdamp import formatting as fmt
-from bayesdamp.outcomes import Status, status_of
+from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.results.run import RunFolder, answer_of, answers, only_answered
 from bayesdamp.report.sections import Section, fill, folded, stack
 from bayesdamp.store.cells import Place
-from bayesdamp.table import Table
-from bayesdamp.types import OK, candidate_parts
+from bayesdamp.types import OK, Status, candidate_parts, status_of
 
 
 class AskedSection(Section):

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.machine.processes import processes
-from bayesdamp.pipeline import run_study
+from bayesdamp.machine import processes
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.pipeline.workers import pool_of, spread
 from bayesdamp.plugins import use
 from bayesdamp.store import Store, read_table

@@ -1,16 +1,51 @@
-"""Write the single files of commands; they replace only a file that the same command has written."""
+"""Check the files and folders that a command names, and write single files, replacing only its own earlier ones."""
 
 from __future__ import annotations
 
 import errno
 import os
 import re
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from bayesdamp.store.files import create, no_room, refuse_special, write_bytes
 from bayesdamp.types import InputError
+
+
+def check_folder(out: Path | None, name: str) -> Path:
+    """Return the folder of a run: `out`, or reports/`name`.
+
+    Raises
+    ------
+    InputError
+        Where the folder cannot be made, because a file has its name or that of a folder above it.
+    """
+    folder = out if out is not None else Path("reports") / name
+    try:
+        os.lstat(folder)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:
+        what = (error.strerror or str(error)).lower()
+        raise InputError(f"--out: is {str(folder)!r}, {what}; it must be a folder, or a new name") from None
+    present = next(place for place in (folder, *folder.absolute().parents) if os.path.lexists(place))
+    if not present.is_dir():
+        raise InputError(
+            f"--out: is {str(folder)!r}, and {present} is not a folder; it must be a folder, or a new name"
+        )
+    return folder
+
+
+def check_names(paths: Sequence[Path]) -> None:
+    """Refuse files whose names are not valid UTF-8, in which a run describes its inputs. Raises InputError."""
+    for path in paths:
+        try:
+            str(path).encode()
+        except UnicodeEncodeError:
+            raise InputError(f"{path}: the file name is not valid UTF-8; rename the file") from None
+
 
 FIRST_LINE = "# simulated by bayesdamp\n"
 """First line of a simulated record."""

@@ -1,4 +1,4 @@
-"""Processes of this machine that share the work of a run."""
+"""Resources of the computer that a run uses: its cache folder, signals, processes and threads."""
 
 from __future__ import annotations
 
@@ -8,12 +8,70 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
-from bayesdamp.machine import kill_as_interrupt
+ENDS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Signals that end a run, where the system has them."""
+
+
+def cache_folder() -> Path:
+    """Return the folder for what is computed once for a machine; it may not exist yet.
+
+    It is `BAYESDAMP_CACHE`, or the system's folder for caches of programs.
+    """
+    from platformdirs import user_cache_dir
+
+    return Path(os.environ.get("BAYESDAMP_CACHE") or user_cache_dir("bayesdamp"))
+
+
+@contextmanager
+def kill_as_interrupt() -> Iterator[None]:
+    """Treat a signal that ends a run, or the closing of its terminal, like an interrupt from the keyboard.
+
+    A signal that is already handled or ignored, as under `nohup`, stays so.
+    """
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    defaults = [end for end in ENDS if signal.getsignal(end) is signal.SIG_DFL]
+    for end in defaults:
+        signal.signal(end, interrupt)
+    try:
+        yield
+    finally:
+        for end in defaults:
+            signal.signal(end, signal.SIG_DFL)
+
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+MOST = 8
+"""Threads beyond which all of them wait for the interpreter."""
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
+    """Return `function` of each item, in order, computed on as many cores as there are. Raises the first exception."""
+    work = list(items)
+    threads = min(cores(), MOST, len(work))
+    if threads < 2:
+        return [function(item) for item in work]
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(function, work))
+
 
 GARBAGE = 100_000
 """New objects after which Python collects garbage: every 700, the default, takes a tenth of a short run, because the
