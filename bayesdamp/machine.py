@@ -9,7 +9,8 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent import futures  # loads its pools where they are used
+from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -69,7 +70,7 @@ def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     threads = min(cores(), MOST, len(work))
     if threads < 2:
         return [function(item) for item in work]
-    with ThreadPoolExecutor(threads) as pool:
+    with futures.ThreadPoolExecutor(threads) as pool:
         return list(pool.map(function, work))
 
 
@@ -89,7 +90,7 @@ class Processes(Executor):
         self._start()
 
     def _start(self) -> None:
-        self._pool = ProcessPoolExecutor(
+        self._pool = futures.ProcessPoolExecutor(
             self.width, multiprocessing.get_context("spawn"), initializer=_begin, initargs=(os.getpid(),)
         )
 

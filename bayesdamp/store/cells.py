@@ -235,7 +235,10 @@ class Store:
         if self.only is not None and cell_name not in self.only:
             raise KeyError(cell_name)
         try:
-            head, stored = unpacked(self._file(cell_name), CELL, arrays=arrays)
+            path = self._path(cell_name)
+            if not is_regular(path):  # reading a device or a pipe would wait
+                raise FileNotFoundError(path)
+            head, stored = unpacked(path, CELL, arrays=arrays)
             cell = CellResult(cell_name, head["key"], head["meta"], stored, head["outcome"], head["seconds"])
         except BROKEN as fault:
             raise KeyError(cell_name) from fault
@@ -297,13 +300,6 @@ class Store:
                 )  # unbuffered: a full disk is reported once
             sweep(self.folder)
             yield
-
-    def _file(self, cell_name: str) -> Path:
-        """Return the cell's file, to read. Raises OSError for a device or a pipe, on which reading would wait."""
-        path = self._path(cell_name)
-        if not is_regular(path):
-            raise FileNotFoundError(path)
-        return path
 
     def _path(self, cell_name: str) -> Path:
         parts = cell_name.split("/")

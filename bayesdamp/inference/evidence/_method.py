@@ -7,13 +7,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.model.target import Target
 from bayesdamp.types import OK, Evidence
+
+if TYPE_CHECKING:
+    from bayesdamp.inference.mode import Mode
+    from bayesdamp.inference.model.target import Target
 
 NESTED_CHECK = "nested"
 APART = 3.0

@@ -6,14 +6,17 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bayesdamp.inference.coordinates.whitening import Whitening
 from bayesdamp.inference.diagnostics import summarise, verdict
-from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.model.target import Target
 from bayesdamp.types import OK, ChainStart, Posterior, Seed
+
+if TYPE_CHECKING:
+    from bayesdamp.inference.coordinates.whitening import Whitening
+    from bayesdamp.inference.mode import Mode
+    from bayesdamp.inference.model.target import Target
 
 WARMUP = 50
 """Draws that chains need to forget that they start in a linear model."""
