@@ -81,7 +81,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     | {"config", "inference", "interface", "pipeline", "store", "verdict", "validation.experiments"}
     | {"validation.rows", "validation.scoring", "validation.truth"},
     "validation.misfit": {
-        "table", "types", "cli.records", "interface", "verdict", "validation.misfit", "validation.rows",
+        "formatting", "types", "cli.records", "interface", "verdict", "validation.misfit", "validation.rows",
         "validation.scoring", "validation.truth",
     },
     "validation.measured": {
