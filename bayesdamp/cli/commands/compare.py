@@ -22,7 +22,7 @@ from bayesdamp.plugins import read_modules, use
 from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import read_each
-from bayesdamp.records.oscillation.first_look import first_words
+from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.types import InputError, Refusal
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
