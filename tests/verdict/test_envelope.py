@@ -146,6 +146,7 @@ def test_no_rate_is_known_better_than_the_sensor():
         (_, middle, _) = result.decay_rate
         assert middle.value == pytest.approx(0.5, rel=0.01)
         assert middle.sd_law == pytest.approx(0.5 * np.hypot(0.002, 0.1 / (0.5 * fall)), rel=0.2)
+        assert result.window.cycles == pytest.approx(3.0 * (result.window.stop - result.window.start))
         omega = 2 * np.pi * 3.0
         ratio, quality = result.damping_ratio[1], result.quality_factor_at[1]
         assert (ratio.value, quality.value) == pytest.approx(

@@ -176,9 +176,17 @@ def test_the_ratio_the_spread_and_one_more_record_are_those_of_a_sum() -> None:
     following = found.next_record[1]
     assert (following.low, following.high) == pytest.approx(tuple(ends), abs=0.1 * np.ptp(ends))
     assert following.high - following.low > 1.3 * (high - low)
+    assert np.hypot(following.sd_noise, following.sd_law) == pytest.approx(np.ptp(ends) / 3.92, rel=0.25)
     assert found.remarks[0].startswith("The damping differs between records by")
     assert found.frequency is not None
     assert found.frequency.value == pytest.approx(2.0)
+
+
+def test_ratios_are_given_at_amplitudes_that_all_records_have() -> None:
+    one, two = (answered(n, 0.01, {V: 0.0}) for n in "ab")
+    lower = replace(two, curve={"amplitude": 0.8 * AMPLITUDE})
+    middle = specimen("rig", [one, lower]).damping_ratio[1].amplitude
+    assert middle == pytest.approx(np.sqrt(0.8 * AMPLITUDE.max() * AMPLITUDE.min()))
 
 
 def test_frequencies_of_records_are_pooled_and_a_specified_one_stays() -> None:
