@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -38,8 +39,8 @@ PLACES = {"displacement": "quadratic", "stribeck": "coulomb"}
 ALONE = "power"
 """The form that stands for a whole sum."""
 BEHIND = 7.0
-"""Nats behind the best sum up to which a rival is weighed in place of a sum: with the prior of a rival, less than 1 in
-1,000 is beyond."""
+"""Nats behind the best sum up to which a rival with parameters of its own is weighed in place of a sum: with the prior
+of a rival, less than 1 in 1,000 is beyond."""
 FEW = 1000
 """Draws of a bound."""
 SCORES = (-1.0, 1.0)
@@ -72,9 +73,12 @@ def with_rivals(weighing: Weighing) -> Weighing:
     for form, like in PLACES.items():
         if form in plain.terms or like not in plain.terms:
             continue
-        # It replaces its term in the sums that count.
-        near = sorted((s for s in close if like in s <= {*paper}), key=lambda s: (len(s), sorted(s)))
-        sums = [(*(t for t in paper if t in s - {like}), form) for s in near]
+        rest = [t for t in paper if t != like]
+        if TERMS.get(form).inferred:  # it replaces its term in the sums that count
+            near = sorted((s for s in close if like in s <= {*paper}), key=lambda s: (len(s), sorted(s)))
+            sums = [(*(t for t in rest if t in s), form) for s in near]
+        else:
+            sums = [(*c, form) for n in range(len(rest) + 1) for c in combinations(rest, n)]
         rivals += _weigh_rivals(weighing, replace(plain, terms=(*paper, form)), sums)
     if ALONE not in plain.terms:
         # The power of the velocity, starting where it dissipates as the likeliest sum does.
