@@ -151,7 +151,15 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     if sentence := misfit(residual, signal, features):
         problems.append(sentence)
     values = dict(zip(names, map(float, best.x)))
-    stderr = _stderr(names, best.x, floor, residual, jacobian)
+    moving = best.x > floor  # a parameter at its floor has no standard error
+    j = jacobian[:, moving]
+    scale = np.linalg.norm(j, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    freedom = max(residual.size - j.shape[1], 1)
+    inverse = np.linalg.pinv((j / scale).T @ (j / scale)) / np.outer(scale, scale)
+    variances = np.diag(inverse * (residual @ residual) / freedom)
+    inside = [name for name, free in zip(names, moving) if free]
+    stderr = dict(zip(inside, np.sqrt(np.maximum(variances, 0.0)).tolist()))
     trace = {"rms": np.concatenate([*traces, [rms]])}
     count, outcome = sum(map(len, traces)), "; ".join(problems) or OK
     return Estimate(first.estimator, "refined", values, stderr, trace, evaluations=count, outcome=outcome)
@@ -218,17 +226,3 @@ def misfit(residual: np.ndarray, signal: Signal, features: Features) -> str | No
         f"the best fit leaves {rms:.2g} {quantity_unit(signal.unit, signal.quantity)}{times}: "
         "the model is incomplete, or the noise is correlated"
     )
-
-
-def _stderr(
-    names: tuple[str, ...], x: np.ndarray, floor: np.ndarray, r: np.ndarray, jacobian: np.ndarray
-) -> dict[str, float]:
-    """Return standard errors for white residuals; a parameter at its floor has none."""
-    moving = x > floor
-    j = jacobian[:, moving]
-    freedom = max(r.size - j.shape[1], 1)
-    scale = np.linalg.norm(j, axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
-    covariance = np.linalg.pinv((j / scale).T @ (j / scale)) / np.outer(scale, scale) * (r @ r) / freedom
-    inside = [name for name, free in zip(names, moving) if free]
-    return dict(zip(inside, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()))

@@ -416,7 +416,10 @@ def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
 
 
 def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumns]:
-    """Return the choice in each block; of several runs, the column that most of them would choose."""
+    """Return the choice in each block; of several runs, the column that most of them would choose.
+
+    Raises InputError for a choice of several columns that are not channels of one kind.
+    """
     picks = [_choose_in_block(content, block) for block in blocks]
     usual = Counter(tuple(split_run(c)[0] for c in chosen) for chosen, _ in picks).most_common(1)[0][0]
     several = len({block.run for block in blocks}) > 1
@@ -427,32 +430,26 @@ def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumn
         still = tuple(c.name for c in block.values if c.name and not _changes(c))
         records += [block.record(c, choice, still) for c in chosen]
     for run in dict.fromkeys(record.run for record in records):
-        _refuse_unclear(content, [record for record in records if record.run == run])
+        of_run = [record for record in records if record.run == run]
+        columns = [record.value for record in of_run]
+        kinds = {unit_of_column(c) for c in columns}
+        have_one_unit = len(kinds) == 1 and all(unit for unit, _ in kinds)
+        bare, sheets = {c.name.removeprefix(f"{c.group}.") for c in columns}, {c.group for c in columns}
+        are_of_sheets = len(bare) == 1 and len(sheets) == len(columns)  # the same column of several sheets
+        if have_one_unit or are_of_sheets or len(columns) == 1 or content.channels or content.paired:
+            continue
+        names = ", ".join(quote_name(content.columns, c) for c in columns[:3])
+        more = f" and {len(columns) - 3} more" if len(columns) > 3 else ""
+        clockless = any(r.time is None and r.rate is None and r.value.rate is None for r in of_run)
+        no_times = " and no times" if clockless else ""
+        also = ", and the name of the times or the rate in Hz" if clockless else ""
+        raise InputError(
+            f"has {len(content.columns)} columns{no_times}, and {names}{more} may each be the record; give the name or "
+            f"number of one, or of several channels{also}; columns are {list_names(content.columns)}",
+            arguments=["value", "channels", *(["time", "rate"] if clockless else [])],
+            likely={"value": columns[0].name or quote_name(content.columns, columns[0])},
+        )
     return records
-
-
-def _refuse_unclear(content: Contents, records: list[RecordColumns]) -> None:
-    """Refuse a choice of several columns that are not channels of one kind. Raises InputError."""
-    chosen = [record.value for record in records]
-    kinds = {unit_of_column(c) for c in chosen}
-    if len(kinds) == 1 and all(unit for unit, _ in kinds):
-        return  # sensors of one unit
-    bare = {c.name.removeprefix(f"{c.group}.") for c in chosen}
-    if len(bare) == 1 and len({c.group for c in chosen}) == len(chosen):
-        return  # the same column of several sheets
-    if len(chosen) == 1 or content.channels or content.paired:
-        return
-    names = ", ".join(quote_name(content.columns, c) for c in chosen[:3])
-    more = f" and {len(chosen) - 3} more" if len(chosen) > 3 else ""
-    clockless = any(r.time is None and r.rate is None and r.value.rate is None for r in records)
-    no_times = " and no times" if clockless else ""
-    also = ", and the name of the times or the rate in Hz" if clockless else ""
-    raise InputError(
-        f"has {len(content.columns)} columns{no_times}, and {names}{more} may each be the record; give the name or "
-        f"number of one, or of several channels{also}; columns are {list_names(content.columns)}",
-        arguments=["value", "channels", *(["time", "rate"] if clockless else [])],
-        likely={"value": chosen[0].name or quote_name(content.columns, chosen[0])},
-    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,6 @@ from bayesdamp.verdict.parts import (
     Interval,
     MotionKind,
     Oscillation,
-    Share,
 )
 from bayesdamp.verdict.types import Verdict
 
@@ -64,8 +63,20 @@ def _answer(v: Verdict) -> str:
             "this, so none is named."
         )
     if v.grade is Grade.DEVIATES:
+        # By what the law misses the record: the largest, relative to its threshold, of what `grade_of` checks.
+        left = f"which leaves {_amplitude_share(0.01 * v.unexplained_pct)} unexplained"
+        misfits = [(v.unexplained_pct / (100 * thresholds.UNEXPLAINED), left)]
+        if (i := v.deviation) is not None:
+            interval = f"{100 * i.value:.2g} % ({100 * i.low:.2g} to {100 * i.high:.2g})"
+            text = f"from which the damping deviates by {interval}"
+            misfits.append((i.value / thresholds.DEVIATES, text))
+        if (i := v.restoring_deviation) is not None:
+            interval = f"{100 * i.value:.2g} % ({100 * i.low:.2g} to {100 * i.high:.2g})"
+            text = f"while the restoring force deviates from its law by {interval}"
+            misfits.append((i.low / thresholds.RESTORING_DEVIATES, text))
+        _, misfit = max(misfits)
         measured = ", measured without a law of damping" if v.law_free else ""
-        return f"{answer}{measured}; the nearest law of damping is {named(v.damping)}, {_misfit(v)}{power}."
+        return f"{answer}{measured}; the nearest law of damping is {named(v.damping)}, {misfit}{power}."
     if v.decided:
         terms = [s for s in v.energy if s.term in v.damping.split("+")]
         shares = ", ".join(
@@ -101,23 +112,6 @@ def _size(v: Verdict) -> str:
         return "the size of the damping is not determined"
     last = f", {ratios[-1]}" if len(ratios) > 1 else ""
     return f"equivalent damping ratio {ratios[0]}{last}"
-
-
-def _misfit(v: Verdict) -> str:
-    """Return by what a law misses the record: the largest, relative to its threshold, of what `grade_of` checks."""
-
-    def percent(i: Interval) -> str:
-        return f"{100 * i.value:.2g} % ({100 * i.low:.2g} to {100 * i.high:.2g})"
-
-    left = f"which leaves {_amplitude_share(0.01 * v.unexplained_pct)} unexplained"
-    reasons = [(v.unexplained_pct / (100 * thresholds.UNEXPLAINED), left)]
-    if v.deviation is not None:
-        text = f"from which the damping deviates by {percent(v.deviation)}"
-        reasons.append((v.deviation.value / thresholds.DEVIATES, text))
-    if v.restoring_deviation is not None:
-        text = f"while the restoring force deviates from its law by {percent(v.restoring_deviation)}"
-        reasons.append((v.restoring_deviation.low / thresholds.RESTORING_DEVIATES, text))
-    return max(reasons)[1]
 
 
 def frequency_off(v: Verdict, by_law: FrequencyAt) -> str:
@@ -219,7 +213,23 @@ def plus_minus(i: Interval) -> str:
 
 def energy_of(v: Verdict) -> tuple[str, ...]:
     """Return sentences on the energy budget and on the upper limits of other forms, where there are any."""
-    shares = ", ".join(_share(v, s) for s in v.energy if s.high >= 0.005)
+    texts = []
+    for s in v.energy:
+        if s.high < 0.005:
+            continue
+        name = words_of(s.term)
+        if s.low >= ALL:
+            texts.append(f"all of it {name}")
+        elif s.term == v.damping and s.share >= ALL:
+            # The probability that no other term takes energy instead: an interval would begin at 0 where a rival
+            # without the term is possible.
+            whole = f"all of it {name}" if v.probability >= 0.5 else f"{name} alone"
+            texts.append(f"{whole} with probability {probability(v.probability)}")
+        elif round(100 * s.share) == 0:
+            texts.append(f"{name} at most {100 * s.high:.0f} %")
+        else:
+            texts.append(f"{name} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})")
+    shares = ", ".join(texts)
     likely = [r for r in v.rivals if r.probability >= thresholds.NAMED]
     listed = {t for r in likely for t in r.damping.split("+")}
     absent = ", ".join(
@@ -244,23 +254,6 @@ def energy_of(v: Verdict) -> tuple[str, ...]:
     if absent:
         sentences.append(f"Other damping terms can account for at most (95 %): {absent}.")
     return tuple(sentences)
-
-
-def _share(v: Verdict, s: Share) -> str:
-    """Return a term's share with its interval over all that is possible.
-
-    The only term of the answer has the probability that no other term takes energy instead: an interval would begin at
-    0 where a rival without the term is possible.
-    """
-    name = words_of(s.term)
-    if s.low >= ALL:
-        return f"all of it {name}"
-    if s.term == v.damping and s.share >= ALL:
-        whole = f"all of it {name}" if v.probability >= 0.5 else f"{name} alone"
-        return f"{whole} with probability {probability(v.probability)}"
-    if round(100 * s.share) == 0:
-        return f"{name} at most {100 * s.high:.0f} %"
-    return f"{name} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
 
 
 def _law_quality(v: Verdict) -> str:

@@ -126,8 +126,17 @@ def observe(
             edge = min(20, t.size // 10)
             g = g[edge : t.size - edge]
         else:
-            recorded = y if signal.quantity == "angle" else None
-            g = _filter(g, recorded, library, h, FILTER * features.period)
+            half = max(int(FILTER * features.period / h) // 2, 3)
+            s = np.arange(-half, half + 1) / half
+            kernel = derivatives(s, 0)
+            total = kernel.sum()
+            g = np.column_stack([np.convolve(column, kernel / total, "valid") for column in g.T])
+            slope = derivatives(s, 1) / (h * half) / total
+            for i, candidate in enumerate(library if signal.quantity == "angle" else ()):
+                if candidate.damping == "viscous":
+                    g[:, i] = 2.0 * np.convolve(y, slope, "valid")
+                elif candidate.name == "θ":
+                    g[:, i] = np.convolve(y, kernel / total, "valid")
         if g.shape[0] <= step + 4 * len(library):
             continue
         before.append(g[:-step, :p])
@@ -137,25 +146,6 @@ def observe(
         raise Refusal("the record is too short for pairs of states a lag apart")
     laws = np.vstack(forms)
     return np.vstack(before), np.vstack(after), laws[:, :-1], laws[:, -1], tau
-
-
-def _filter(
-    g: np.ndarray, y: np.ndarray | None, library: list[CandidateTerm], h: float, width: float
-) -> np.ndarray:
-    """Filter observables (n, p) by a kernel of `width` s; θ and θ̇ from the recorded angle y (n,) if given."""
-    half = max(int(width / h) // 2, 3)
-    s = np.arange(-half, half + 1) / half
-    kernel = derivatives(s, 0)
-    total = kernel.sum()
-    smooth = np.column_stack([np.convolve(column, kernel / total, "valid") for column in g.T])
-    if y is not None:
-        slope = derivatives(s, 1) / (h * half) / total
-        for i, candidate in enumerate(library):
-            if candidate.damping == "viscous":
-                smooth[:, i] = 2.0 * np.convolve(y, slope, "valid")
-            elif candidate.name == "θ":
-                smooth[:, i] = np.convolve(y, kernel / total, "valid")
-    return smooth
 
 
 def decompose(

@@ -232,6 +232,8 @@ def sparse_models(
         model = SparseModel(mask, x / (scale / size), threshold, ridge, sound)
         return model, float(np.sum((b - a @ x) ** 2))
 
+    config_context = optional_package("sklearn").config_context
+    stlsq = optional_package("pysindy").STLSQ
     path = []
     for chosen in product([False, True], repeat=damping.size):
         base = np.zeros(dissipates.size, bool)
@@ -241,31 +243,24 @@ def sparse_models(
         with_others: dict[bytes, tuple[float, SparseModel]] = {}
         for ridge in RIDGES:
             threshold = 0.0
-            while (survivors := _threshold(free, rest, threshold, ridge)) is not None:
-                mask, least = base.copy(), survivors[1]
-                mask[others] = survivors[0]
+            while True:
+                method = stlsq(threshold=threshold, alpha=ridge, max_iter=50, unbias=False)
+                unchecked = config_context(skip_parameter_validation=True, assume_finite=True)
+                with warnings.catch_warnings(), unchecked:
+                    warnings.simplefilter("ignore")  # that all terms fell, which ends the path
+                    weights = np.abs(np.asarray(method.fit(free, rest).coef_)[0])
+                if not np.any(weights):
+                    break
+                mask = base.copy()
+                mask[others] = weights != 0.0
                 if mask.tobytes() not in with_others:
                     model, left = solution(mask, threshold, ridge)
                     score = freedom * np.log(left + 1e-300) + np.log(freedom) * mask.sum()
                     with_others[mask.tobytes()] = score, model
-                threshold = max(least, threshold) * (1 + 1e-9) + 1e-300
+                threshold = max(float(weights[weights != 0.0].min()), threshold) * (1 + 1e-9) + 1e-300
         ranked = sorted(with_others.values(), key=lambda pair: (not pair[1].sound, pair[0]))
         path += [solution(base, np.inf, 0.0)[0], *(model for _, model in ranked[:FEW])]
     return path
-
-
-def _threshold(
-    a: np.ndarray, b: np.ndarray, threshold: float, ridge: float
-) -> tuple[np.ndarray, float] | None:
-    """Return the terms (p,) of bool that survive, and the smallest ridge coefficient; None if none does."""
-    unchecked = optional_package("sklearn").config_context(skip_parameter_validation=True, assume_finite=True)
-    method = optional_package("pysindy").STLSQ(threshold=threshold, alpha=ridge, max_iter=50, unbias=False)
-    with warnings.catch_warnings(), unchecked:
-        warnings.simplefilter("ignore")  # that all terms fell, which ends the path
-        fit = method.fit(a, b)
-    weights = np.abs(np.asarray(fit.coef_)[0])
-    mask = weights != 0.0
-    return (mask, float(weights[mask].min())) if mask.any() else None
 
 
 def score_models(

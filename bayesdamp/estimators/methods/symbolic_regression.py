@@ -144,7 +144,23 @@ class Force:
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
-        self.motion = motion(signal, problem, features, _knots_per_period(signal, features))
+        # As many knots as the noise allows, so that the shape of the force is resolved. A spline that follows angular
+        # frequencies up to b passes noise of a sampling interval Δt and a standard deviation σ into the second
+        # derivative as σ √(Δt b⁵/5π), into the first as σ √(Δt b³/3π).
+        noise, gap = noise_level(signal), float(signal.t[-1] - signal.t[0]) / (signal.t.size - 1)
+        power = 2 * (2 - ORDER[signal.quantity]) + 1
+        sizes = features.turning_amplitudes
+        lost = np.log(max(float(sizes.max()) / max(float(sizes[-1]), 2 * features.roughness, 1e-12), 1.05))
+        ratio = lost / (features.frequency * (features.turning_times[-1] - features.turning_times[0]))
+        middle = np.sqrt(features.amplitude * min(features.final_amplitude, features.amplitude))
+        force = np.sqrt(2.0) * ratio * (features.frequency**2 * middle)
+        knots = KNOTS[0]
+        for count in KNOTS[1:]:
+            passed = noise * np.sqrt(gap * (np.pi * count / features.period) ** power / (power * np.pi))
+            if passed <= AFFORDABLE * force and features.period / count >= 6 * gap:
+                knots = count
+
+        self.motion = motion(signal, problem, features, knots)
         theta, self.omega, _ = self.motion.everywhere
         known, t = known_restoring(problem), self.motion.t
         form = oscillator(problem).law.linear_form(theta, known)
@@ -194,30 +210,6 @@ class Force:
             return {}
         left = self.target - self.motion.project(expression(self.omega))
         return self._decode(solve(self._columns, left)[: self._count])
-
-
-def _knots_per_period(signal: Signal, features: Features) -> float:
-    """Return as many knots as the noise allows, so that the shape of the force is resolved.
-
-    A spline that follows angular frequencies up to b passes noise of a sampling interval Δt and a standard
-    deviation σ into the second derivative as σ √(Δt b⁵/5π), into the first as σ √(Δt b³/3π).
-    """
-    noise, gap = noise_level(signal), float(signal.t[-1] - signal.t[0]) / (signal.t.size - 1)
-    order = 2 - ORDER[signal.quantity]
-    sizes = features.turning_amplitudes
-    lost = np.log(max(float(sizes.max()) / max(float(sizes[-1]), 2 * features.roughness, 1e-12), 1.05))
-    ratio = lost / (features.frequency * (features.turning_times[-1] - features.turning_times[0]))
-    middle = features.frequency**2 * np.sqrt(
-        features.amplitude * min(features.final_amplitude, features.amplitude)
-    )
-    force = np.sqrt(2.0) * ratio * middle
-    best = KNOTS[0]
-    for knots in KNOTS[1:]:
-        band = np.pi * knots / features.period
-        passed = noise * np.sqrt(gap * band ** (2 * order + 1) / ((2 * order + 1) * np.pi))
-        if passed <= AFFORDABLE * force and features.period / knots >= 6 * gap:
-            best = knots
-    return best
 
 
 def _polish(force: Force, expression: Expression) -> Expression:

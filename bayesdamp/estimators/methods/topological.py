@@ -92,13 +92,24 @@ class Topological(Estimator[TopologicalOptions]):
         if len(known) == len(osc.law.parameters):
             omega = osc.natural_frequency(known, features.rest)
         pairs = significant_pairs(signal, problem, features, options)
+        damping = problem.damping[0]
         if options.variant == "as_printed":
-            value = _printed_coefficient(problem.damping[0], pairs, omega, features)
+            # Equations (9) to (11). T is the n periods from L_0 to L_n. Equation (11) has no n: it is taken at n = 1,
+            # and A_0 is the amplitude about rest.
+            longest, shorter, n = pairs.spaced()
+            if damping == "viscous":
+                decrement = math.log((longest - pairs.floor) / (shorter - pairs.floor))
+                value = decrement / (omega * n * features.period)
+            elif damping == "coulomb":
+                value = (longest - shorter) / (n * features.period)
+            else:
+                first, second = (pairs.p[:2] - pairs.v[:2] - pairs.floor).tolist()
+                value = 2 * omega / features.amplitude * (1 / second - 1 / first)
         else:
             # Amplitudes of a velocity or an acceleration are those of the displacement times ω or ω².
             unit = omega ** ORDER[signal.quantity]
             scaled = Pairs(pairs.v / unit, pairs.p / unit, pairs.cycle, pairs.floor)
-            value = _published_coefficient(problem.damping[0], scaled, omega)
+            value = _published_coefficient(damping, scaled, omega)
         values = {osc.coefficients[0]: value}
         if free := free_names(problem):
             start = start_parameters(signal, problem, features)
@@ -216,22 +227,6 @@ def _published_coefficient(damping: str, pairs: Pairs, omega: float) -> float:
     if not coefficients:
         raise Refusal("fewer than two persistence lifetimes give no swing from a minimum to a maximum")
     return float(np.median(coefficients))
-
-
-def _printed_coefficient(damping: str, pairs: Pairs, omega: float, features: Features) -> float:
-    """Return the coefficient by equations (9) to (11) as the paper prints them.
-
-    T is the n periods from L_0 to L_n. Equation (11) has no n: it is taken at n = 1, and A_0 is the amplitude about
-    rest.
-    """
-    longest, shorter, n = pairs.spaced()
-    if damping == "viscous":
-        decrement = math.log((longest - pairs.floor) / (shorter - pairs.floor))
-        return decrement / (omega * n * features.period)
-    if damping == "coulomb":
-        return (longest - shorter) / (n * features.period)
-    first, second = (pairs.p[:2] - pairs.v[:2] - pairs.floor).tolist()
-    return 2 * omega / features.amplitude * (1 / second - 1 / first)
 
 
 PLUGIN = Topological()

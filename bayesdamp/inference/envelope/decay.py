@@ -301,24 +301,18 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
         whole = whole + np.outer(floor, floor)
     low = np.flatnonzero(np.exp(2.0 * fit) < 10.0 ** (ABOVE_FLOOR / 10.0) * best.floor)
     end = int(low[0]) if low.size else n
-    later = _strangers(whole, columns, b.x - fit, early)
+    later = 0  # up to the last early block that the later ones do not predict
+    if early:
+        # Backwards in time, each reading minus its prediction from all later ones, in its own sd; the law is left free.
+        scale = columns / np.linalg.norm(columns, axis=0)
+        triangle = np.linalg.cholesky((whole + 1e2 * scale @ scale.T)[::-1, ::-1])
+        innovations = np.linalg.solve(triangle, (b.x - fit)[::-1])[::-1][:early]
+        total = np.append(np.cumsum(innovations[::-1])[::-1], 0.0)  # from each block to the last early one
+        surprises = np.zeros(early, bool)
+        for count in (1, 2, 4, 8):
+            if count <= early:
+                places = early - count + 1
+                moved = np.abs(total[:places] - total[count:])
+                surprises[:places] |= moved > SURPRISE * np.sqrt(count)
+        later = int(np.flatnonzero(surprises).max(initial=-1)) + 1
     return replace(b, noises=noises, inverse=np.linalg.inv(np.linalg.cholesky(whole))), later, end
-
-
-def _strangers(covariance: np.ndarray, columns: np.ndarray, residual: np.ndarray, early: int) -> int:
-    """Return how many of the early blocks to leave out: up to the last one that later blocks do not predict."""
-    if early == 0:
-        return 0
-    # Backwards in time, each reading minus its prediction from all later ones, in its own sd; the law is left free.
-    scale = columns / np.linalg.norm(columns, axis=0)
-    whole = covariance + 1e2 * scale @ scale.T
-    triangle = np.linalg.cholesky(whole[::-1, ::-1])
-    innovations = np.linalg.solve(triangle, residual[::-1])[::-1][:early]
-    off = np.zeros(early, bool)
-    total = np.append(np.cumsum(innovations[::-1])[::-1], 0.0)  # from each block to the last early one
-    for count in (1, 2, 4, 8):
-        if count <= early:
-            places = early - count + 1
-            off[:places] |= np.abs(total[:places] - total[count:]) > SURPRISE * np.sqrt(count)
-    off = np.flatnonzero(off)
-    return int(off[-1]) + 1 if off.size else 0

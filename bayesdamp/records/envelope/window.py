@@ -455,19 +455,16 @@ def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
         usual = float(np.median(rms[at : at + AHEAD * width]))
         if odd or ratio < LEVEL or rms[at - 1] > max(WORSE * usual, SMALLEST / 3):
             near = slice(max(0, at - width), min(at + 2 * width, last + 1))
-            hinge = near.start + _hinge(t[near], y[near])
-            return min(max(at, hinge) + max(1, round(GUARD * span)), last - 3), True
+            t, y = t[near], y[near]
+            corners = np.arange(3, t.size - 2)
+            if corners.size:  # from the corner on, a second straight line describes these readings best
+                rms_before = _lines(t, y, np.zeros_like(corners), corners)[1]
+                rms_after = _lines(t, y, corners, np.full_like(corners, t.size))[1]
+                squares = corners * rms_before**2 + (t.size - corners) * rms_after**2
+                at = max(at, near.start + int(corners[np.argmin(squares)]))
+            return min(at + max(1, round(GUARD * span)), last - 3), True
         at -= 1
     return 0, False
-
-
-def _hinge(t: np.ndarray, y: np.ndarray) -> int:
-    """Return the reading from which a second straight line describes readings best, the first one those before it."""
-    at = np.arange(3, t.size - 2)
-    if at.size == 0:
-        return 0
-    before, after = _lines(t, y, np.zeros_like(at), at)[1], _lines(t, y, at, np.full_like(at, t.size))[1]
-    return int(at[np.argmin(at * before**2 + (t.size - at) * after**2)])
 
 
 def _lines(t: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -499,10 +496,16 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, SeenFloor | None]:
         took = float(tb[floor_at] - tb[begin])
         rate = float(x[0] - x[floor_at - begin]) / took if took > 0 else 0.0
         measured = measure_floor(t[behind], power, rest, rate)
-    else:
-        flat = _flat_end(tb[begin:], yb[begin:] - scale)
-        if flat > 0:
-            floor, floor_at = max(floor, flat), count - 1
+    elif (part := (count - begin) // 8) >= 3:
+        # Where the last part of the record no longer falls, its mean power is that of the floor.
+        late, level = tb[begin:], yb[begin:] - scale
+        last_power, power_before = 10.0 ** (level[-part:] / 10.0), 10.0 ** (level[-2 * part : -part] / 10.0)
+        step = float(late[-part:].mean() - late[-2 * part : -part].mean())
+        middle = slice(level.size // 2, level.size // 2 + part)
+        took = float(late[middle].mean() - late[:part].mean())
+        usual = float(level[:part].mean() - level[middle].mean()) / took
+        if 10.0 * np.log10(power_before.mean() / last_power.mean()) < FLAT * usual * step:
+            floor, floor_at = max(floor, float(last_power.mean())), count - 1
             measured = SeenFloor(floor)
     end, after = count, yb[begin:]
     if after.size >= 2 * WILD_OVER:  # where levels scatter as at a floor, a decay cannot be recognised
@@ -540,16 +543,3 @@ def _steepens(t: np.ndarray, y: np.ndarray, begin: int, floor_at: int, stop: int
     # Third differences, which a curve hardly has.
     rough_early, rough_late = (float(np.median(np.abs(np.diff(part, 3)))) for part in (early, late))
     return slope < usual < 0.0 and rough_late < ROUGHER * rough_early
-
-
-def _flat_end(t: np.ndarray, y: np.ndarray) -> float:
-    """Return the mean power of the last tenth or so of a record that no longer falls there; 0 where it still does."""
-    part = y.size // 8
-    if part < 3:
-        return 0.0
-    last, before = 10.0 ** (y[-part:] / 10.0), 10.0 ** (y[-2 * part : -part] / 10.0)
-    step = float(t[-part:].mean() - t[-2 * part : -part].mean())
-    middle = slice(y.size // 2, y.size // 2 + part)
-    usual = float(y[:part].mean() - y[middle].mean()) / float(t[middle].mean() - t[:part].mean())
-    fell = 10.0 * np.log10(before.mean() / last.mean())
-    return float(last.mean()) if fell < FLAT * usual * step else 0.0

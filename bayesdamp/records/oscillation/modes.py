@@ -156,21 +156,6 @@ def _residuals(t: np.ndarray, y: np.ndarray, points: np.ndarray) -> np.ndarray:
     return y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
 
 
-def _residual_slopes(t: np.ndarray, y: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the derivatives of `_residuals` by points (k, 2), (n, 2k), after Golub and Pereyra."""
-    columns = _columns(t, points)
-    inverse = np.linalg.pinv(columns)
-    c = inverse @ y
-    rest = y - columns @ c
-    slopes = _slopes(t, columns, c)
-    turned = np.zeros((c.size, c.size - 1))  # the columns' own derivatives times the residuals
-    along = (t * rest) @ columns
-    for i in range(1, c.size, 2):
-        turned[i : i + 2, i - 1] = -along[i + 1], along[i]
-        turned[i : i + 2, i] = -along[i : i + 2]
-    return columns @ (inverse @ slopes) - slopes - inverse.T @ turned
-
-
 def _add_mode(
     t: np.ndarray, y: np.ndarray, points: np.ndarray, rest: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
@@ -201,7 +186,17 @@ def _add_mode(
         return _residuals(few, few_y, (z * scale).reshape(-1, 2))
 
     def slopes(z: np.ndarray) -> np.ndarray:
-        return _residual_slopes(few, few_y, (z * scale).reshape(-1, 2)) * scale
+        """Return the derivatives of the residuals, (n, 2k + 2), after Golub and Pereyra."""
+        columns = _columns(few, (z * scale).reshape(-1, 2))
+        inverse = np.linalg.pinv(columns)
+        c = inverse @ few_y
+        of_columns = _slopes(few, columns, c)
+        turned = np.zeros((c.size, c.size - 1))  # the columns' own derivatives times the residuals
+        along = (few * (few_y - columns @ c)) @ columns
+        for i in range(1, c.size, 2):
+            turned[i : i + 2, i - 1] = -along[i + 1], along[i]
+            turned[i : i + 2, i] = -along[i : i + 2]
+        return (columns @ (inverse @ of_columns) - of_columns - inverse.T @ turned) * scale
 
     best: tuple[np.ndarray, np.ndarray] | None = None
     for omega in starts:

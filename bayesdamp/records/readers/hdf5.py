@@ -79,7 +79,17 @@ class _GroupTree:
         elif to_plain(item.attrs.get("MATLAB_class", "")) == "char":
             self.walk.facts[path] = "".join(chr(c) for c in np.ravel(data)[:200])
         elif "MATLAB_empty" not in item.attrs:
-            self._add_numbers(path, item, np.asarray(data), run, depth)
+            stated = unit_and_rate(trim_facts(self._add_facts(path, item)))
+            array, before = np.asarray(data), len(self.walk.columns)
+            if any(name in item.attrs for name in _PACKED) and array.size > 1:
+                packed = f"the numbers of {path[:60]!r} are packed ({', '.join(_PACKED)})"
+                raise InputError(f"{packed}; unpack them (xarray does)")
+            for name in _MISSING:
+                if name in item.attrs and array.dtype.kind in "fiu":
+                    array = np.where(array == item.attrs[name], np.nan, array)
+            self.walk.add(path, array.T if self.matlab else array, run, depth)
+            if any(stated.values()):
+                self.walk.columns[before:] = [replace(c, **stated) for c in self.walk.columns[before:]]
 
     def _add_facts(self, path: str, item: Any) -> dict[str, Any]:
         facts = {
@@ -87,19 +97,6 @@ class _GroupTree:
         }
         self.walk.facts |= {join_path(path, name): value for name, value in facts.items()}
         return facts
-
-    def _add_numbers(self, path: str, item: Any, array: np.ndarray, run: str, depth: int) -> None:
-        stated = unit_and_rate(trim_facts(self._add_facts(path, item)))
-        before = len(self.walk.columns)
-        if any(name in item.attrs for name in _PACKED) and array.size > 1:
-            packed = f"the numbers of {path[:60]!r} are packed ({', '.join(_PACKED)})"
-            raise InputError(f"{packed}; unpack them (xarray does)")
-        for name in _MISSING:
-            if name in item.attrs and array.dtype.kind in "fiu":
-                array = np.where(array == item.attrs[name], np.nan, array)
-        self.walk.add(path, array.T if self.matlab else array, run, depth)
-        if any(stated.values()):
-            self.walk.columns[before:] = [replace(c, **stated) for c in self.walk.columns[before:]]
 
 
 PLUGIN = Hdf5Reader()

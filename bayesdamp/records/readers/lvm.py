@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -55,43 +54,40 @@ class LvmReader(Reader):
 
     def read(self, path: Path) -> Contents:
         """Return the channels of all segments. Raises InputError for a text that is too large or has no rows."""
-        tags, segments = _parse(read_text(path).splitlines())
+        lines = read_text(path).splitlines()
+        separators = (line[len("Separator") :][:1] for line in lines if line.startswith("Separator"))
+        separator = next(separators, "\t")
+        tags: dict[str, str] = {}
+        segments = [_Segment()]
+        ended = special = False
+        for line in lines:
+            cells = [cell.strip() for cell in line.split(separator)]
+            tag, segment, decimal = cells[0], segments[-1], tags.get("Decimal_Separator", ".")
+            special = tag == _SPECIAL[0] or (special and tag != _SPECIAL[1])
+            if not any(cells) or special or tag == _SPECIAL[1]:
+                continue
+            if tag == _END:
+                ended = True
+            elif not ended:
+                tags[tag] = cells[1] if len(cells) > 1 else ""
+            elif tag in _OF_SEGMENTS:
+                if segment.rows:
+                    segment = _Segment()
+                    segments.append(segment)
+                segment.tags[tag] = cells[1:]
+            elif tag == "X_Value" or not (
+                segment.rows or any(parse_number(cell, decimal) is not None for cell in cells)
+            ):
+                segment.names = cells
+            else:
+                segment.rows.append(cells)
+        segments = [segment for segment in segments if segment.rows]
         if not segments:
             raise InputError("has no rows of numbers behind its header; export the record again")
         columns: list[Column] = []
         for i, segment in enumerate(segments, start=1):
             columns += _columns(segment, tags, str(i) if len(segments) > 1 else "")
         return Contents("LVM", tuple(columns), trim_facts(tags), channels=True)
-
-
-def _parse(lines: Sequence[str]) -> tuple[dict[str, str], list[_Segment]]:
-    """Return the file's tags and the segments that have rows."""
-    separator = next((line[len("Separator") :][:1] for line in lines if line.startswith("Separator")), "\t")
-    tags: dict[str, str] = {}
-    segments = [_Segment()]
-    ended = special = False
-    for line in lines:
-        cells = [cell.strip() for cell in line.split(separator)]
-        tag, segment, decimal = cells[0], segments[-1], tags.get("Decimal_Separator", ".")
-        special = tag == _SPECIAL[0] or (special and tag != _SPECIAL[1])
-        if not any(cells) or special or tag == _SPECIAL[1]:
-            continue
-        if tag == _END:
-            ended = True
-        elif not ended:
-            tags[tag] = cells[1] if len(cells) > 1 else ""
-        elif tag in _OF_SEGMENTS:
-            if segment.rows:
-                segment = _Segment()
-                segments.append(segment)
-            segment.tags[tag] = cells[1:]
-        elif tag == "X_Value" or not (
-            segment.rows or any(parse_number(cell, decimal) is not None for cell in cells)
-        ):
-            segment.names = cells
-        else:
-            segment.rows.append(cells)
-    return tags, [segment for segment in segments if segment.rows]
 
 
 def _columns(segment: _Segment, tags: dict[str, str], run: str) -> list[Column]:

@@ -456,7 +456,15 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         )
     body = lines[layout.first :]
     first = layout.first - (len(lines) - given)
-    head = [(line, _named_columns(line, layout)) for line in lines[: layout.first]]
+    header = [name for name in layout.names if name]
+    labels = list(dict.fromkeys(layout.groups))
+    head: list[
+        tuple[str, int]
+    ] = []  # each line above the rows, and how many columns or labels of tables it names
+    for line in lines[: layout.first]:
+        cells = [cell for cell in split_cells(line.strip().lstrip("#% "), layout.separator) if cell]
+        longer = len(header) > 1 and cells[: len(header)] == header
+        head.append((line, max(len(cells), 1) if longer or cells in (header, labels) else 0))
     warnings: list[str] = []
     most = max((names for _, names in head), default=0)
     if most > layout.columns and layout.separator != BLANKS:
@@ -476,7 +484,6 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         ]
     else:
         filled = [(i, split_cells(line, layout.separator)) for i, line in enumerate(body) if line.strip()]
-        header = [name for name in layout.names if name]
         repeated = [i for i, row in filled if header and [cell for cell in row if cell] == header]
         filled = [(i, row) for i, row in filled if i not in repeated]
         at = np.array([i for i, _ in filled])
@@ -508,14 +515,6 @@ def _uneven(rows: list[list[str]], lines: np.ndarray, columns: int) -> tuple[str
     more = f" (and {len(odd) - 1} more are uneven)" if len(odd) > 1 else ""
     what = "rows without a cell of the record are left out, and cells beyond the table are not read"
     return (f"{first} where the table has {columns}{more}: {what}.",)
-
-
-def _named_columns(line: str, layout: Layout) -> int:
-    """Return how many columns a line above the table names, or how many tables side by side; 0 for other lines."""
-    cells = [cell for cell in split_cells(line.strip().lstrip("#% "), layout.separator) if cell]
-    names = [name for name in layout.names if name]
-    longer = len(names) > 1 and cells[: len(names)] == names
-    return max(len(cells), 1) if longer or cells in (names, list(dict.fromkeys(layout.groups))) else 0
 
 
 def _numbers_only(body: list[str], layout: Layout) -> np.ndarray | None:

@@ -9,7 +9,6 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.gridspec import SubplotSpec
 
 from bayesdamp.report import words
 from bayesdamp.report.drawing import (
@@ -99,7 +98,32 @@ def record(
     _zoom(last, t, y, fits, t[-1] - length, t[-1])
     _finish(first, axis, "The first cycles and their fits")
     _finish(last, "", "The last cycles and their fits")
-    _residuals(figure, grid[2], t, fits, unit)
+    # Each fit's residual and its autocorrelation side by side.
+    lags = max(len(fit.autocorrelation) for fit in fits)
+    places = grid[2].subgridspec(len(fits), 2, width_ratios=[2, 1])
+    for i, fit in enumerate(fits):
+        shade, is_last = colour(fit.model), i == len(fits) - 1
+        left, right = figure.add_subplot(places[i, 0]), figure.add_subplot(places[i, 1])
+        left.plot(*thinned(t, fit.residual), color=shade, lw=0.5)
+        left.axhline(0.0, color=QUIET, lw=0.6)
+        reach = 1.15 * float(np.nanmax(np.abs(fit.residual), initial=0.0)) or 1.0
+        left.set(ylim=(-reach, reach), xlim=(t[0], t[-1]))
+        _finish(left, unit, f"Residual of {words.model(fit.model)}, rms {fit.rms}")
+        values, at = fit.autocorrelation, np.arange(len(fit.autocorrelation))
+        if len(values):
+            right.axhspan(-2 / np.sqrt(len(t)), 2 / np.sqrt(len(t)), color=FAINT, lw=0)
+            if len(values) <= _APART:
+                right.vlines(at, 0, values, color=shade)
+            else:
+                right.fill_between(at, 0, values, color=shade, lw=0.5)
+            right.axhline(0.0, color=QUIET, lw=0.6)
+            right.set(xlim=(-0.5, lags - 0.5), ylim=(-1.05 if values.min() < -0.35 else -0.4, 1.08))
+        else:
+            right.set_axis_off()
+        _finish(right, "", "" if i else "Autocorrelation, whitened")
+        for ax, label in ((left, "time / s"), (right, "lag / samples")):
+            ax.tick_params(labelbottom=is_last)
+            ax.set_xlabel(label if is_last else "")
     handles, labels = first.get_legend_handles_labels()
     columns = legend_columns(labels, figure.get_figwidth(), 5)
     figure.legend(handles, labels, loc="outside lower center", ncols=columns)
@@ -176,37 +200,6 @@ def _zoom(
         )
     ax.set_xlabel("time / s")
     ax.margins(x=0)
-
-
-def _residuals(
-    figure: Figure, place: SubplotSpec, t: np.ndarray, fits: Sequence[ModelFit], unit: str
-) -> None:
-    """Draw each fit's residual and its autocorrelation side by side."""
-    lags = max((len(fit.autocorrelation) for fit in fits), default=0)
-    grid = place.subgridspec(len(fits), 2, width_ratios=[2, 1])
-    for i, fit in enumerate(fits):
-        shade, is_last = colour(fit.model), i == len(fits) - 1
-        left, right = figure.add_subplot(grid[i, 0]), figure.add_subplot(grid[i, 1])
-        left.plot(*thinned(t, fit.residual), color=shade, lw=0.5)
-        left.axhline(0.0, color=QUIET, lw=0.6)
-        reach = 1.15 * float(np.nanmax(np.abs(fit.residual), initial=0.0)) or 1.0
-        left.set(ylim=(-reach, reach), xlim=(t[0], t[-1]))
-        _finish(left, unit, f"Residual of {words.model(fit.model)}, rms {fit.rms}")
-        values, at = fit.autocorrelation, np.arange(len(fit.autocorrelation))
-        if len(values):
-            right.axhspan(-2 / np.sqrt(len(t)), 2 / np.sqrt(len(t)), color=FAINT, lw=0)
-            if len(values) <= _APART:
-                right.vlines(at, 0, values, color=shade)
-            else:
-                right.fill_between(at, 0, values, color=shade, lw=0.5)
-            right.axhline(0.0, color=QUIET, lw=0.6)
-            right.set(xlim=(-0.5, lags - 0.5), ylim=(-1.05 if values.min() < -0.35 else -0.4, 1.08))
-        else:
-            right.set_axis_off()
-        _finish(right, "", "" if i else "Autocorrelation, whitened")
-        for ax, label in ((left, "time / s"), (right, "lag / samples")):
-            ax.tick_params(labelbottom=is_last)
-            ax.set_xlabel(label if is_last else "")
 
 
 def _finish(ax: Axes, ylabel: str, title: str) -> None:

@@ -86,7 +86,20 @@ class RunFolder:
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
         self.info = read_description(self.folder)
-        self.estimates, self.posteriors, self.evidence, self.fits = (self._table(name) for name in TABLES)
+        tables: list[list[Row]] = []
+        for name, columns in TABLES.items():
+            path = self.folder / name
+            rows = read_table(path) if path.is_file() else []
+            missing = set(columns) - set(rows[0]) if rows else set()
+            if missing:
+                raise InputError(
+                    f"{path}: column {', '.join(sorted(missing))} is missing; was this file written by a run?"
+                )
+            for row in rows:
+                if len(self.about(row["signal"]).get("restoring") or ()) > 1:
+                    row["model"] = candidate_name(row["model"], row["restoring"])
+            tables.append(rows)
+        self.estimates, self.posteriors, self.evidence, self.fits = tables
         self.answered: dict[tuple[str, Sequence[str]], RecordAnswer | None] = {}
         self._figures: Path | None = self.folder / "figures"
         self._store = Store(self.folder, self.info.get("cells"))
@@ -192,21 +205,6 @@ class RunFolder:
         prefix = "".join(f"{part}/" for part in parts)
         results = (self.cell(name) for name in self._places if name.startswith(prefix))
         return [cell for cell in results if cell is not None]
-
-    def _table(self, name: str) -> list[Row]:
-        path = self.folder / name
-        if not path.is_file():
-            return []
-        rows = read_table(path)
-        missing = set(TABLES[name]) - set(rows[0]) if rows else set()
-        if missing:
-            raise InputError(
-                f"{path}: column {', '.join(sorted(missing))} is missing; was this file written by a run?"
-            )
-        for row in rows:
-            if len(self.about(row["signal"]).get("restoring") or ()) > 1:
-                row["model"] = candidate_name(row["model"], row["restoring"])
-        return rows
 
 
 def rows_of(rows: Iterable[Row], **wanted: object) -> list[Row]:

@@ -66,8 +66,21 @@ class RecordSection(SignalSection):
         ratio = f"({name})" if "/" in name else name
         axis = f"{unit.called(quantity)} / {ratio}"
         t, y = cell.arrays["t"], cell.arrays["y"] * factor
-        fits, missing = _fits(run, signal, repeats[0], name, len(t))
-        figures = []
+        fits, missing, figures = [], [], []
+        for place, model in enumerate(models_not_pruned(run, signal, repeats[0])):
+            mode = run.cell("mode", signal, repeats[0], model)
+            if not is_drawn(run, place) or (mode is None and only_answered(run)):
+                continue
+            if mode is None:
+                missing.append(f"No fit of {words.model(model)} is stored.")
+            elif len(mode.arrays.get("fit", ())) != len(t):
+                missing.append(f"No fit of {words.model(model)}: {mode.outcome}")
+            else:
+                rows = rows_of(run.fits, signal=signal, repeat=repeats[0], model=model)
+                rms = run.rms(rows[0]) if rows else f"not in fits.csv (axis in {name})"
+                autocorrelation = np.asarray(mode.arrays.get("autocorrelation", []), float)
+                fit, residual = (mode.arrays[array] * factor for array in ("fit", "residual"))
+                fits.append(ModelFit(model, fit, residual, autocorrelation, rms))
         raw_t, raw_y = (cell.arrays.get(f"raw_{which}", np.empty(0)) for which in "ty")
         if len(raw_t) > 1 and not np.array_equal(raw_y, cell.arrays["y"]):
             origin = Provenance.of(content.provenance)
@@ -88,29 +101,6 @@ class RecordSection(SignalSection):
             draw = partial(raw, t, y, axis)
             figures.append(run.drawings.add(f"record-{signal}", f"{signal}: the record as used.", draw))
         return fill("record.html", notes=notes, figures=figures, missing=missing, repeats=len(repeats))
-
-
-def _fits(
-    run: RunFolder, signal: str, repeat: int, unit: str, samples: int
-) -> tuple[list[ModelFit], list[str]]:
-    """Return the fits to draw, and why others are missing."""
-    fits, missing = [], []
-    for place, model in enumerate(models_not_pruned(run, signal, repeat)):
-        cell = run.cell("mode", signal, repeat, model)
-        if not is_drawn(run, place) or (cell is None and only_answered(run)):
-            continue
-        if cell is None:
-            missing.append(f"No fit of {words.model(model)} is stored.")
-        elif len(cell.arrays.get("fit", ())) != samples:
-            missing.append(f"No fit of {words.model(model)}: {cell.outcome}")
-        else:
-            factor = run.unit(signal).scale
-            rows = rows_of(run.fits, signal=signal, repeat=repeat, model=model)
-            rms = run.rms(rows[0]) if rows else f"not in fits.csv (axis in {unit})"
-            autocorrelation = np.asarray(cell.arrays.get("autocorrelation", []), float)
-            fit, residual = (cell.arrays[name] * factor for name in ("fit", "residual"))
-            fits.append(ModelFit(model, fit, residual, autocorrelation, rms))
-    return fits, missing
 
 
 class NoiseSection(SignalSection):
