@@ -14,6 +14,7 @@ OUTSIDE = "validation"
 
 NEUTRAL = {
     "types",
+    "outcomes",
     "units",
     "plugins",
     "plain_text",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bayesdamp.types import Status, following, reason_of, status_of
+from bayesdamp.outcomes import Status, following, reason_of, status_of
 
 
 def test_an_outcome_reads_back() -> None:

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from bayesdamp.types import InputError, Status, status_of
+from bayesdamp.outcomes import Status, status_of
+from bayesdamp.types import InputError
 from validation.answers import COLUMNS, Row, row_of
 from validation.rows import gathered, read_frame
 from validation.scoring import markdown, scores

@@ -21,6 +21,7 @@ from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
 from bayesdamp.machine import cores
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.progress import progress_bar
@@ -29,7 +30,7 @@ from bayesdamp.pipeline.workers import pool_of
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store, provenance, write_json, write_table
 from bayesdamp.store.contents import ChunkContent, RanksContent
-from bayesdamp.types import OK, Status, status_of
+from bayesdamp.types import OK
 
 DONE, WRONG_CELLS = 0, 3
 """Exit statuses: all is computed, or the program failed on a record."""

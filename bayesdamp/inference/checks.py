@@ -29,7 +29,8 @@ from bayesdamp.inference.residual_tests import (
     standing_out,
     strongest,
 )
-from bayesdamp.types import P_LIMIT, FitCheck, Fitting, Forecast, PartialFit, Refusal
+from bayesdamp.outcomes import P_LIMIT, Fitting
+from bayesdamp.types import FitCheck, Forecast, PartialFit, Refusal
 
 DRAWS = 200
 FORECAST_DRAWS = 50

@@ -11,7 +11,8 @@ import numpy as np
 from bayesdamp.inference.mode import ROUGHLY, LocalSearch, Mode, maximise_posterior, settle
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
-from bayesdamp.types import Refusal, Seed, Status
+from bayesdamp.outcomes import Status
+from bayesdamp.types import Refusal, Seed
 
 SAME_MODE = 1.0
 """Two ends within this many posterior sds are one mode."""

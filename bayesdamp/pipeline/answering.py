@@ -10,6 +10,7 @@ from bayesdamp.inference.deviation.single import ESCAPED, Found
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.answer import Answer, answer, law_prefix
+from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.records import NOT_APPLICABLE, StudyRecord, signal_key
@@ -18,7 +19,7 @@ from bayesdamp.priors import Prior
 from bayesdamp.serial import join, split
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents import AnswerContent
-from bayesdamp.types import OK, Refusal, following
+from bayesdamp.types import OK, Refusal
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Verdict

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.evidence._method import NESTED_CHECK
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.answering import (
     ANSWERED,
     SAMPLED,
@@ -30,7 +31,7 @@ from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.cells import Place
 from bayesdamp.store.contents import EvidenceContent
-from bayesdamp.types import OK, Status, candidate_parts, status_of
+from bayesdamp.types import OK, candidate_parts
 
 FAR = 5.0
 """Nats behind the best, beyond which the sensitivity of a candidate that is not sampled is not computed."""

@@ -13,6 +13,7 @@ from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import has_noise
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.interface.simulate import simulated
+from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.physics.restoring import LAWS
@@ -27,17 +28,7 @@ from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord, unwrapped
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents import FeaturesSeen, RecordContent
-from bayesdamp.types import (
-    FRICTION_WIDTH,
-    OK,
-    InputError,
-    Problem,
-    Provenance,
-    Refusal,
-    Signal,
-    Status,
-    System,
-)
+from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Provenance, Refusal, Signal, System
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import seen_instead

@@ -18,6 +18,7 @@ from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
 from bayesdamp.formatting import Table, compact
 from bayesdamp.interface.result import Shown, outcome_notes
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import run
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import split
@@ -25,7 +26,7 @@ from bayesdamp.store import TABLES, CellResult, Store, read_table
 from bayesdamp.store.cells import Place
 from bayesdamp.store.contents import EstimateContent, EvidenceContent, ModeContent, PosteriorContent
 from bayesdamp.store.files import read_description
-from bayesdamp.types import OK, InputError, Status, status_of
+from bayesdamp.types import OK, InputError
 
 if TYPE_CHECKING:
     import pandas as pd

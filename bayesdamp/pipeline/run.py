@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 from bayesdamp.config import Recording, Study
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.machine import cores
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.pipeline.answering import ANSWERED, SAMPLED, asks_for_answers, verdict_of
 from bayesdamp.pipeline.jobs import Depth, Job, count_parallel_jobs, is_within, jobs_of, stages, work_of
@@ -29,7 +30,7 @@ from bayesdamp.records.oscillation.features import features
 from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.cells import Place
-from bayesdamp.types import InputError, Status, status_of
+from bayesdamp.types import InputError
 from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:

@@ -20,6 +20,7 @@ from bayesdamp.inference.deviation.specimen import (
 )
 from bayesdamp.inference.population import Sample, population
 from bayesdamp.numerics.weights import summarise
+from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.answering import (
@@ -41,7 +42,7 @@ from bayesdamp.store.contents import (
     Summary,
     WeighingContent,
 )
-from bayesdamp.types import OK, Reference, Refusal, Status, candidate_parts, summed
+from bayesdamp.types import OK, Reference, Refusal, candidate_parts, summed
 from bayesdamp.units import UNITS
 
 NOT_JOINED = Status.PRUNED.because("far behind, so its coefficients were not inferred from all records")

@@ -12,6 +12,7 @@ from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.config.load import record_question
 from bayesdamp.config.signals import damping_order
 from bayesdamp.numerics.weights import summarise
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -52,7 +53,7 @@ from bayesdamp.store.contents import (
     WeighingContent,
 )
 from bayesdamp.store.files import SCHEMA
-from bayesdamp.types import OK, Evidence, Status, candidate_name, candidate_parts, status_of
+from bayesdamp.types import OK, Evidence, candidate_name, candidate_parts
 from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict, save_verdicts

@@ -13,11 +13,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bayesdamp.config import Study
+from bayesdamp.outcomes import Status
 from bayesdamp.sources import code_digest, reached
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents import Content
 from bayesdamp.store.files import no_room
-from bayesdamp.types import OK, InputError, Refusal, Status
+from bayesdamp.types import OK, InputError, Refusal
 
 _BRANCH = (
     "bayesdamp.pipeline.candidates.branch", "bayesdamp.physics.kernel.march", "bayesdamp.pipeline.records",

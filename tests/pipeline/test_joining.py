@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.specimen import weigh_specimen
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.specimens import (
     Specimen,
     coefficients_of,
@@ -16,7 +17,7 @@ from bayesdamp.pipeline.specimens import (
 )
 from bayesdamp.report.sections.specimens import joint_sentence
 from bayesdamp.store import CellResult
-from bayesdamp.types import Refusal, Status, status_of
+from bayesdamp.types import Refusal
 from tests.verdict.test_specimen import C, V, weighed_run
 
 

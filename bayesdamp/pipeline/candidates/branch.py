@@ -11,6 +11,7 @@ from bayesdamp.inference.mode import StoredMode, restore_mode
 from bayesdamp.inference.model.target import default_prior
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.model import FIXED, Case, Model
+from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.answering import ANSWERED, law_of, likelihood_of, stated_priors
@@ -18,7 +19,7 @@ from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.serial import join
 from bayesdamp.store import Store
 from bayesdamp.store.contents import AnswerContent, ModeContent
-from bayesdamp.types import OK, InputError, Problem, Refusal, candidate_parts, following
+from bayesdamp.types import OK, InputError, Problem, Refusal, candidate_parts
 
 
 class Branch:

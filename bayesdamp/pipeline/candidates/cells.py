@@ -12,6 +12,7 @@ from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
 from bayesdamp.interface.model import REGRESSION
+from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.answering import answer_key, likelihood_of
@@ -25,7 +26,7 @@ from bayesdamp.pipeline.tasks import Product, cell_seed, task_key, uses_library
 from bayesdamp.serial import split
 from bayesdamp.store.cells import Place
 from bayesdamp.store.contents import EstimateContent
-from bayesdamp.types import OK, Refusal, following
+from bayesdamp.types import OK, Refusal
 
 
 def compute_estimate(branch: Branch, method: str, seed: int) -> Product:

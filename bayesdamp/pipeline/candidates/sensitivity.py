@@ -21,6 +21,7 @@ from bayesdamp.inference.sensitivity import (
     savage_dickey,
     under_priors,
 )
+from bayesdamp.outcomes import following
 from bayesdamp.pipeline.answering import likelihood_of
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.tasks import Product
@@ -36,7 +37,7 @@ from bayesdamp.store.contents import (
     UnderNoise,
     WidthsContent,
 )
-from bayesdamp.types import OK, Refusal, Seed, candidate_name, candidate_parts, following
+from bayesdamp.types import OK, Refusal, Seed, candidate_name, candidate_parts
 
 SHOWN = 1000
 """Least number of samples of a prediction that are stored, where there are as many."""

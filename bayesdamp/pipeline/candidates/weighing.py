@@ -14,13 +14,14 @@ from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence._method import COMBINED, NESTED_CHECK, adopted, disagreement
 from bayesdamp.interface.evidence import FROM_DRAWS, weigh
 from bayesdamp.numerics.weights import quantiles
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.posteriors import CURVE, LEVELS, weighted_curves
 from bayesdamp.pipeline.tasks import Product, cell_seed
 from bayesdamp.priors import odds
 from bayesdamp.store import Store
 from bayesdamp.store.contents import AverageContent, EvidenceContent
-from bayesdamp.types import OK, Evidence, Refusal, Status, candidate_parts, status_of
+from bayesdamp.types import OK, Evidence, Refusal, candidate_parts
 
 FIRST_LOOK = "laplace"
 """A method without an error estimate, by which candidates are pruned; it does not count where another one does."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
+from bayesdamp.outcomes import P_LIMIT, Fitting, Status, fitting_of, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.estimators import true_models
 from bayesdamp.report.results.run import (
@@ -27,7 +28,7 @@ from bayesdamp.report.results.run import (
     truth,
 )
 from bayesdamp.store.contents import PosteriorContent
-from bayesdamp.types import OK, P_LIMIT, Fitting, Status, candidate_parts, fitting_of, status_of
+from bayesdamp.types import OK, candidate_parts
 from bayesdamp.verdict.agreement import Z95, Agreement, agreement, intervals
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.thresholds import MOVED, WIDTH_HOLDS

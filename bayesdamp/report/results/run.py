@@ -15,22 +15,14 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.store import TABLES, CellResult, Store, read_table
 from bayesdamp.store.cells import Place
 from bayesdamp.store.contents import AnswerContent, EnvelopeContent, ModeContent, WeighedCandidate
 from bayesdamp.store.files import read_description
-from bayesdamp.types import (
-    OK,
-    InputError,
-    Provenance,
-    Status,
-    candidate_name,
-    candidate_parts,
-    status_of,
-    summed,
-)
+from bayesdamp.types import OK, InputError, Provenance, candidate_name, candidate_parts, summed
 from bayesdamp.units import Unit, unit_named
 from bayesdamp.verdict.parts import DampingRatio, number
 from bayesdamp.verdict.types import VERDICT_JSON, Verdict, load_verdicts

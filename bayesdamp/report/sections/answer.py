@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
+from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
 from bayesdamp.report.figures.answer import exponent, overview
@@ -30,7 +31,7 @@ from bayesdamp.report.results.run import (
 )
 from bayesdamp.report.sections import Section, by_signal, fill, folded, heading, paragraph, stack
 from bayesdamp.store.contents import WeighedCandidate
-from bayesdamp.types import OK, reason_of
+from bayesdamp.types import OK
 from bayesdamp.verdict.parts import (
     Coefficient,
     Grade,

@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table, TableLine
+from bayesdamp.outcomes import Status, reason_of, status_of
 from bayesdamp.priors import FURTHER_TERM, LEAST_SCALE, MOST_SCALE, OTHERS, SharedHalfNormal
 from bayesdamp.report import words
 from bayesdamp.report.results.run import (
@@ -25,7 +26,7 @@ from bayesdamp.report.results.run import (
 from bayesdamp.report.sections import SignalSection, by_signal, folded, paragraph, stack
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import HalfContent, NoisesContent, RatiosContent, WidthsContent
-from bayesdamp.types import OK, Status, reason_of, status_of
+from bayesdamp.types import OK
 
 ADOPTED = (
     "The adopted evidence is that of nested sampling if it was computed as a check, otherwise the mean of the other "

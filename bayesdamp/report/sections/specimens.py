@@ -9,6 +9,7 @@ import numpy as np
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table, TableLine
+from bayesdamp.outcomes import Fitting, fitting_of
 from bayesdamp.report import words
 from bayesdamp.report.drawing import colour
 from bayesdamp.report.figures.posterior import Interval, Panel, intervals
@@ -16,7 +17,7 @@ from bayesdamp.report.results.run import RunFolder, rows_of
 from bayesdamp.report.sections import Section, heading, paragraph, stack
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import JointContent, PopulationContent
-from bayesdamp.types import OK, Fitting, fitting_of
+from bayesdamp.types import OK
 from bayesdamp.verdict.thresholds import CAP
 
 WORTH = 0.01

@@ -9,11 +9,12 @@ from markupsafe import Markup, escape
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import RunFolder, answer_of, answers, only_answered
 from bayesdamp.report.sections import Section, fill, folded, stack
 from bayesdamp.store.cells import Place
-from bayesdamp.types import OK, Status, candidate_parts, status_of
+from bayesdamp.types import OK, candidate_parts
 
 
 class AskedSection(Section):
