@@ -17,7 +17,7 @@ from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.sampling import with_samples
 from bayesdamp.inference.deviation.single import found_of
 from bayesdamp.inference.deviation.specimen import DampingRun, OtherForm, WeighedRun, damping_run
-from bayesdamp.inference.deviation.weighing import CandidateResult, Known, Weighing
+from bayesdamp.inference.deviation.weighing import BEHIND, CandidateResult, Known, Weighing
 from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
@@ -211,8 +211,9 @@ def answer(
     averaging = weighing.averaging
     remarks = [*notes, *filter(None, [remark_on(signal), _noise_remark(weighing.noise)])]
     if damping:
-        weighed = {r.candidate.damping for r in weighing.results}
-        reasons = {c.damping: why for c, why in weighing.refused.items() if c.damping not in weighed}
+        clear = {r.candidate.damping for r in weighing.results}
+        clear |= {c.damping for c, why in weighing.refused.items() if why == BEHIND}
+        reasons = {c.damping: why for c, why in weighing.refused.items() if c.damping not in clear}
         remarks += [f"{'+'.join(terms)} was not weighed: {why}." for terms, why in reasons.items()]
     verdict = decide(
         numbers,

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import bayesdamp as bd
+from bayesdamp.inference.deviation.weighing import BEHIND
 from bayesdamp.physics.damping import TERMS
 from tests.interface.problems import not_refused
 from validation.truth.records import case
@@ -64,6 +65,16 @@ def test_a_term_without_a_kernel_costs_its_own_sums_alone() -> None:
     assert len(said) == 1
     assert "has no `kernel`" in said[0]
     assert "has no `kernel`" in alone.outcome
+
+
+def test_a_hopeless_sum_is_in_the_table_but_needs_no_remark() -> None:
+    t = np.arange(2000) / 50.0
+    y = np.exp(-0.05 * t) * np.cos(4.0 * t) + 1e-3 * np.random.default_rng(3).standard_normal(t.size)
+    result = bd.compare(bd.signal(t, y), damping=["viscous", "quadratic"], restoring=["linear"], sample=False)
+    assert result.verdict.damping == "viscous"
+    outcomes = result.table.set_index("damping")["outcome"]
+    assert outcomes["quadratic"] == BEHIND
+    assert not any("not weighed" in remark for remark in result.verdict.remarks)
 
 
 def test_records_of_one_specimen_share_a_damping() -> None:
