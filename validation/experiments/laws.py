@@ -188,13 +188,13 @@ def _case(term: str, rng: np.random.Generator) -> Case | None:
 def nats_ahead(weighing: Weighing, c: Case) -> float:
     """Return the lead of the true sum's best fit over that of every sum that lacks one of its terms, in nats.
 
-    The laws are exact, and the noise is the true one.
+    The laws are exact, and the noise is the true one. Infinite where all such sums were expected to be far behind.
     """
     true = set(c.damping.split("+"))
     squares = {frozenset(r.candidate.damping): r.fit.squares for r in weighing.results}
     if frozenset(true) not in squares:
         return float("nan")
-    rival = min(value for terms, value in squares.items() if not true <= terms)
+    rival = min((value for terms, value in squares.items() if not true <= terms), default=math.inf)
     return (rival - squares[frozenset(true)]) / (2 * c.noise**2 / weighing.data.thinned)
 
 
