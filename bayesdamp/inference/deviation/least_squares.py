@@ -26,8 +26,8 @@ LARGEST = 1e100
 """Tangent beyond which a motion depends chaotically on its start, and sums of squares overflow (conventional)."""
 FIRST_CYCLES = 2.0
 SEARCHED = 1e-7
-"""Error of a step, as a share of the amplitude, during a search, and of all tangents: steps short enough for forces
-with a corner, which the motion itself need not show (measured: at 1e-6 a bound is a tenth too low)."""
+"""Error of a step, as a share of the amplitude, in a rough search, and where only tangents are needed: steps short
+enough for forces with a corner (measured: at 1e-6 a bound is a tenth too low)."""
 
 
 @dataclass(frozen=True)

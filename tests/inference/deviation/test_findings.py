@@ -53,6 +53,16 @@ def test_probabilities_are_probabilities(weighing: Weighing) -> None:
     assert found.best.damping == ("viscous", "coulomb")
 
 
+def test_expected_evidence_is_near_that_of_a_fit(weighing: Weighing) -> None:
+    """Over the sums that were fitted, within 3 nats; control: that of a sum with other terms is tens of nats away."""
+    whole = next(r for r in weighing.results if len(r.candidate.damping) == 3)
+    assert whole.about is not None
+    for r in weighing.results:
+        assert weighing.expected(r.candidate, whole.about) == pytest.approx(r.log_evidence, abs=3.0)
+    hopeless = weighing.expected(MotionCandidate(("quadratic",), "linear"), whole.about)
+    assert hopeless < weighing.best.log_evidence - 20
+
+
 def test_numbers_are_the_truth(weighing: Weighing) -> None:
     """The 95 % intervals are wider by the sensor's error: the false-alarm rate of each of ten is below 5 %."""
     found = findings(weighing, amplitudes=[0.25, 0.15, 0.08])
