@@ -163,7 +163,7 @@ class StoredMode:
 
 
 @dataclass(frozen=True)
-class LinearPosterior:
+class LinearDraws:
     """The posterior of a model that is linear in parameters and deviations, where laws may hold approximately.
 
     Attributes
@@ -199,7 +199,7 @@ class Mode:
         The climbs that led to it and to other modes.
     step_error, likelihood_error : float
         Change by a finer solution of the motion within three sds of the mode, in the unit of the record and in nats.
-    linear : LinearPosterior or None
+    linear : LinearDraws or None
         The linear model's posterior, where laws may hold approximately.
     """
 
@@ -210,7 +210,7 @@ class Mode:
     searches: tuple[LocalSearch, ...] = ()
     step_error: float = np.nan
     likelihood_error: float = np.nan
-    linear: LinearPosterior | None = None
+    linear: LinearDraws | None = None
 
     @property
     def tolerance(self) -> float:

@@ -1,4 +1,7 @@
-"""Answer which damping one signal has, for a study's task, the command line and Python."""
+"""Answer which damping one signal has, for a study's task, the command line and Python.
+
+The docstring of `bayesdamp.inference.deviation` explains the words and the steps of the computation.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +12,15 @@ from functools import cached_property
 import numpy as np
 
 from bayesdamp.config.study import DEVIATIONS
-from bayesdamp.inference.deviation.findings import SENSOR, Findings, findings, picture, posterior_of
-from bayesdamp.inference.deviation.forms import place_of
+from bayesdamp.inference.deviation.findings import SENSOR, Findings, compute_findings, picture, posterior_of
+from bayesdamp.inference.deviation.forms import replaced_sum
 from bayesdamp.inference.deviation.linear import DampingLikelihood
-from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.model_comparison import BEHIND, CandidateResult, Known, ModelComparison
+from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.sampling import with_samples
-from bayesdamp.inference.deviation.single import found_of
-from bayesdamp.inference.deviation.specimen import DampingRun, OtherForm, WeighedRun, damping_run
-from bayesdamp.inference.deviation.weighing import BEHIND, CandidateResult, Known, Weighing
+from bayesdamp.inference.deviation.single import state_of
+from bayesdamp.inference.deviation.specimen import DampingRun, OtherForm, RunComparison, damping_run
 from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
@@ -29,12 +32,12 @@ from bayesdamp.types import OK, InputError, Reference, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.parts import Averages, DampingRatio, FrequencyAt, Grade, LawFreeAt, UsedWindow
-from bayesdamp.verdict.specimen import Answered
+from bayesdamp.verdict.specimen import RecordAnswer
 from bayesdamp.verdict.types import Verdict
 
 BEYOND = 1.3
 """Factor by which an amplitude may lie outside those of the record."""
-WEIGHED = "weighing"
+COMPARED = "comparison"
 CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
 BY_LAW = ("ratio", "low", "high", "free/")
 """Prefixes of a picture's arrays that are the damping curve by a law, not measured without one."""
@@ -71,7 +74,7 @@ class Answer:
         """The verdict."""
         return Verdict.from_dict(self.content.verdict)
 
-    def of_specimen(self) -> Answered:
+    def of_specimen(self) -> RecordAnswer:
         """Return what a verdict on several records needs of this one."""
         rows, rivals = [r for r in self.content.candidates if r.outcome == OK], self.content.rivals
         exact = any(r.log_evidence is None for r in rows)
@@ -90,14 +93,14 @@ class Answer:
                 runs[row.damping, row.restoring] = DampingRun(
                     row.parameters, coefficients, own["mode"], likelihood, own["per_unit"], own["growth"]
                 )
-        weighed = WeighedRun(
+        comparison = RunComparison(
             {(r.damping, r.restoring): log_of(r) - top for r in rows},
             tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in rivals),
             runs,
             Reference(*map(float, self.arrays.get(f"{RUN}reference", (1.0, 1.0)))),
             self.arrays["amplitude"],
         )
-        return Answered(self.verdict, weighed, {n: self.arrays[n] for n in CURVE if n in self.arrays})
+        return RecordAnswer(self.verdict, comparison, {n: self.arrays[n] for n in CURVE if n in self.arrays})
 
 
 def law_prefix(damping: str, restoring: str) -> str:
@@ -121,7 +124,7 @@ def answer(
     seed: int = 0,
     notes: Sequence[str] = (),
     sample: bool = True,
-    weighings: dict[str, Weighing] | None = None,
+    comparisons: dict[str, ModelComparison] | None = None,
     repeated: bool = False,
     noise: str | Sequence[str] = "auto",
 ) -> Answer:
@@ -155,8 +158,8 @@ def answer(
         Sentences on the record, for the remarks.
     sample
         Whether the motions themselves are sampled, and not only their linear model.
-    weighings
-        A store of the weighing under linear models, for a second call on the same signal with the same arguments.
+    comparisons
+        Stores the comparison by linear models, for a second call on the same signal with the same arguments.
     repeated
         Whether the signal is one of several records of a specimen, whose verdict needs each candidate's likelihood of
         its damping.
@@ -186,7 +189,7 @@ def answer(
         return Answer(AnswerContent(other.to_dict()))
     approximate = deviation != "none"
     try:
-        weighing = (weighings or {}).get(WEIGHED) or weighing_of(
+        comparison = (comparisons or {}).get(COMPARED) or compare_signal(
             signal,
             damping=damping,
             restoring=restoring,
@@ -201,78 +204,84 @@ def answer(
         sentence = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
         refused = Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), quantity=signal.quantity)
         return Answer(AnswerContent(replace(refused, sentence=sentence).to_dict()))
-    if weighings is not None:
-        weighings[WEIGHED] = weighing
-    wanted = in_base(amplitudes, weighing, unit or UNITS[signal.unit])
+    if comparisons is not None:
+        comparisons[COMPARED] = comparison
+    wanted = in_base(amplitudes, comparison, unit or UNITS[signal.unit])
     if sample:
-        weighing = with_samples(weighing, seed)
-    numbers = findings(weighing, wanted, sensor=sensor, seed=seed)
+        comparison = with_samples(comparison, seed)
+    findings = compute_findings(comparison, wanted, sensor=sensor, seed=seed)
     first = signal.provenance.start
-    averaging = weighing.averaging
-    remarks = [*notes, *filter(None, [remark_on(signal), _noise_remark(weighing.noise)])]
+    averaging = comparison.averaging
+    remarks = [*notes, *filter(None, [remark_on(signal), _noise_remark(comparison.noise)])]
     if damping:
-        clear = {r.candidate.damping for r in weighing.results}
-        clear |= {c.damping for c, why in weighing.refused.items() if why == BEHIND}
-        reasons = {c.damping: why for c, why in weighing.refused.items() if c.damping not in clear}
+        clear = {r.candidate.damping for r in comparison.results}
+        clear |= {c.damping for c, why in comparison.refused.items() if why == BEHIND}
+        reasons = {c.damping: why for c, why in comparison.refused.items() if c.damping not in clear}
         remarks += [f"{'+'.join(terms)} was not weighed: {why}." for terms, why in reasons.items()]
     verdict = decide(
-        numbers,
+        findings,
         record=signal.name,
         unit=signal.unit,
         quantity=signal.quantity,
         measured=measured,
         approximate=approximate,
-        window=UsedWindow(first, first + weighing.data.duration, weighing.data.cycles, ""),
+        window=UsedWindow(first, first + comparison.data.duration, comparison.data.cycles, ""),
         notes=remarks,
         averages=None if averaging is None else Averages(averaging.cycles, averaging.error),
-        law_free=measured_at(signal, [r.amplitude for r in numbers.ratios]) if numbers.ratios else None,
+        law_free=measured_at(signal, [r.amplitude for r in findings.ratios]) if findings.ratios else None,
     )
     other = no_free_decay(signal, harmonics=True) if verdict.law_free else None
     if other is not None:
         return Answer(AnswerContent(other.to_dict()))
-    arrays = dict(picture(weighing, numbers))
+    arrays = dict(picture(comparison, findings))
     if verdict.law_free:
         left_out = OF_LAW if verdict.contradicted else BY_LAW
         arrays = {n: a for n, a in arrays.items() if not n.startswith(left_out)} | measured_curve(signal)
     if repeated:
-        arrays |= _runs(weighing, numbers)
-    return _store(weighing, verdict, arrays)
+        arrays |= _runs(comparison, findings)
+    return _store(comparison, verdict, arrays)
 
 
-def _store(weighing: Weighing, verdict: Verdict, arrays: Mapping[str, np.ndarray]) -> Answer:
+def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, np.ndarray]) -> Answer:
     """Return the answer as tasks and files store it."""
     further: dict[str, np.ndarray] = {}
-    terms = next(iter(weighing.solvers.values())).terms
+    terms = next(iter(comparison.solvers.values())).terms
     priors, posteriors, laws, fits = [], [], [], {}
-    for r in weighing.results:
+    for r in comparison.results:
         damping, law = "+".join(r.candidate.damping), r.candidate.restoring
         name = {"damping": damping, "restoring": law}
         priors.append({**name, "priors": {n: p.describe() for n, p in r.fit.parameters.priors.items()}})
         if set(r.candidate.damping) == set(terms):  # the fit of all terms, under a law that is possible
             fits[law] = r.fit.parameters.named(r.fit.z)
         if r.sampled is not None and r.sampled.trusted:
-            table, draws = posterior_of(weighing, r, r.sampled)
+            table, draws = posterior_of(comparison, r, r.sampled)
             further[f"draws/{damping}@{law}"] = draws
             posteriors.append({**name, **table})
-        if r.about is not None and r.weighed is not None:
-            laws.append({**name, "found": split(found_of(weighing, r), further, law_prefix(damping, law))})
+        if r.linearisation is not None and r.approximate_posterior is not None:
+            laws.append({**name, "found": split(state_of(comparison, r), further, law_prefix(damping, law))})
     refused = [
-        WeighedCandidate("+".join(c.damping), c.restoring, outcome=why) for c, why in weighing.refused.items()
+        WeighedCandidate("+".join(c.damping), c.restoring, outcome=why)
+        for c, why in comparison.refused.items()
     ]
-    rivals = [r for r in weighing.forms if weighing.compares(r)]
+    rivals = [r for r in comparison.forms if comparison.compares(r)]
     content = {
         "verdict": verdict.to_dict(),
-        "candidates": [*(_row(weighing, r) for r in weighing.results if weighing.compares(r)), *refused],
-        "rivals": [replace(_row(weighing, r), place="+".join(place_of(r.candidate.damping))) for r in rivals],
+        "candidates": [
+            *(_row(comparison, r) for r in comparison.results if comparison.compares(r)),
+            *refused,
+        ],
+        "rivals": [
+            replace(_row(comparison, r), place="+".join(replaced_sum(r.candidate.damping))) for r in rivals
+        ],
         "fits": fits,
         "priors": priors,
         "posteriors": posteriors,
         "laws": laws,
-        "noise": weighing.noise.name,
-        "noises": weighing.noise.weighed,
+        "noise": comparison.noise.name,
+        "noises": comparison.noise.weighed,
         "terms": terms,
-        "epsilon": None if weighing.epsilon_known else weighing.epsilon,
-        "frictions": weighing.frictions,
+        "epsilon": None if comparison.epsilon_known else comparison.epsilon,
+        "frictions": comparison.frictions,
     }
     return Answer(AnswerContent.of_meta(split(content)), arrays, further)
 
@@ -308,15 +317,17 @@ def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
     return arrays
 
 
-def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) -> tuple[float, ...] | None:
-    """Return amplitudes in the base unit of the weighing.
+def in_base(
+    amplitudes: Sequence[float] | None, comparison: ModelComparison, unit: Unit
+) -> tuple[float, ...] | None:
+    """Return amplitudes in the base unit of the record.
 
     Parameters
     ----------
     amplitudes
         In `unit`; None where none are given.
-    weighing
-        The weighing of the record.
+    comparison
+        The comparison of the candidates on the record.
     unit
         A unit of displacement.
 
@@ -328,7 +339,7 @@ def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) 
     if amplitudes is None:
         return None
     own = unit.displacement
-    high, low = (a * own.scale for a in (weighing.data.amplitude, weighing.data.final_amplitude))
+    high, low = (a * own.scale for a in (comparison.data.amplitude, comparison.data.final_amplitude))
     for a in amplitudes:
         if not low / BEYOND <= a <= high * BEYOND:
             raise InputError(
@@ -356,19 +367,19 @@ def _noise_remark(noise: SampleNoise) -> str:
             return f"The noise model is {noise.name}, which {ahead}."
 
 
-def _runs(weighing: Weighing, numbers: Findings) -> dict[str, np.ndarray]:
+def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarray]:
     """Return the arrays that a verdict on several records needs.
 
     They are each candidate's likelihood of its damping, and the deviation of the damping from its law along the curve.
     """
-    amplitudes = np.array([r.amplitude for r in numbers.curve])
-    arrays = {f"{RUN}reference": np.array([weighing.reference.amplitude, weighing.reference.frequency])}
-    if numbers.over_curve:
-        arrays["over"], arrays["over_sd"] = map(np.array, zip(*numbers.over_curve, strict=True))
-    compared = [r for r in (*weighing.results, *weighing.forms) if weighing.compares(r)]
+    amplitudes = np.array([r.amplitude for r in findings.curve])
+    arrays = {f"{RUN}reference": np.array([comparison.reference.amplitude, comparison.reference.frequency])}
+    if findings.over_curve:
+        arrays["over"], arrays["over_sd"] = map(np.array, zip(*findings.over_curve, strict=True))
+    compared = [r for r in (*comparison.results, *comparison.forms) if comparison.compares(r)]
     top = max(r.log_evidence for r in compared)
     for r in compared:
-        needed = r in weighing.results or r.log_evidence > top - JOINABLE
+        needed = r in comparison.results or r.log_evidence > top - JOINABLE
         run = damping_run(r, amplitudes) if needed else None
         if run is None:
             continue
@@ -379,17 +390,19 @@ def _runs(weighing: Weighing, numbers: Findings) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _row(weighing: Weighing, result: CandidateResult) -> WeighedCandidate:
+def _row(comparison: ModelComparison, result: CandidateResult) -> WeighedCandidate:
     """Return a candidate as it is stored; without the rms residual at the samples where cycles were averaged."""
-    data, noise = weighing.data, weighing.variance / weighing.inflation
+    data, noise = comparison.data, comparison.variance / comparison.inflation
     # A mean over several samples has only its share of the noise, to which that within the mean is added.
     squares = result.fit.squares / result.fit.residual.size + (data.thinned - 1) * noise
     return WeighedCandidate(
         damping="+".join(result.candidate.damping),
         restoring=result.candidate.restoring,
-        log_evidence=None if result.weighed is None else result.log_evidence,
+        log_evidence=None if result.approximate_posterior is None else result.log_evidence,
         log_evidence_exact=(
-            result.log_evidence if result.weighed is None else result.exact_weighed.log_evidence
+            result.log_evidence
+            if result.approximate_posterior is None
+            else result.exact_posterior.log_evidence
         ),
         rms=None if data.averaged is not None else float(np.sqrt(squares)),
         parameters=result.fit.parameters.damping_names,

@@ -15,7 +15,7 @@ from bayesdamp.formatting import Table, compact
 from bayesdamp.inference.checks import laplace_draws
 from bayesdamp.inference.deviation.draws import Quantity, quantity
 from bayesdamp.inference.deviation.findings import default_amplitudes
-from bayesdamp.inference.deviation.single import Found, Single, put_together
+from bayesdamp.inference.deviation.single import FitState, Single, rebuild_single
 from bayesdamp.inference.mode import Mode, StoredMode, restore_mode, value_intervals, value_sds
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.answer import in_base
@@ -114,7 +114,7 @@ class StoredFit:
     priors: Mapping[str, Prior]
     known: Mapping[str, float]
     mode: StoredMode | None
-    law: Found | None
+    law: FitState | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,7 +205,7 @@ class Fit(Result, Reduced):
     def priors(self) -> Mapping[str, Prior]:
         """The prior of each inferred parameter, defaults filled in; empty without a fit."""
         if self.law is not None:
-            return self.law.found.priors
+            return self.law.state.priors
         return {} if self.target is None else self.target.priors
 
     @property
@@ -368,14 +368,14 @@ class Fit(Result, Reduced):
             priors=target.priors if target else {},
             known=target.known if target else {},
             mode=self.mode.stored if self.mode else None,
-            law=self.law.found if self.law else None,
+            law=self.law.state if self.law else None,
         )  # fmt: skip
 
     @classmethod
     def _restored(cls, stored: StoredFit) -> Self:
         signal, model = stored.signal, stored.model
         if stored.law is not None:
-            return cls.at_law(signal, model, put_together(signal, model.restoring, stored.law))
+            return cls.at_law(signal, model, rebuild_single(signal, model.restoring, stored.law))
         if stored.mode is None:
             return cls(signal, model, outcome=stored.outcome, notes=stored.notes)
         oscillator = Oscillator(model.terms, model.restoring)
@@ -417,7 +417,7 @@ class Fit(Result, Reduced):
         return cls(
             signal=Signal.of(signal),
             model=model,
-            noise=law.weighing.noise.name,
+            noise=law.comparison.noise.name,
             values={n: q.value for n, q in quantities.items()},
             sd={n: float(np.hypot(q.sd_noise, q.sd_law)) for n, q in quantities.items()},
             units=units_of(law.names, model.restoring, signal),
@@ -497,8 +497,8 @@ def tabulate_ratios(
 
     if fit.law is None:
         raise Refusal(EXACT if fit.outcome == OK else fit.outcome)
-    weighing, own = fit.law.weighing, fit.signal.own_unit.displacement
-    wanted = in_base(amplitudes, weighing, fit.signal.own_unit) or default_amplitudes(weighing)
+    comparison, own = fit.law.comparison, fit.signal.own_unit.displacement
+    wanted = in_base(amplitudes, comparison, fit.signal.own_unit) or default_amplitudes(comparison)
     rows = [
         {**asdict(r), "amplitude": r.amplitude * own.scale, "unit": own.name}
         for r in fit.law.ratios(wanted, fit.law.scores if u is None else u, fit.model.sensor)

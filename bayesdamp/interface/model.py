@@ -18,12 +18,12 @@ from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, has_noise, start_parameters
 from bayesdamp.formatting import Table
 from bayesdamp.inference.deviation.candidate import START, MotionCandidate
-from bayesdamp.inference.deviation.data import prepared
+from bayesdamp.inference.deviation.data import prepare_data
 from bayesdamp.inference.deviation.findings import SENSOR
+from bayesdamp.inference.deviation.model_comparison import compare_candidates
 from bayesdamp.inference.deviation.quick import MOST_CYCLES, averaging_of
-from bayesdamp.inference.deviation.sample_noise import noises_of, prepared_for
+from bayesdamp.inference.deviation.sample_noise import noises_of, prepare_for_noises
 from bayesdamp.inference.deviation.single import Single, single
-from bayesdamp.inference.deviation.weighing import weigh_all
 from bayesdamp.inference.mode import Mode, restore_mode
 from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.noise import NOISES
@@ -390,10 +390,10 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
         noises=noises,
     )
     average = not any(n in model.known for n in START)
-    result = fit(prepared_for(signal, noises, model.known, model.parameter_priors, average))
-    averaging = averaging_of(result.weighing)
+    result = fit(prepare_for_noises(signal, noises, model.known, model.parameter_priors, average))
+    averaging = averaging_of(result.comparison)
     if averaging is not None and not averaging.close and averaging.cycles <= MOST_CYCLES:
-        return fit(prepared(signal, average=False))
+        return fit(prepare_data(signal, average=False))
     return result
 
 
@@ -461,8 +461,8 @@ def _choose(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...
     given = set.union(*own.values()) & {*model.known, *model.priors}
     candidate = MotionCandidate(model.terms, model.restoring)
     with threadpool_limits(1, "blas"):
-        weighing = weigh_all(
-            prepared(case.signal, average=False),
+        comparison = compare_candidates(
+            prepare_data(case.signal, average=False),
             [candidate],
             known=model.system.known,
             priors=model.parameter_priors,
@@ -470,19 +470,19 @@ def _choose(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...
             approximate=False,
             noises=tuple(n for n in names if given <= own[n]),
         )
-    if not weighing.results:
-        raise Refusal(weighing.refused[candidate])
-    fit = weighing.results[0].fit
+    if not comparison.results:
+        raise Refusal(comparison.refused[candidate])
+    fit = comparison.results[0].fit
     epsilon, notes = None, []
-    if weighing.frictions and "epsilon" not in model.priors:
-        epsilon = weighing.epsilon
+    if comparison.frictions and "epsilon" not in model.priors:
+        epsilon = comparison.epsilon
         notes.append(f"ε was not given; {epsilon:.3g} {case.signal.unit}/s suits the record best.")
-    order = sorted(weighing.noise.weighed, key=lambda noise: -noise.log_evidence)
+    order = sorted(comparison.noise.weighed, key=lambda noise: -noise.log_evidence)
     if len(order) > 1:
         ahead = order[0].log_evidence - order[1].log_evidence
         notes.append(f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name}.")
     starts = {Seed("fit that chose the noise"): fit.parameters.named(fit.z)}
-    return weighing.noise.likeliest, epsilon, tuple(notes), starts
+    return comparison.noise.likeliest, epsilon, tuple(notes), starts
 
 
 def regression(signal: types.Signal, problem: Problem) -> tuple[dict[Seed, Mapping[str, float]], str]:

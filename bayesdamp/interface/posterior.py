@@ -138,7 +138,7 @@ class Posterior(Result, types.Posterior):
         known = {
             n: ((), float(v), {"definition": f"known: {_definition(n, fit)}"}) for n, v in fit.known.items()
         }
-        y = law.weighing.data.y if law else signal.y
+        y = law.comparison.data.y if law else signal.y
         shape, dims = self.draws.shape[:2], ("chain", "draw")
         stats: dict[str, Any] = {
             n: (dims, np.asarray(v)) for n, v in self.stats.items() if np.shape(v) == shape
@@ -345,7 +345,7 @@ def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
 def _pointwise(post: Posterior) -> dict[str, Group]:
     """Return log likelihoods and replications of each sample, (chain, draw, time)."""
     law, (chains, count, _) = post.fit.law, post.draws.shape
-    n = post.fit.signal.t.size if law is None else law.weighing.data.t.size
+    n = post.fit.signal.t.size if law is None else law.comparison.data.t.size
     numbers = np.arange(0, count, max(1, -(-chains * count * n // CELLS)))
     if law is None:
         likelihoods, replications = _pointwise_exactly(post, numbers)
@@ -354,7 +354,7 @@ def _pointwise(post: Posterior) -> dict[str, Group]:
         rng = np.random.default_rng([post.seed, 2])
         motions = law.motions(post.u[:, numbers].reshape(-1, post.u.shape[-1]))
         likelihoods = law.log_likelihoods(motions)
-        noise = np.sqrt(law.weighing.variance) * rng.standard_normal((chains, numbers.size, n))
+        noise = np.sqrt(law.comparison.variance) * rng.standard_normal((chains, numbers.size, n))
         replications = motions + noise.reshape(motions.shape)
         definition = "log density of each sample; they sum to the log likelihood"
     coords = {"chain": np.arange(chains), "draw": numbers}
@@ -403,7 +403,7 @@ def _along(
 ) -> Group:
     """Return variables along the record's times, or those of the samples that were fitted."""
     law = post.fit.law
-    t = post.fit.signal.t if law is None else law.weighing.data.times
+    t = post.fit.signal.t if law is None else law.comparison.data.times
     times = ("time", t, {"units": "s", "definition": "time from the first sample"})
     return variables, {**coords, "time": times}
 

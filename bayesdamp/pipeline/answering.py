@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bayesdamp.config import Recording, SignalSpec, Study
+from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.inference.deviation.sample_noise import noises_of
-from bayesdamp.inference.deviation.single import ESCAPED, Found
-from bayesdamp.inference.deviation.weighing import Weighing
+from bayesdamp.inference.deviation.single import ESCAPED, FitState
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.answer import Answer, answer, law_prefix
 from bayesdamp.outcomes import following
@@ -21,12 +21,12 @@ from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.types import OK, Refusal
 from bayesdamp.verdict.parts import Grade
-from bayesdamp.verdict.specimen import Answered
+from bayesdamp.verdict.specimen import RecordAnswer
 from bayesdamp.verdict.types import Verdict
 
 ANSWERED, SAMPLED = "answer", "sampled"
 """Kinds of the two tasks: the answer, and the same with the likeliest candidates' motions sampled."""
-_WEIGHINGS: dict[str, dict[str, Weighing]] = {}
+_WEIGHINGS: dict[str, dict[str, ModelComparison]] = {}
 """The weighing behind an answer, by the answer's key: that of the last record alone."""
 
 
@@ -123,7 +123,7 @@ def compute_answer(
         seed=cell_seed(study, f"{kind}/{spec.name}/{repeat}"),
         notes=record.content.anomalies,
         sample=kind == SAMPLED,
-        weighings=_WEIGHINGS.setdefault(first, {}),
+        comparisons=_WEIGHINGS.setdefault(first, {}),
         repeated=bool(spec.specimen),
         noise=study.posterior.noise,
     )
@@ -152,13 +152,13 @@ def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:
     return None if stored is None else stored.verdict
 
 
-def answered_of(store: Store, signal: str, repeat: int) -> Answered | None:
+def answered_of(store: Store, signal: str, repeat: int) -> RecordAnswer | None:
     """Return the part of a record's answer that a verdict on several records uses; None where nothing was weighed."""
     stored = answer_of(store, signal, repeat)
     return None if stored is None or not stored.content.candidates else stored.of_specimen()
 
 
-def law_of(store: Store, signal: str, repeat: int, damping: str, restoring: str) -> Found:
+def law_of(store: Store, signal: str, repeat: int, damping: str, restoring: str) -> FitState:
     """Return the end of the search for a candidate with deviations. Raises Refusal where the answer has none."""
     cell = store.read(f"{ANSWERED}/{signal}/{repeat}")
     content = AnswerContent.maybe(cell)
@@ -167,7 +167,7 @@ def law_of(store: Store, signal: str, repeat: int, damping: str, restoring: str)
     own = set(damping.split("+"))
     for law in content.laws:
         if set(law.damping.split("+")) == own and law.restoring == restoring:
-            return join(Found, law.found, cell.arrays, law_prefix(law.damping, law.restoring))
+            return join(FitState, law.found, cell.arrays, law_prefix(law.damping, law.restoring))
     refused = (
         r.outcome for r in content.candidates if set(r.damping.split("+")) == own and r.restoring == restoring
     )

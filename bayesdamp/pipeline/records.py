@@ -31,7 +31,7 @@ from bayesdamp.store.contents import FeaturesSeen, RecordContent
 from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Provenance, Refusal, Signal, System
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
-from bayesdamp.verdict.words import seen_instead
+from bayesdamp.verdict.words import describe_motion
 
 NOT_APPLICABLE = Status.NOT_APPLICABLE.because("the record has no noise, so there is no posterior")
 RAW_POINTS = 20_000
@@ -170,7 +170,7 @@ def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> Recor
     remarks = list(anomalies(signal, measured))
     other = no_free_decay(signal) if isinstance(spec.source, Recording) else None
     if other is not None and other.motion is not None:
-        clause = seen_instead(in_unit(other, UNITS[spec.source.unit]), other.motion)
+        clause = describe_motion(in_unit(other, UNITS[spec.source.unit]), other.motion)
         remarks.append(f"{clause[0].upper()}{clause[1:]}.")
     return replace(
         content,

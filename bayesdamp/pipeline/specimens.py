@@ -12,11 +12,11 @@ from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.deviation.repeats import Repeats
 from bayesdamp.inference.deviation.specimen import (
     Model,
-    WeighedRun,
-    WeighedSpecimen,
+    RunComparison,
+    SpecimenComparison,
     common_reference,
+    compare_runs,
     priors_of,
-    weigh_specimen,
 )
 from bayesdamp.inference.population import Sample, population
 from bayesdamp.numerics.weights import summarise
@@ -60,7 +60,7 @@ class AnsweredRecord:
     label: str
     signal: str
     repeat: int
-    weighed: WeighedRun
+    weighed: RunComparison
 
 
 class Specimen:
@@ -106,7 +106,7 @@ class Specimen:
         for label, (spec, repeat) in zip(self.labels, self.records, strict=True):
             answer = answered_of(self.store, spec.name, repeat)
             if answer is not None:
-                records.append(AnsweredRecord(label, spec.name, repeat, answer.weighed))
+                records.append(AnsweredRecord(label, spec.name, repeat, answer.comparison))
         return records
 
     @property
@@ -115,11 +115,11 @@ class Specimen:
         return common_reference([r.weighed for r in self.answered])
 
     @cached_property
-    def weighed(self) -> WeighedSpecimen:
+    def weighed(self) -> SpecimenComparison:
         """Every damping and law on all records that have an answer. Raises Refusal where none has one."""
         if not self.answered:
             raise Refusal("no record has an answer")
-        return weigh_specimen([r.weighed for r in self.answered], self.priors, seed=self.seed)
+        return compare_runs([r.weighed for r in self.answered], self.priors, seed=self.seed)
 
     def model_of(self, candidate: str) -> Model | None:
         """Return a candidate as the answers name it; None where no record weighed it."""
@@ -156,10 +156,10 @@ def compute_joint(specimen: Specimen) -> Product:
     if model is not None and model in weighed.repeats:
         runs, units = weighed.under(model), rows[best].units
         for record, run in zip(specimen.answered, runs, strict=True):
-            single = weigh_specimen([run], specimen.priors, seed=specimen.seed)
+            single = compare_runs([run], specimen.priors, seed=specimen.seed)
             summary = summarise_draws(single.repeats[model])
             alone[record.label] = WeighingContent(OK, single.log_evidence[model], summary, units)
-        same = weigh_specimen(runs, specimen.priors, spread=0.0, seed=specimen.seed)
+        same = compare_runs(runs, specimen.priors, spread=0.0, seed=specimen.seed)
         no_spread = same.log_evidence[model] - weighed.log_evidence[model]
     content = JointContent(
         records=tuple(r.label for r in specimen.answered),

@@ -19,7 +19,7 @@ from bayesdamp.verdict.agreement import agreement
 from bayesdamp.verdict.parts import Grade, decay_table, modes_table, ratios_table
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
-from bayesdamp.verdict.words import energy_of
+from bayesdamp.verdict.words import energy_sentences
 
 
 class Lasting(Console):
@@ -78,7 +78,7 @@ def print_verdict(verdict: Verdict, console: Console) -> None:
         console.print(decay_table(verdict.decay_rate, verdict.quality_factor_at).rich())
     elif verdict.damping_ratio:
         console.print(ratios_table(verdict.damping_ratio).rich())
-        for sentence in energy_of(verdict):
+        for sentence in energy_sentences(verdict):
             console.print(Text(sentence), soft_wrap=True)
     for label, text in verdict.facts.items():
         console.print(Text(f"{label.capitalize()}: {text}."), soft_wrap=True)

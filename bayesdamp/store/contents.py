@@ -318,7 +318,7 @@ class WeighedNoise:
 class FoundLaw:
     """The end of the search for a candidate with deviations.
 
-    found: an `inference.deviation.single.Found`, as `bayesdamp.serial` splits it; its arrays are
+    found: an `inference.deviation.single.FitState`, as `bayesdamp.serial` splits it; its arrays are
     `found/DAMPING@RESTORING/...`.
     """
 

@@ -75,7 +75,7 @@ def decide(
     cap = thresholds.CAP if measured and approximate else 1.0
     damping = {name: min(p, cap) for name, p in findings.damping.items()}
     first = next(iter(damping))
-    same = first == next(iter(findings.exact))
+    same = first == next(iter(findings.damping_if_exact))
     ratios = tuple(
         DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high) for r in findings.ratios
     )
@@ -120,7 +120,7 @@ def decide(
         decided=decided,
         damping=first,
         probability=damping[first],
-        rivals=rivals_of(damping, findings.exotic),
+        rivals=rivals_of(damping, findings.other_forms),
         restoring=next(iter(findings.restoring)),
         restoring_probability=min(next(iter(findings.restoring.values())), cap),
         frequency=natural,

@@ -12,7 +12,7 @@ import numpy as np
 from bayesdamp.inference.deviation.draws import quantity
 from bayesdamp.inference.deviation.linear import DampingLikelihood, grid_of
 from bayesdamp.inference.deviation.repeats import RunLikelihood, joined
-from bayesdamp.inference.deviation.specimen import WeighedSpecimen
+from bayesdamp.inference.deviation.specimen import SpecimenComparison
 from bayesdamp.inference.envelope.candidates import KNOTS, EnvelopeCandidate
 from bayesdamp.inference.envelope.decay import Curve, Decay
 from bayesdamp.inference.envelope.posterior import (
@@ -348,7 +348,7 @@ def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[Dam
     }
 
 
-def joint_damping(answers: Sequence[EnvelopeAnswer]) -> WeighedSpecimen | None:
+def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | None:
     """Weigh every sum with one set of coefficients for all records, times a factor for each record.
 
     The deviation's size and length are common to the records. Return None where fewer than two records have a decay.
@@ -373,7 +373,7 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> WeighedSpecimen | None:
         repeats[model] = joined(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=0)
         logs[model] = repeats[model].log_evidence + float(np.log(odds(terms)))
     share = dict(zip(logs, shares(np.array(list(logs.values()))).tolist(), strict=True))
-    return WeighedSpecimen((), logs, share, repeats, {}, Reference(1.0, 1.0))
+    return SpecimenComparison((), logs, share, repeats, {}, Reference(1.0, 1.0))
 
 
 def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:

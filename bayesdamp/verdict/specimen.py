@@ -11,7 +11,7 @@ from scipy.special import ndtr
 
 from bayesdamp.formatting import rounded, with_interval
 from bayesdamp.inference.deviation.findings import SENSOR
-from bayesdamp.inference.deviation.specimen import WeighedRun, WeighedSpecimen, weigh_specimen
+from bayesdamp.inference.deviation.specimen import RunComparison, SpecimenComparison, compare_runs
 from bayesdamp.priors import Prior
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of
@@ -88,7 +88,7 @@ def pooled(values: np.ndarray, sds: np.ndarray) -> Pooled:
 
 
 @dataclass(frozen=True)
-class Answered:
+class RecordAnswer:
     """The answer on one record: its verdict, its weighing, and its damping ratio against amplitude.
 
     curve: arrays `amplitude`, `ratio`, `low`, `high`; where laws may hold approximately also `over` and `over_sd`, mean
@@ -96,13 +96,13 @@ class Answered:
     """
 
     verdict: Verdict
-    weighed: WeighedRun
+    comparison: RunComparison
     curve: Curve
 
 
 def specimen(
     name: str,
-    records: Sequence[Answered],
+    records: Sequence[RecordAnswer],
     priors: Mapping[str, Prior] | None = None,
     sensor: float = SENSOR,
     seed: int = 0,
@@ -129,10 +129,10 @@ def specimen(
     """
     if not records:
         raise ValueError("a specimen needs a record with a verdict")
-    weighed = weigh_specimen([r.weighed for r in records], priors, seed=seed)
-    damping, restoring, others = probabilities(weighed)
+    comparison = compare_runs([r.comparison for r in records], priors, seed=seed)
+    damping, restoring, others = probabilities(comparison)
     own = [r.verdict for r in records]
-    ratios, following = _ratios(records, weighed, sensor, seed)
+    ratios, following = _ratios(records, comparison, sensor, seed)
     known = [v.frequency for v in own if v.frequency is not None]
     frequency = known[0] if known else None
     if known and not all(i.low == i.high == known[0].value for i in known):  # else it was specified
@@ -145,7 +145,7 @@ def specimen(
         frequency=frequency,
         damping_ratio=ratios,
         next_record=following,
-        spread=spread_of(weighed) if len(records) > 1 else None,
+        spread=spread_of(comparison) if len(records) > 1 else None,
     )
     r = following[len(following) // 2]
     ratio = with_interval(r.value, r.low, r.high, " %", 100)
@@ -206,13 +206,13 @@ def together(
 
 
 def probabilities(
-    weighed: WeighedSpecimen,
+    comparison: SpecimenComparison,
 ) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
     """Return the probability of each sum, of each law and of each other form of damping, the same for all records."""
-    other_forms = {form.damping for r in weighed.records for form in r.others}
+    other_forms = {form.damping for r in comparison.records for form in r.others}
     by_damping: dict[str, float] = {}
     by_law: dict[str, float] = {}
-    for (damping, law), p in weighed.probability.items():
+    for (damping, law), p in comparison.probability.items():
         by_damping[damping] = by_damping.get(damping, 0.0) + p
         by_law[law] = by_law.get(law, 0.0) + p
     damping, laws = (
@@ -222,9 +222,9 @@ def probabilities(
     return sums, laws, {n: p for n, p in damping.items() if n in other_forms}
 
 
-def spread_of(weighed: WeighedSpecimen) -> Interval:
+def spread_of(comparison: SpecimenComparison) -> Interval:
     """Return the relative spread between records (standard deviation)."""
-    spread = weighed.spread()
+    spread = comparison.spread()
     return Interval(spread["median"], spread["q2.5"], spread["q97.5"])
 
 
@@ -239,7 +239,7 @@ def spread_remark(v: Verdict) -> tuple[str, ...]:
 
 
 def _ratios(
-    records: Sequence[Answered], weighed: WeighedSpecimen, sensor: float, seed: int
+    records: Sequence[RecordAnswer], comparison: SpecimenComparison, sensor: float, seed: int
 ) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
     """Return the specimen's damping ratio at three amplitudes, and the ratio of one more record there.
 
@@ -258,7 +258,7 @@ def _ratios(
     specimen_rows, following_rows = [], []
     for row, amplitude in enumerate(amplitudes):
         rng = np.random.default_rng([seed, row])
-        law, spreads = weighed.ratios(float(amplitude), DRAWS, seed)
+        law, spreads = comparison.ratios(float(amplitude), DRAWS, seed)
         own = law.copy()
         scatter = np.zeros(DRAWS)
         if approximate:

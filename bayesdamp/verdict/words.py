@@ -43,7 +43,7 @@ def sentence(v: Verdict) -> str:
 
 def _answer(v: Verdict) -> str:
     if v.motion is not None:
-        text = seen_instead(v, v.motion)
+        text = describe_motion(v, v.motion)
         steady = v.motion is MotionKind.STEADY
         return f"{_capitalise(text)}." if steady else f"Not the free decay of one oscillator: {text}."
     if v.unexplained_pct > 100 * thresholds.UNDESCRIBED:
@@ -54,7 +54,7 @@ def _answer(v: Verdict) -> str:
     answer = _capitalise(_size(v)) + _frequency(v)
     power = ""
     if v.quantity == "envelope" and v.exponent is not None:
-        power = f"; the damping force {loses_like(v.exponent, v.damping)}"
+        power = f"; the damping force {power_in_words(v.exponent, v.damping)}"
     if not v.damping:
         return f"{answer}."
     if v.contradicted:
@@ -143,7 +143,7 @@ def extrapolated(natural: Interval, at: FrequencyAt) -> bool:
     return off > thresholds.EXTRAPOLATED * natural.value
 
 
-def seen_instead(v: Verdict, motion: MotionKind) -> str:
+def describe_motion(v: Verdict, motion: MotionKind) -> str:
     """Return what the record is instead of the free decay of one oscillator, and how large that is."""
     first = v.modes[0]
     if motion is MotionKind.STEADY:
@@ -211,7 +211,7 @@ def plus_minus(i: Interval) -> str:
     return f"{digits(i.value, half)} ± {digits(half, half)}{unit}"
 
 
-def energy_of(v: Verdict) -> tuple[str, ...]:
+def energy_sentences(v: Verdict) -> tuple[str, ...]:
     """Return sentences on the energy budget and on the upper limits of other forms, where there are any."""
     texts = []
     for s in v.energy:
@@ -273,7 +273,7 @@ def _law_quality(v: Verdict) -> str:
     return f"{within} but at {o.amplitude:.2g} {o.unit}, where the damping is {times} times the law's"
 
 
-def loses_like(e: Interval, damping: str = "") -> str:
+def power_in_words(e: Interval, damping: str = "") -> str:
     """Return `grows as v^(1.02 ± 0.03), which is viscous`; an uneven interval follows in brackets.
 
     damping: the sum that is named. Where it is not one of the three laws, an exponent near one of these does not mean
@@ -338,14 +338,14 @@ def remarks(
                 "other."
             )
             weighted.append((0.9, text))
-        for name in findings.untold:
+        for name in findings.undetermined:
             text = f"The record does not determine the {_in_words(name)}; its interval is just the prior."
             weighted.append((0.6, text))
-        for first, second in findings.tied:
+        for first, second in findings.inseparable:
             pair = f"{called(first)} and {called(second)}"
             weighted.append((0.6, f"Only a combination of {pair} is determined, not each separately."))
     if not same and v.grade is not Grade.DEVIATES:
-        other = named(next(iter(findings.exact)))
+        other = named(next(iter(findings.damping_if_exact)))
         text = (
             f"If damping and spring followed their laws exactly, {other} would be the most probable damping."
         )
@@ -361,7 +361,7 @@ def remarks(
         by = f"falls by only {100 * (1 - fallen):.0f} %" if fallen < 1 else "does not fall"
         weighted.append((0.5, f"The amplitude {by}, so damping models are hard to distinguish."))
     if v.exponent is not None:
-        text = f"Fitted as a power law, the damping force {loses_like(v.exponent, v.damping)}."
+        text = f"Fitted as a power law, the damping force {power_in_words(v.exponent, v.damping)}."
         weighted.append((0.0, text))
     if v.averages is not None:
         error = v.averages.error_sd

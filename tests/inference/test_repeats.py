@@ -10,7 +10,7 @@ import pytest
 from scipy.special import erf, logsumexp
 from scipy.stats import norm
 
-from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.repeats import SPREAD, Repeats, RunLikelihood, joined
 from bayesdamp.inference.deviation.specimen import damping_run
 from bayesdamp.inference.model.target import damping_priors
@@ -108,11 +108,11 @@ def test_runs_of_records_are_joined_to_the_evidence_of_quadrature() -> None:
     runs, logs, rng = [], [], np.random.default_rng(22)
     for factor in (0.92, 1.01, 1.07):
         y = viscous(t, 0.05 * factor, omega, 0.3) + noise * rng.standard_normal(t.size)
-        weighing = weighing_of(
+        comparison = compare_signal(
             Signal(t, y), damping=["viscous"], restoring=["linear"], known=known, reference=Reference(0.3, omega),
             approximate=False,
         )  # fmt: skip
-        runs.append(damping_run(weighing.results[0], np.array([0.2, 0.1])))
+        runs.append(damping_run(comparison.results[0], np.array([0.2, 0.1])))
         logs.append(np.array([norm.logpdf(y, viscous(t, z, omega, 0.3), noise).sum() for z in x]))
     # Of one half-normal ratio whose scale is log-uniform; in its logarithm.
     prior = erf(x / omega / 1e-8 / 2**0.5) - erf(x / omega / 0.3 / 2**0.5)

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.weighing import Weighing
+from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.interface.answer import answer
 from bayesdamp.types import Signal
 from bayesdamp.verdict import Verdict
@@ -76,10 +76,10 @@ def test_motions_are_sampled_of_the_weighing_that_was_made(monkeypatch: pytest.M
     made, _ = answered(0)
     sums, laws = ["viscous", "coulomb"], [made.restoring]
     whole = answer(made.signal, made.amplitudes, damping=sums, restoring=laws).verdict
-    kept: dict[str, Weighing] = {}
-    answer(made.signal, made.amplitudes, damping=sums, restoring=laws, sample=False, weighings=kept)
-    monkeypatch.setattr("bayesdamp.interface.answer.weighing_of", None)  # nothing weighs again
-    after = answer(made.signal, made.amplitudes, damping=sums, restoring=laws, weighings=kept).verdict
+    kept: dict[str, ModelComparison] = {}
+    answer(made.signal, made.amplitudes, damping=sums, restoring=laws, sample=False, comparisons=kept)
+    monkeypatch.setattr("bayesdamp.interface.answer.compare_signal", None)  # nothing weighs again
+    after = answer(made.signal, made.amplitudes, damping=sums, restoring=laws, comparisons=kept).verdict
     assert after == whole
     with pytest.raises(TypeError):  # control
         answer(made.signal, made.amplitudes, damping=sums, restoring=laws)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import bayesdamp as bd
-from bayesdamp.inference.deviation.weighing import BEHIND
+from bayesdamp.inference.deviation.model_comparison import BEHIND
 from bayesdamp.physics.damping import TERMS
 from tests.interface.problems import not_refused
 from validation.truth.records import case

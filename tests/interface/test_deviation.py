@@ -163,7 +163,7 @@ def test_pointwise_densities_are_normal_ones() -> None:
     data, post = posterior().data, posterior()
     sd = fit().known["noise_sd"]
     law = fit().law
-    assert law.weighing.inflation == 1.0
+    assert law.comparison.inflation == 1.0
     sizes = [data["posterior"][f"{n}_deviation_size"].values[0] for n in ("damping", "frequency")]
     exact = np.flatnonzero(sizes[0] + sizes[1] == 0)[0]
     values = dict(zip(post.names, post.draws[0, exact], strict=True))

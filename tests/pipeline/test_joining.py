@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.specimen import weigh_specimen
+from bayesdamp.inference.deviation.specimen import compare_runs
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.specimens import (
     Specimen,
@@ -43,7 +43,7 @@ def test_probabilities_and_spread_are_those_of_the_verdict(monkeypatch: pytest.M
     runs = [weighed_run(0.05, 0.001), weighed_run(0.052, 0.001)]
     product = compute_joint(specimen(monkeypatch, *runs))
     content, arrays = product.content, product.arrays
-    whole = weigh_specimen(runs, seed=3)
+    whole = compare_runs(runs, seed=3)
     assert {c: r.probability for c, r in content.candidates.items()} == {
         "viscous": whole.probability[V], "coulomb": whole.probability[C]
     }  # fmt: skip

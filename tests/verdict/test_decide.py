@@ -34,7 +34,7 @@ def findings(**changed: object) -> Findings:
     """Viscous damping that is decided, of a law that holds."""
     given: dict[str, object] = {
         "damping": {"viscous": 0.97, "viscous+coulomb": 0.03},
-        "exact": {"viscous": 0.98, "viscous+coulomb": 0.02},
+        "damping_if_exact": {"viscous": 0.98, "viscous+coulomb": 0.02},
         "restoring": {"linear": 0.8, "pendulum": 0.2},
         "term": {"viscous": 1.0, "coulomb": 0.03, "quadratic": 0.01},
         "ratios": (
@@ -43,7 +43,7 @@ def findings(**changed: object) -> Findings:
             Ratio(0.03, 0.0103, 0.0100, 0.0106, 1e-5, 1e-4),
         ),
         "curve": (),
-        "exotic": {},
+        "other_forms": {},
         "exponent": None,
         "frequency": Quantity(0.7118, 0.7117, 0.7119),
         "energy": {
@@ -70,7 +70,7 @@ def decided(found: Findings | None = None, **how: object) -> Verdict:
 
 def two(p: float, exact: Mapping[str, float] | None = None) -> Findings:
     damping = {"viscous": p, "coulomb": 1 - p}
-    return findings(damping=damping, exact=exact or damping)
+    return findings(damping=damping, damping_if_exact=exact or damping)
 
 
 def test_grades() -> None:
@@ -134,8 +134,16 @@ SURE = {"viscous": thresholds.TERM_SURE, "coulomb": 0.6, "quadratic": 0.0}
 @pytest.mark.parametrize(
     ("changed", "control", "text"),
     [
-        ({"damping": OPEN, "exact": OPEN}, {"damping": OPEN | {"quadratic": thresholds.NAMED - TINY}}, "quadratic"),
-        ({"damping": BOTH, "exact": BOTH, "term": SURE}, {"term": {**SURE, "viscous": 0.9}}, "; viscous is sure"),
+        (
+            {"damping": OPEN, "damping_if_exact": OPEN},
+            {"damping": OPEN | {"quadratic": thresholds.NAMED - TINY}},
+            "quadratic",
+        ),
+        (
+            {"damping": BOTH, "damping_if_exact": BOTH, "term": SURE},
+            {"term": {**SURE, "viscous": 0.9}},
+            "; viscous is sure",
+        ),
         ({"unexplained": thresholds.REMARK}, {"unexplained": thresholds.REMARK - TINY}, "not explained"),
         ({"midline": -0.0123}, {"midline": 0.5 * thresholds.MIDLINE}, "The midline drifts by 1.2 % of the first"),
         ({"amplitudes": (0.31, 0.31 * 0.71)}, {"amplitudes": (0.31, 0.31 * 0.69)}, "hard to distinguish"),
@@ -169,7 +177,7 @@ def test_facts_of_a_budget() -> None:
     energy = {
         "viscous": Quantity(0.3, 0.25, 0.35), "coulomb": Quantity(0.7, 0.65, 0.75), "quadratic": Quantity(0, 0, 0.02),
     }  # fmt: skip
-    found = decided(findings(damping=damping, exact=damping, energy=energy))
+    found = decided(findings(damping=damping, damping_if_exact=damping, energy=energy))
     assert "Coulomb (dry friction) 70 % (65 to 75), viscous 30 % (25 to 35)" in found.sentence
     assert [s.term for s in found.energy] == ["coulomb", "viscous", "quadratic"]
     assert [b.form for b in found.other_forms] == ["quadratic", "any other form"]
@@ -219,7 +227,7 @@ def measured(
 
 
 def test_a_law_that_contradicts_the_measured_damping_is_not_named() -> None:
-    told = findings(exponent=Quantity(1.0, 0.9, 1.1), untold=("rest_angle",))
+    told = findings(exponent=Quantity(1.0, 0.9, 1.1), undetermined=("rest_angle",))
     found = decided(told, law_free=measured((0.0150, 0.0148, 0.0152)))
     assert any("grows as v" in remark for remark in decided(told).remarks)  # the control
     assert found.grade is Grade.DEVIATES
@@ -280,10 +288,10 @@ def test_the_largest_reservation_comes_first() -> None:
     """Another damping under exact laws, a twin, what is not determined, a shallow decay, a small misfit; then facts."""
     told = findings(
         damping={"viscous": 0.97, "coulomb": 0.03},
-        exact={"coulomb": 0.6, "viscous": 0.4},
+        damping_if_exact={"coulomb": 0.6, "viscous": 0.4},
         term={"viscous": 1.0, "coulomb": 0.03, "quadratic": 0.01, "structural": 0.02},
         bound={"coulomb": 0.05, "quadratic": 0.02, "structural": 0.45},
-        untold=("rest_angle",),
+        undetermined=("rest_angle",),
         amplitudes=(0.3, 0.27),
         unexplained=0.02,
         midline=0.004,
@@ -357,7 +365,7 @@ def test_the_narrower_frequency_at_one_amplitude_is_given() -> None:
 
 
 def test_numbers_are_passed_on_in_their_units() -> None:
-    verdict = decided(findings(unnamed=Quantity(0.1, 0.0, 0.2), exotic={"power": 0.3}), unit="m")
+    verdict = decided(findings(unnamed=Quantity(0.1, 0.0, 0.2), other_forms={"power": 0.3}), unit="m")
     assert (verdict.restoring, verdict.restoring_probability) == ("linear", 0.8)
     assert (verdict.unexplained_pct, verdict.noise_pct) == pytest.approx((0.1, 0.4))
     assert [(r.damping, r.probability) for r in verdict.rivals] == [("power", 0.3), ("viscous+coulomb", 0.03)]

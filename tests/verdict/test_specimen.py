@@ -13,15 +13,15 @@ from bayesdamp.inference.deviation.specimen import (
     DampingRun,
     Model,
     OtherForm,
-    WeighedRun,
-    weigh_specimen,
+    RunComparison,
+    compare_runs,
 )
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.priors import FURTHER_TERM, OTHERS, SharedHalfNormal
 from bayesdamp.types import Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
-from bayesdamp.verdict.specimen import Answered, pooled, specimen
+from bayesdamp.verdict.specimen import RecordAnswer, pooled, specimen
 from bayesdamp.verdict.types import Verdict
 from tests.inference.runs import by_quadrature, run_of
 
@@ -46,11 +46,11 @@ def weighed_run(
     sd: float = 0.001,
     logs: dict[Model, float | np.ndarray] | None = None,
     others: tuple[OtherForm, ...] = (),
-) -> WeighedRun:
+) -> RunComparison:
     """A record with these log evidences, each with its likelihood of the damping, and other forms with theirs."""
     logs = {V: 0.0, C: -8.0} if logs is None else logs
     every = {**logs, **{(o.damping, o.restoring): o.log_evidence for o in others}}
-    return WeighedRun(
+    return RunComparison(
         {m: float(np.max(v)) for m, v in logs.items()},
         others,
         {m: damping_run(m[0], ratio, sd, v) for m, v in every.items()},
@@ -67,7 +67,7 @@ def answered(
     unnamed: Interval | None = None,
     sd: float = 0.001,
     others: tuple[OtherForm, ...] = (),
-) -> Answered:
+) -> RecordAnswer:
     """A record whose damping ratio is known to ± sd."""
     shares = (Share("viscous", 0.6, 0.5, 0.7, 1.0), Share("quadratic", 0.4, 0.3, 0.5, 1.0))
     weighed = weighed_run(ratio, sd, logs, others)
@@ -83,7 +83,7 @@ def answered(
         deviation=Interval(0.02 * len(name), 0.0, 0.1),
         unnamed=unnamed,
     )
-    return Answered(verdict, weighed, {"amplitude": AMPLITUDE})
+    return RecordAnswer(verdict, weighed, {"amplitude": AMPLITUDE})
 
 
 def test_probabilities_are_those_of_all_records_together() -> None:
@@ -108,17 +108,17 @@ def test_how_far_a_law_holds_is_the_specimens_not_the_records() -> None:
     told = np.where(np.arange(prior.size) == size, -prior[size], -300.0)
     level = np.full(prior.size, 1.0)
     each = [answered(n, 0.01, {V: told, Q: level}) for n in "abcd"]
-    each = [replace(a, weighed=replace(a.weighed, log_evidence={V: 0.0, Q: 1.0})) for a in each]
+    each = [replace(a, comparison=replace(a.comparison, log_evidence={V: 0.0, Q: 1.0})) for a in each]
     ahead = -3 * prior[size] - 4
     assert ahead > 10
-    weighed = weigh_specimen([a.weighed for a in each])
+    weighed = compare_runs([a.comparison for a in each])
     assert weighed.log_evidence[V] - weighed.log_evidence[Q] == pytest.approx(ahead, abs=1e-3)
     assert specimen("rig", each).damping == "viscous"
 
 
 def test_each_further_term_is_less_likely_before() -> None:
     three, two = ("viscous+coulomb+quadratic", "linear"), ("viscous+coulomb", "linear")
-    found = weigh_specimen([WeighedRun({V: 0.0, two: 0.0, three: 0.0})])
+    found = compare_runs([RunComparison({V: 0.0, two: 0.0, three: 0.0})])
     whole = 1 + FURTHER_TERM + FURTHER_TERM**2
     assert found.probability == pytest.approx({
         V: 1 / whole, two: FURTHER_TERM / whole, three: FURTHER_TERM**2 / whole

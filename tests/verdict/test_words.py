@@ -24,7 +24,7 @@ from bayesdamp.verdict.parts import (
 )
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
-from bayesdamp.verdict.words import energy_of, loses_like, sentence
+from bayesdamp.verdict.words import energy_sentences, power_in_words, sentence
 
 
 def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> None:
@@ -51,7 +51,7 @@ def test_the_exponent_in_words():
         ((1.0, 0.4, 1.6), "grows as v^(1.00 ± 0.60)"),
     ]
     for interval, said in cases:
-        found = loses_like(Interval(*interval))
+        found = power_in_words(Interval(*interval))
         assert found == said
 
 
@@ -59,19 +59,19 @@ def test_an_exponent_near_coulombs_does_not_call_another_law_coulomb() -> None:
     """Control: it does where the damping named is Coulomb friction."""
     for damping in ["eddy", "eddy+viscous", "structural", "viscous+coulomb"]:
         e = Interval(0.07, 0.0, 0.38)
-        assert loses_like(e, damping) == "grows as v^0.07 (0 to 0.38), near the v^0 of Coulomb damping"
-        assert loses_like(e, "coulomb").endswith(", which is Coulomb")
-        assert loses_like(Interval(1.5, 1.3, 1.7), damping) == "grows as v^(1.50 ± 0.20)"
+        assert power_in_words(e, damping) == "grows as v^0.07 (0 to 0.38), near the v^0 of Coulomb damping"
+        assert power_in_words(e, "coulomb").endswith(", which is Coulomb")
+        assert power_in_words(Interval(1.5, 1.3, 1.7), damping) == "grows as v^(1.50 ± 0.20)"
 
 
 def test_a_share_of_all_is_not_given_an_interval_from_nothing() -> None:
     """Control: a term beside another has its interval."""
     sole = Verdict("rig", Grade.EXACT, True, "viscous", 0.991, energy=(Share("viscous", 1, 0, 1, 0.991),))
-    assert energy_of(sole) == ("Energy lost: all of it viscous with probability 0.991.",)
+    assert energy_sentences(sole) == ("Energy lost: all of it viscous with probability 0.991.",)
     sure = replace(sole, energy=(Share("viscous", 1, 1, 1, 0.999),))
-    assert energy_of(sure) == ("Energy lost: all of it viscous.",)
+    assert energy_sentences(sure) == ("Energy lost: all of it viscous.",)
     beside = replace(sole, damping="viscous+coulomb", energy=(Share("viscous", 0.84, 0.78, 0.93, 0.991),))
-    assert energy_of(beside) == ("Energy lost: viscous 84 % (78 to 93).",)
+    assert energy_sentences(beside) == ("Energy lost: viscous 84 % (78 to 93).",)
 
 
 def test_a_frequency_that_was_given_has_no_width() -> None:
@@ -113,11 +113,11 @@ def test_shares_are_not_said_without_the_form_that_is_as_likely() -> None:
     power = Verdict(
         "a", Grade.APPROXIMATE, False, "quadratic", 0.22, (Rival("power", 0.78),), energy=(share,)
     )
-    assert energy_of(power) == (
+    assert energy_sentences(power) == (
         "Energy lost: by power-law (|v|^p) damping with probability 0.78; without it all of it quadratic (drag).",
     )
     behind = replace(power, probability=0.88, rivals=(Rival("power", 0.12),))
-    assert energy_of(behind) == (
+    assert energy_sentences(behind) == (
         "Energy lost: all of it quadratic (drag); or by power-law (|v|^p) damping, with probability 0.12.",
     )
 
@@ -224,7 +224,7 @@ def test_upper_limits_of_other_terms() -> None:
     one = Verdict(
         "a", Grade.EXACT, True, "viscous", 0.9, (Rival("viscous+coulomb", 0.1),), other_forms=bounds
     )
-    assert energy_of(one) == (
+    assert energy_sentences(one) == (
         "Other damping terms can account for at most (95 %): quadratic (drag) 2 %, any other form 0.1 %.",
     )
 

@@ -17,8 +17,8 @@ from scipy.integrate import quad
 
 from bayesdamp.formatting import markdown_table as table
 from bayesdamp.inference.deviation.draws import probabilities
-from bayesdamp.inference.deviation.weighing import Weighing
-from bayesdamp.interface.answer import WEIGHED, answer
+from bayesdamp.inference.deviation.model_comparison import ModelComparison
+from bayesdamp.interface.answer import COMPARED, answer
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.types import Signal
 from validation.rows import make_page, page_options
@@ -185,17 +185,17 @@ def _case(term: str, rng: np.random.Generator) -> Case | None:
     return Case(signal, term if alone else f"viscous+{term}", values, float(part), noise)
 
 
-def nats_ahead(weighing: Weighing, c: Case) -> float:
+def nats_ahead(comparison: ModelComparison, c: Case) -> float:
     """Return the lead of the true sum's best fit over that of every sum that lacks one of its terms, in nats.
 
     The laws are exact, and the noise is the true one. Infinite where all such sums were expected to be far behind.
     """
     true = set(c.damping.split("+"))
-    squares = {frozenset(r.candidate.damping): r.fit.squares for r in weighing.results}
+    squares = {frozenset(r.candidate.damping): r.fit.squares for r in comparison.results}
     if frozenset(true) not in squares:
         return float("nan")
     rival = min((value for terms, value in squares.items() if not true <= terms), default=math.inf)
-    return (rival - squares[frozenset(true)]) / (2 * c.noise**2 / weighing.data.thinned)
+    return (rival - squares[frozenset(true)]) / (2 * c.noise**2 / comparison.data.thinned)
 
 
 def row(term: str, seed: int) -> dict[str, object]:
@@ -214,11 +214,11 @@ def row(term: str, seed: int) -> dict[str, object]:
             "truth": truth, "exponent": value, "exponent_low": low, "exponent_high": high, "intervals": 1,
             "held": int(low <= truth <= high),
         }  # fmt: skip
-    results: dict[str, Weighing] = {}
+    results: dict[str, ModelComparison] = {}
     sums = [*all_sums(), term, f"viscous+{term}"]
-    verdict = answer(c.signal, damping=sums, restoring=["linear"], weighings=results).verdict
-    weighing = results.get(WEIGHED)
-    under_exact = probabilities(weighing, True) if weighing else {}
+    verdict = answer(c.signal, damping=sums, restoring=["linear"], comparisons=results).verdict
+    comparison = results.get(COMPARED)
+    under_exact = probabilities(comparison, True) if comparison else {}
     truth = set(c.damping.split("+"))
     intervals = {
         q.name: bool(q.low <= c.values[q.name] <= q.high)
@@ -226,7 +226,7 @@ def row(term: str, seed: int) -> dict[str, object]:
         if q.name in c.values
     }
     return head | {
-        "truth": c.damping, "nats": nats_ahead(weighing, c) if weighing else np.nan,
+        "truth": c.damping, "nats": nats_ahead(comparison, c) if comparison else np.nan,
         "exact": sum(p for candidate, p in under_exact.items() if set(candidate.damping) == truth),
         "first": max((v.probability, v.damping) for v in (verdict, *verdict.rivals))[1],
         "probability": verdict.probability, "decided": int(verdict.decided),

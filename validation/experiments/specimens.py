@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 from bayesdamp.interface.answer import answer
 from bayesdamp.priors import odds
 from bayesdamp.types import Signal
-from bayesdamp.verdict.specimen import Answered, specimen
+from bayesdamp.verdict.specimen import RecordAnswer, specimen
 from bayesdamp.verdict.thresholds import DECIDED
 from bayesdamp.verdict.types import Verdict
 from validation.truth.rivals import loss_rate
@@ -55,7 +55,7 @@ def simulate(
 
 def answers(
     rng: np.random.Generator, damping: dict[str, float], deviation: float, records: int, spread: float
-) -> list[Answered]:
+) -> list[RecordAnswer]:
     """Answer each record of a specimen by itself, from linear models."""
     results, noise = [], float(np.exp(rng.uniform(*np.log(NOISES))))
     for k in range(records):
@@ -75,12 +75,12 @@ def outcome(named: str, decided: bool, truth: set[str]) -> str:
     return "right" if set(named.split("+")) == truth else "wrong"
 
 
-def product(records: list[Answered]) -> tuple[str, float]:
+def product(records: list[RecordAnswer]) -> tuple[str, float]:
     """Return the most probable sum and its probability from the product of the records' evidences."""
     logs = {
-        model: sum(r.weighed.log_evidence.get(model, -60.0) for r in records)
+        model: sum(r.comparison.log_evidence.get(model, -60.0) for r in records)
         + float(np.log(odds(model[0].split("+"))))
-        for model in records[0].weighed.log_evidence
+        for model in records[0].comparison.log_evidence
     }
     top = max(logs, key=lambda m: logs[m])
     return top[0], float(1 / sum(np.exp(v - logs[top]) for v in logs.values()))

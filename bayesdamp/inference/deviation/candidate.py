@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit, nonnegative
-from bayesdamp.inference.deviation.linear import Grid, LinearModel, condensed, grid_of, normals
+from bayesdamp.inference.deviation.linear import Grid, LinearModel, condense, grid_of, normals
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.model.target import default_prior
 from bayesdamp.physics.damping import TERMS
@@ -51,7 +51,7 @@ class MotionCandidate:
 
 
 @dataclass(frozen=True)
-class Linearised:
+class Linearisation:
     """A candidate about one motion, whose damping is multiplied by exp g and its restoring force by 1 + 2h.
 
     Attributes
@@ -135,7 +135,7 @@ def parameters_of(
     return Parameters(solver.names, inferred, {k: v for k, v in known.items() if k not in inferred})
 
 
-def first_values(candidate: MotionCandidate, data: Data, known: Mapping[str, float]) -> dict[str, float]:
+def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, float]) -> dict[str, float]:
     """Return where a search starts: the record's frequency, its start, and its decay shared by the terms."""
     law = LAWS.get(candidate.restoring)
     decay = np.log(max(data.amplitude / max(data.final_amplitude, 1e-12), 1.0001))
@@ -148,7 +148,7 @@ def first_values(candidate: MotionCandidate, data: Data, known: Mapping[str, flo
     return {**coefficients, **start, **dict(zip(START, data.start, strict=True))}
 
 
-def starts_of(candidate: MotionCandidate, parameters: Parameters) -> list[dict[str, float]]:
+def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dict[str, float]]:
     """Return values of the terms' own parameters that searches start from: low, middle and high in their priors."""
     names = [p.name for t in candidate.damping for p in TERMS.get(t).inferred if p.name in parameters.priors]
     either = STARTS if len(names) == 1 else STARTS[::2]
@@ -208,15 +208,15 @@ def _solve(
     return motion.without_tangents(), columns
 
 
-def exact(fit: LeastSquaresFit) -> LinearModel:
+def exact_model(fit: LeastSquaresFit) -> LinearModel:
     """Return the linear model of a candidate's fit under exact laws."""
     target = fit.residual + fit.tangents @ fit.z
-    return condensed(fit.tangents, target, *fit.parameters.masks)
+    return condense(fit.tangents, target, *fit.parameters.masks)
 
 
 def linearise(
     solver: Solver, data: Data, at: LeastSquaresFit, u: np.ndarray | None = None
-) -> Linearised | None:
+) -> Linearisation | None:
     """Return a candidate's linear model about u = (scores, g, h), by default its fit without deviations.
 
     None where the deviations are too large, or the motion escapes.
@@ -231,20 +231,20 @@ def linearise(
         return None
     motion, columns = solution
     r = data.y - motion.y
-    model = condensed(columns, r + columns @ u, *at.parameters.masks)
-    # Least squares of r by the columns, with the factor that `condensed` has already computed.
+    model = condense(columns, r + columns @ u, *at.parameters.masks)
+    # Least squares of r by the columns, with the factor that `condense` has already computed.
     left = r - columns @ np.linalg.lstsq(model.root, model.target - model.root @ u, rcond=1e-12)[0]
-    return Linearised(at, u, motion, r, model, left)
+    return Linearisation(at, u, motion, r, model, left)
 
 
-def relinearise(
+def linearise_at_mode(
     solver: Solver,
     data: Data,
     fit: LeastSquaresFit,
     variance: float | None,
-    start: Linearised | None = None,
+    start: Linearisation | None = None,
     near: bool = False,
-) -> tuple[Linearised, float] | None:
+) -> tuple[Linearisation, float] | None:
     """Return the model about the mode of parameters and deviations together, and the noise's variance.
 
     Parameters
@@ -257,7 +257,7 @@ def relinearise(
         Under exact laws.
     variance : float or None
         Of the noise, in the record's unit squared; None: of what no parameter and no deviation explains.
-    start : Linearised, optional
+    start : Linearisation, optional
         Where to start; by default the fit without deviations.
     near : bool
         Whether the mode is near the start, which is then returned if the model has its mode within `SETTLED`.

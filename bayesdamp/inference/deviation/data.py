@@ -174,7 +174,7 @@ def _equilibrium(restoring: str, law: tuple[float, ...], near: float, reach: flo
     return rest_near(by_kernel(LAWS.get(restoring).kernel, np.array(law)), near, reach)
 
 
-def prepared(signal: Signal, average: bool = True, noise_model: SampleNoise | None = None) -> Data:
+def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise | None = None) -> Data:
     """Prepare the data of a signal.
 
     Parameters

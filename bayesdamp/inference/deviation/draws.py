@@ -17,7 +17,7 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
-from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
+from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.forces import by_kernel, frequency_over, on_arrays
 from bayesdamp.physics.kernel import Motion, Solver
@@ -111,14 +111,16 @@ class CandidateDraws:
         return values[place.ravel()] if len(rows) > 1 else values
 
 
-def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[MotionCandidate, float]:
+def probabilities(
+    comparison: ModelComparison, exact: bool, forms: bool = True
+) -> dict[MotionCandidate, float]:
     """Return the posterior probability of each candidate.
 
     The prior is `odds`, the same for all laws.
 
     Parameters
     ----------
-    weighing : Weighing
+    comparison : ModelComparison
         Of the candidates.
     exact : bool
         Under laws that hold exactly, else approximately.
@@ -126,30 +128,32 @@ def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[M
         Whether other forms of damping are among the candidates.
     """
     logs: dict[MotionCandidate, float] = {}
-    others = len({r.candidate.damping for r in weighing.forms})
-    for r in (*weighing.results, *(weighing.forms if forms else ())):
-        if exact or r.weighed is not None:
-            log = r.log_evidence if r.weighed is None or not exact else r.exact_weighed.log_evidence
-            logs[r.candidate] = log + np.log(odds(r.candidate.damping, others if r in weighing.forms else 0))
+    others = len({r.candidate.damping for r in comparison.forms})
+    for r in (*comparison.results, *(comparison.forms if forms else ())):
+        if exact or r.approximate_posterior is not None:
+            own = exact and r.approximate_posterior is not None
+            log = r.exact_posterior.log_evidence if own else r.log_evidence
+            count = others if r in comparison.forms else 0
+            logs[r.candidate] = log + np.log(odds(r.candidate.damping, count))
     if not logs:  # none could be linearised: only exact laws are left
-        return probabilities(weighing, True, forms)
+        return probabilities(comparison, True, forms)
     top = max(logs.values())
     total = sum(np.exp(v - top) for v in logs.values())
     return {c: float(np.exp(v - top) / total) for c, v in logs.items()}
 
 
-def drawn_from(
-    weighing: Weighing, chosen: Mapping[MotionCandidate, float], rng: np.random.Generator
+def draw_candidates(
+    comparison: ModelComparison, chosen: Mapping[MotionCandidate, float], rng: np.random.Generator
 ) -> list[CandidateDraws]:
     """Draw from the candidates that count, from each in proportion to its probability."""
     order = sorted(chosen.items(), key=lambda item: -item[1])
     totals = list(accumulate(p for _, p in order))
     last = next((i for i, total in enumerate(totals) if total > SHOWN), len(order) - 1)
     counts = {c: round(DRAWS * p / totals[last]) for c, p in order[: last + 1]}
-    return [draws_of(weighing.result(c), count, rng) for c, count in counts.items() if count]
+    return [draw_candidate(comparison.result(c), count, rng) for c, count in counts.items() if count]
 
 
-def draws_of(result: CandidateResult, count: int, rng: np.random.Generator) -> CandidateDraws:
+def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator) -> CandidateDraws:
     """Draw from one candidate; only `DISTINCT` draws, repeated, where it has inferred parameters of its terms."""
     d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
     few = min(count, DISTINCT) if set(solver.inferred) & set(parameters.free_names) else count
@@ -159,18 +163,18 @@ def draws_of(result: CandidateResult, count: int, rng: np.random.Generator) -> C
         own = result.sampled.draws
         u = own[rng.choice(len(own), few, replace=few > len(own))]
     u = u[np.arange(count) * few // count]
-    if result.about is None:
+    if result.linearisation is None:
         u = np.pad(u[:, :d], ((0, 0), (0, 2 * solver.knots.size)))
     return CandidateDraws.of(result, u)
 
 
-def shares_of(weighing: Weighing, drawn: Sequence[CandidateDraws]) -> np.ndarray:
+def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> np.ndarray:
     """Return the share of the dissipated energy by term over the record's own motion, (draws, m)."""
     from bayesdamp.physics.kernel.dense import at_times  # imports the compiler
 
     shares = []
     for d in drawn:
-        solver, motion = weighing.solvers[d.result.candidate.restoring], d.result.motion
+        solver, motion = comparison.solvers[d.result.candidate.restoring], d.result.motion
         times = np.linspace(motion.times[0], motion.times[-1], MOMENTS)
         x, v = (at_times(motion.times, motion.states, times, order) for order in (0, 1))
         power = partial(solver.works, x, v, v / MOMENTS, active=d.result.fit.active)
@@ -179,11 +183,11 @@ def shares_of(weighing: Weighing, drawn: Sequence[CandidateDraws]) -> np.ndarray
     return np.concatenate(shares)
 
 
-def noise_sds(weighing: Weighing, result: CandidateResult) -> dict[str, float]:
+def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str, float]:
     """Return the sd that noise alone would cause in each inferred parameter, by name, if the laws were exact."""
     parameters = result.fit.parameters
-    sds = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
-    sds *= np.sqrt(weighing.variance / result.exact_variance)
+    sds = np.linalg.norm(result.exact_posterior.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
+    sds *= np.sqrt(comparison.variance / result.exact_variance)
     return dict(zip(parameters.free_names, sds.tolist(), strict=True))
 
 
@@ -291,7 +295,7 @@ def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
     return None if rest is None else orbit_at(float(amplitude), name, tuple(map(float, law)), rest)
 
 
-def works_on(
+def unit_works(
     orbit: Orbit, solver: Solver, further: np.ndarray, active: np.ndarray, epsilon: float | None = None
 ) -> np.ndarray:
     """Return the work per unit of each coefficient in a cycle, (d, m), for rows of the terms' parameters, (d, e)."""
@@ -312,7 +316,7 @@ def ratios_per_unit(d: CandidateDraws, amplitude: float, every_term: bool = Fals
         return None
     simple = np.array([not TERMS.get(t).inferred for t in solver.terms])
     active = d.result.fit.active | simple if every_term else d.result.fit.active
-    works = d.by_further(lambda rows: works_on(orbit, solver, rows, active))
+    works = d.by_further(lambda rows: unit_works(orbit, solver, rows, active))
     return works / (4 * np.pi * orbit.energy)
 
 
@@ -345,22 +349,22 @@ def deviations_at(
 
 
 def ratio_at(
-    weighing: Weighing,
+    comparison: ModelComparison,
     drawn: Sequence[CandidateDraws],
     amplitude: float,
     sensor: float,
     rng: np.random.Generator,
 ) -> Ratio:
-    """Return the equivalent damping ratio at an amplitude over all draws. Parameters as of `ratios_drawn`."""
-    ratios, noise = ratios_drawn(weighing, drawn, amplitude, sensor, rng)
+    """Return the equivalent damping ratio at an amplitude over all draws. Parameters as of `draw_ratios`."""
+    ratios, noise = draw_ratios(comparison, drawn, amplitude, sensor, rng)
     if not ratios.size:
         return Ratio(amplitude, *(float("nan"),) * 5)
     q = quantity(ratios, min(noise, float(np.std(ratios))))
     return Ratio(amplitude, q.value, q.low, q.high, q.sd_noise, q.sd_law)
 
 
-def ratios_drawn(
-    weighing: Weighing,
+def draw_ratios(
+    comparison: ModelComparison,
     drawn: Sequence[CandidateDraws],
     amplitude: float,
     sensor: float,
@@ -372,7 +376,7 @@ def ratios_drawn(
 
     Parameters
     ----------
-    weighing : Weighing
+    comparison : ModelComparison
         Of the candidates.
     drawn : sequence of CandidateDraws
         Draws of each candidate.
@@ -388,7 +392,7 @@ def ratios_drawn(
         per_unit = ratios_per_unit(d, amplitude)
         if per_unit is None:
             continue
-        ratios = _under_frictions(weighing, d, amplitude, per_unit, rng)
+        ratios = _under_frictions(comparison, d, amplitude, per_unit, rng)
         g, h = deviations_at(d, amplitude, rng)
         values.append(ratios * np.exp(g) / (1 + h))
         # From noise alone, under exact laws.
@@ -397,8 +401,8 @@ def ratios_drawn(
         rates, gradient = parameters.rates(result.fit.z), np.zeros(parameters.free.size)
         coefficients = parameters.free < mean.size
         gradient[coefficients] = mean[parameters.free[coefficients]] * rates[coefficients]
-        scale = np.sqrt(weighing.variance / result.exact_variance)
-        noises.append(float(np.linalg.norm(gradient @ result.exact_weighed.factors[0])) * float(scale))
+        scale = np.sqrt(comparison.variance / result.exact_variance)
+        noises.append(float(np.linalg.norm(gradient @ result.exact_posterior.factors[0])) * float(scale))
         weights.append(len(d.coefficients))
     if not values:
         return np.empty(0), float("nan")
@@ -408,21 +412,25 @@ def ratios_drawn(
 
 
 def _under_frictions(
-    weighing: Weighing, d: CandidateDraws, amplitude: float, per_unit: np.ndarray, rng: np.random.Generator
+    comparison: ModelComparison,
+    d: CandidateDraws,
+    amplitude: float,
+    per_unit: np.ndarray,
+    rng: np.random.Generator,
 ) -> np.ndarray:
     """Return ratios of the draws, (n,), each under one of the widths of friction, drawn by their probability."""
     ratios = np.sum(d.coefficients * per_unit, axis=1)
-    solver, active, frictions = d.result.solver, d.result.fit.active, weighing.frictions
+    solver, active, frictions = d.result.solver, d.result.fit.active, comparison.frictions
     switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
     if not switching or not frictions:
         return ratios
     orbit = orbit_of(d.result, amplitude)
     assert orbit is not None  # `per_unit` was computed on it
     # The loss of all terms together: how it is split among terms that cannot be told apart is arbitrary.
-    whole = weighing.solvers[d.result.candidate.restoring]
+    whole = comparison.solvers[d.result.candidate.restoring]
     coefficients = np.array([f.coefficients for f in frictions])
     works = [
-        works_on(orbit, whole, np.array([f.further]), own != 0, f.epsilon)[0]
+        unit_works(orbit, whole, np.array([f.further]), own != 0, f.epsilon)[0]
         for f, own in zip(frictions, coefficients, strict=True)
     ]
     lost = np.sum(np.array(works) * coefficients, axis=1)
@@ -433,7 +441,7 @@ def _under_frictions(
     return ratios * (lost / lost[used])[rng.choice(len(weights), len(ratios), p=weights)]
 
 
-def size_of(result: CandidateResult, values: np.ndarray) -> np.ndarray:
+def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
     """Return the energy-weighted mean of |deviation| about its mean over the record, (n,), of draws (n, k)."""
     weight = _energies(result, values.shape[1])
     centred = values - (values @ weight)[:, None]
@@ -455,7 +463,7 @@ def over_laws(
     return tuple(factors)
 
 
-def off_laws(
+def log_ratio_over_law(
     drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
 ) -> tuple[tuple[float, float], ...]:
     """Return mean and sd of the log of the damping ratio over that of the coefficients alone, at amplitudes."""
@@ -538,13 +546,13 @@ def midline_drift(result: CandidateResult) -> float:
     return drift / scale if abs(drift) > CLEAR * np.sqrt(scatter / (place @ place)) else 0.0
 
 
-def left_over(result: CandidateResult) -> tuple[float, float]:
+def unexplained_and_noise(result: CandidateResult) -> tuple[float, float]:
     """Return the rms of what a plain fit leaves beyond noise, and of the noise, as shares of the amplitude."""
-    about = result.about
-    left = result.fit.residual if about is None else about.left
+    linearisation = result.linearisation
+    left = result.fit.residual if linearisation is None else linearisation.left
     # Amplitudes alone: a phase that slips over thousands of cycles is a tiny error of the frequency.
     residual = result.data.of_amplitude(result.fit.residual)
-    clean = float(left @ left) / max(left.size - (0 if about is None else about.u.size), 1)
+    clean = float(left @ left) / max(left.size - (0 if linearisation is None else linearisation.u.size), 1)
     rest = max(float(residual @ residual) / residual.size - clean, 0.0)
     amplitude, each = result.data.recorded_amplitude, result.data.thinned
     return float(np.sqrt(rest)) / amplitude, float(np.sqrt(clean * each)) / amplitude

@@ -15,18 +15,18 @@ import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.candidate import (
     MotionCandidate,
-    exact,
+    exact_model,
     linearise,
+    linearise_at_mode,
     parameters_of,
     refit,
-    relinearise,
     search,
 )
-from bayesdamp.inference.deviation.draws import orbit_of, turning_amplitudes, works_on
+from bayesdamp.inference.deviation.draws import orbit_of, turning_amplitudes, unit_works
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
-from bayesdamp.inference.deviation.linear import EXACT_LAWS, weigh
+from bayesdamp.inference.deviation.linear import NO_DEVIATIONS, linear_posterior
+from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Solver
@@ -66,45 +66,46 @@ class _At:
     u: np.ndarray
 
 
-def exponents_of(weighing: Weighing) -> tuple[float, ...]:
+def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     """Return quantiles of the exponent at `LEVELS`; none where no motion under a power law follows the record.
 
     For the force c |v|^p under the likeliest restoring law. The prior of p is uniform between 0 and 3, that of c the
     same as for any damping of this size at the middle (in the logarithm) of the record's amplitudes.
     """
-    begins = _starts(weighing) if weighing.results else []
+    begins = _starts(comparison) if comparison.results else []
     if not begins:
         return ()
-    solver = power_solver(weighing, begins[0]["exponent"])
-    data, near, samples, variance = weighing.data, weighing.best.fit, weighing.samples, weighing.variance
-    law = weighing.best.candidate.restoring
+    solver = power_solver(comparison, begins[0]["exponent"])
+    data, near = comparison.data, comparison.best.fit
+    samples, variance = comparison.samples, comparison.variance
+    law = comparison.best.candidate.restoring
     # At the middle, the record determines the size and the exponent independently.
-    scales = data.middle.scales(data.rest_under(law, near.values[weighing.solvers[law].law_places]))
-    known = {**weighing.known_motion(), **scales}
+    scales = data.middle.scales(data.rest_under(law, near.values[comparison.solvers[law].law_places]))
+    known = {**comparison.known_motion(), **scales}
     parameters = parameters_of(MotionCandidate(("power",), law), solver, data, data.middle, {}, known)
     assert solver.kernel  # compiled before several threads ask for it
     top = search(solver, data, parameters, begins, windows=False)
     if top is None:
         return ()
     place = parameters.free_names.index("exponent")
-    if not weighing.approximate:
-        variance = weighing.exact_variance(top)
-    weighed = weigh(exact(top), EXACT_LAWS, variance, samples)
-    sd = float(np.linalg.norm(weighed.factors[0][place])) * abs(float(parameters.rates(top.z)[place]))
+    if not comparison.approximate:
+        variance = comparison.exact_variance(top)
+    posterior = linear_posterior(exact_model(top), NO_DEVIATIONS, variance, samples)
+    sd = float(np.linalg.norm(posterior.factors[0][place])) * abs(float(parameters.rates(top.z)[place]))
 
     def at(p: float, near: _At | None) -> _At | None:
         """Return the result at an exponent, starting from that at another."""
         priors = {n: prior for n, prior in parameters.priors.items() if n != "exponent"}
         fixed = Parameters(parameters.names, priors, {**parameters.known, "exponent": p})
-        solver = power_solver(weighing, p)
+        solver = power_solver(comparison, p)
         z = np.delete(top.z, place) if near is None else near.u[: len(priors)]
         start = replace(top, parameters=fixed, z=z)
-        if not weighing.approximate:
+        if not comparison.approximate:
             best = refit(solver, data, start)
             if best is None:
                 return None
-            weighed = weigh(exact(best), EXACT_LAWS, variance, samples)
-            return _At(weighed.log_evidence, best, best.z)
+            posterior = linear_posterior(exact_model(best), NO_DEVIATIONS, variance, samples)
+            return _At(posterior.log_evidence, best, best.z)
         begin = None
         if near is not None:
             # The mode at the other exponent, with the same damping at each amplitude.
@@ -114,50 +115,51 @@ def exponents_of(weighing: Weighing) -> tuple[float, ...]:
                 other = near.fit.parameters.known["exponent"]
                 u[d : d + log.size] += (other - p) * (log - log.mean())
             begin = linearise(solver, data, start, u)
-        about = relinearise(solver, data, start, variance, begin, near=begin is not None)
-        if about is None:
+        result = linearise_at_mode(solver, data, start, variance, begin, near=begin is not None)
+        if result is None:
             return None
-        weighed = weigh(about[0].model, about[0].grid(coarse=False), variance, samples)
-        return _At(weighed.log_evidence, replace(start, motion=about[0].motion), about[0].u)
+        mode = result[0]
+        posterior = linear_posterior(mode.model, mode.grid(coarse=False), variance, samples)
+        return _At(posterior.log_evidence, replace(start, motion=mode.motion), mode.u)
 
     distribution = _explore(at, float(top.values[parameters.names.index("exponent")]), sd)
     return () if distribution is None else tuple(np.interp(LEVELS, *distribution).tolist())
 
 
-def _starts(weighing: Weighing) -> list[dict[str, float]]:
+def _starts(comparison: ModelComparison) -> list[dict[str, float]]:
     """Return values of all parameters from which the best exponent is searched, with c at the middle velocity."""
     rival, near = (
-        next((r for r in weighing.forms if r.candidate.damping == ("power",)), None),
-        weighing.best.fit,
+        next((r for r in comparison.forms if r.candidate.damping == ("power",)), None),
+        comparison.best.fit,
     )
     if rival is None:
-        return [{**near.parameters.named(near.z), **start} for start in power_starts(weighing)]
+        return [{**near.parameters.named(near.z), **start} for start in power_starts(comparison)]
     fit = rival.fit.parameters.named(rival.fit.z)
-    ratio = fit["reference_velocity"] / weighing.data.middle.peak_velocity
+    ratio = fit["reference_velocity"] / comparison.data.middle.peak_velocity
     return [{**fit, "c_power": fit["c_power"] * ratio ** (1 - fit["exponent"])}]
 
 
-def power_solver(weighing: Weighing, p: float) -> Solver:
+def power_solver(comparison: ModelComparison, p: float) -> Solver:
     """Return the solver of motions under powers of the velocity near p, under the likeliest restoring law."""
-    plain = weighing.solvers[weighing.best.candidate.restoring]
-    narrow = min(plain.epsilon, ROUNDED * weighing.reference.peak_velocity)
+    plain = comparison.solvers[comparison.best.candidate.restoring]
+    narrow = min(plain.epsilon, ROUNDED * comparison.reference.peak_velocity)
     # At 1 the width changes nothing; above, a narrow one needs ten times the steps.
     return replace(plain, terms=("power",), epsilon=narrow if p < 1 else plain.epsilon)
 
 
-def power_starts(weighing: Weighing) -> list[dict[str, float]]:
+def power_starts(comparison: ModelComparison) -> list[dict[str, float]]:
     """Return coefficients and exponents that dissipate as much as the likeliest sum at the middle amplitude.
 
     The first depends on the amplitude as the sum does there; the others are less steep and steeper.
     """
-    best, middle = weighing.best, weighing.data.middle
-    solver = weighing.solvers[best.candidate.restoring]
+    best, middle = comparison.best, comparison.data.middle
+    solver = comparison.solvers[best.candidate.restoring]
     ratios = []
     for a in (middle.amplitude * NEAR, middle.amplitude, middle.amplitude / NEAR):
         orbit = orbit_of(best, a)
         if orbit is None:
             return []
-        works = works_on(orbit, solver, best.further, best.fit.active)[0]
+        works = unit_works(orbit, solver, best.further, best.fit.active)[0]
         ratios.append(float(works @ best.values[: works.size]) / (4 * np.pi * orbit.energy))
     if min(ratios) <= 0:
         return []

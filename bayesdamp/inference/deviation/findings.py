@@ -15,13 +15,13 @@ from bayesdamp.inference.deviation.draws import (
     Quantity,
     at_share,
     balanced_frequency,
-    drawn_from,
-    draws_of,
-    left_over,
+    draw_candidate,
+    draw_candidates,
+    log_ratio_over_law,
+    mean_deviation,
     midline_drift,
     natural_frequency,
     noise_sds,
-    off_laws,
     orbit_of,
     over_laws,
     probabilities,
@@ -29,15 +29,15 @@ from bayesdamp.inference.deviation.draws import (
     ratio_at,
     share_of_time,
     shares_of,
-    size_of,
+    unexplained_and_noise,
+    unit_works,
     unnamed_share,
-    works_on,
 )
 from bayesdamp.inference.deviation.exponent import LEAST_EXPONENT, MOST_EXPONENT
-from bayesdamp.inference.deviation.forms import bounds_of_others
+from bayesdamp.inference.deviation.forms import bound_other_forms
 from bayesdamp.inference.deviation.free import FreeCurve, free_curve
+from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.tempered import Sampled
-from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.types import Ratio, summed
@@ -69,9 +69,9 @@ class Findings:
 
     Attributes
     ----------
-    damping, exact : mapping of str to float
+    damping, damping_if_exact : mapping of str to float
         Probability of each sum (its terms joined by +) under laws that hold approximately, and exactly.
-    exotic : mapping of str to float
+    other_forms : mapping of str to float
         Probability of sums with another form of damping.
     exponent : Quantity, optional
         Of a power law in the velocity.
@@ -105,7 +105,7 @@ class Findings:
         The damping curve without a law.
     unnamed : Quantity, optional
         Share of the energy that no sum of the terms explains.
-    untold, tied : tuple
+    undetermined, inseparable : tuple
         Parameters of the likeliest sum that the record does not determine, and pairs of which it determines only a
         combination.
     exponents : tuple of float
@@ -121,8 +121,8 @@ class Findings:
     """
 
     damping: Mapping[str, float]
-    exact: Mapping[str, float]
-    exotic: Mapping[str, float]
+    damping_if_exact: Mapping[str, float]
+    other_forms: Mapping[str, float]
     exponent: Quantity | None
     restoring: Mapping[str, float]
     term: Mapping[str, float]
@@ -142,8 +142,8 @@ class Findings:
     cycles: float
     free: FreeCurve | None = None
     unnamed: Quantity | None = None
-    untold: tuple[str, ...] = ()
-    tied: tuple[tuple[str, str], ...] = ()
+    undetermined: tuple[str, ...] = ()
+    inseparable: tuple[tuple[str, str], ...] = ()
     exponents: tuple[float, ...] = ()
     midline: float = 0.0
     frequency_at: Quantity | None = None
@@ -151,22 +151,26 @@ class Findings:
     over_curve: tuple[tuple[float, float], ...] = ()
 
 
-def default_amplitudes(weighing: Weighing) -> tuple[float, float, float]:
+def default_amplitudes(comparison: ModelComparison) -> tuple[float, float, float]:
     """Return amplitudes near the first, the middle (in the logarithm) and near the last one of the record."""
-    data = weighing.data
+    data = comparison.data
     first, last = data.amplitude, max(data.final_amplitude, 1e-6 * data.amplitude)
     span = np.log(first / last)
     return tuple(float(first * np.exp(-span * share)) for share in (0.1, 0.5, 0.9))  # type: ignore[return-value]
 
 
-def findings(
-    weighing: Weighing, amplitudes: Sequence[float] | None = None, *, sensor: float = SENSOR, seed: int = 0
+def compute_findings(
+    comparison: ModelComparison,
+    amplitudes: Sequence[float] | None = None,
+    *,
+    sensor: float = SENSOR,
+    seed: int = 0,
 ) -> Findings:
     """Compute the numbers of a weighing.
 
     Parameters
     ----------
-    weighing : Weighing
+    comparison : ModelComparison
         Of all candidates.
     amplitudes : sequence of float, optional
         At which the damping ratio is given, in rad or m; by default three of the record.
@@ -175,45 +179,47 @@ def findings(
     seed : int
         Of the random streams.
     """
-    data, approximate, rng = weighing.data, weighing.approximate, np.random.default_rng(seed)
-    exact = probabilities(weighing, exact=True)
-    everything = probabilities(weighing, exact=not approximate)
-    chosen = probabilities(weighing, exact=not approximate, forms=False)
-    compared = {r.candidate for r in weighing.results}
-    exotic = {c: p for c, p in everything.items() if c not in compared}
-    wanted = tuple(amplitudes) if amplitudes is not None else default_amplitudes(weighing)
+    data, approximate, rng = comparison.data, comparison.approximate, np.random.default_rng(seed)
+    exact = probabilities(comparison, exact=True)
+    everything = probabilities(comparison, exact=not approximate)
+    chosen = probabilities(comparison, exact=not approximate, forms=False)
+    compared = {r.candidate for r in comparison.results}
+    other_forms = {c: p for c, p in everything.items() if c not in compared}
+    wanted = tuple(amplitudes) if amplitudes is not None else default_amplitudes(comparison)
     along = tuple(map(float, np.geomspace(data.amplitude, data.final_amplitude, CURVE)))
-    drawn = drawn_from(weighing, chosen, rng)
+    drawn = draw_candidates(comparison, chosen, rng)
     # Rates, frequencies and deviations are those of all candidates, other forms of damping included.
-    every = drawn_from(weighing, everything, rng) if sum(exotic.values()) > RARE else drawn
-    best, leading = (weighing.result(max(each, key=lambda c: each[c])) for each in (chosen, everything))
-    shares = shares_of(weighing, drawn)
-    absent = _bounds(weighing, best, rng)
-    forms = bounds_of_others(weighing, best, np.random.default_rng([seed, 1]))
-    size_g = np.concatenate([size_of(d.result, d.g) for d in every])
-    size_h = np.concatenate([size_of(d.result, d.h) for d in every])
+    every = draw_candidates(comparison, everything, rng) if sum(other_forms.values()) > RARE else drawn
+    best, leading = (comparison.result(max(each, key=lambda c: each[c])) for each in (chosen, everything))
+    shares = shares_of(comparison, drawn)
+    absent = _bounds(comparison, best, rng)
+    forms = bound_other_forms(comparison, best, np.random.default_rng([seed, 1]))
+    size_g = np.concatenate([mean_deviation(d.result, d.g) for d in every])
+    size_h = np.concatenate([mean_deviation(d.result, d.h) for d in every])
     floor = sensor if approximate else 0.0
-    curve = tuple(ratio_at(weighing, every, a, floor, rng) for a in along)
-    ratios = tuple(ratio_at(weighing, every, a, floor, rng) for a in wanted)
+    curve = tuple(ratio_at(comparison, every, a, floor, rng) for a in along)
+    ratios = tuple(ratio_at(comparison, every, a, floor, rng) for a in wanted)
     of_best = next((d for d in drawn if d.result is best), None)
-    exponent = quantity(np.array(weighing.exponents)) if weighing.exponents else None
-    coefficients, untold, tied = ({}, (), ()) if of_best is None else _parameters(weighing, of_best)
+    exponent = quantity(np.array(comparison.exponents)) if comparison.exponents else None
+    coefficients, undetermined, inseparable = (
+        ({}, (), ()) if of_best is None else _parameters(comparison, of_best)
+    )
     if exponent and exponent.high - exponent.low > 0.95 * AS_WIDE * (MOST_EXPONENT - LEAST_EXPONENT):
-        untold = (*untold, "exponent")
-    unexplained, noise = left_over(leading)
+        undetermined = (*undetermined, "exponent")
+    unexplained, noise = unexplained_and_noise(leading)
     frequency = _frequency(every, None)
     assert frequency is not None
     return Findings(
-        damping={n: p * (1 - sum(exotic.values())) for n, p in _summed(chosen).items()},
-        exact=_summed({c: p for c, p in exact.items() if c in compared}),
-        exotic=_summed(exotic),
+        damping={n: p * (1 - sum(other_forms.values())) for n, p in _summed(chosen).items()},
+        damping_if_exact=_summed({c: p for c, p in exact.items() if c in compared}),
+        other_forms=_summed(other_forms),
         exponent=exponent,
         restoring=_summed(chosen, 1),
-        term={t: sum(p for c, p in everything.items() if t in c.damping) for t in weighing.terms},
+        term={t: sum(p for c, p in everything.items() if t in c.damping) for t in comparison.terms},
         ratios=ratios,
         curve=curve,
         frequency=frequency,
-        energy={t: quantity(shares[:, i]) for i, t in enumerate(weighing.terms)},
+        energy={t: quantity(shares[:, i]) for i, t in enumerate(comparison.terms)},
         bound=forms | absent,
         deviation=quantity(size_g),
         restoring_deviation=quantity(size_h),
@@ -224,15 +230,15 @@ def findings(
         noise=noise,
         amplitudes=(data.amplitude, data.final_amplitude),
         cycles=data.cycles,
-        free=free_curve(weighing, best.candidate.restoring, curve, np.random.default_rng([seed, 2])),
+        free=free_curve(comparison, best.candidate.restoring, curve, np.random.default_rng([seed, 2])),
         unnamed=unnamed_share(drawn, along) if approximate else None,
-        untold=untold,
-        tied=tied,
-        exponents=weighing.exponents,
+        undetermined=undetermined,
+        inseparable=inseparable,
+        exponents=comparison.exponents,
         midline=midline_drift(leading),
         frequency_at=_frequency(every, wanted[-1]) if wanted else None,
         over_laws=over_laws(every, wanted, np.random.default_rng([seed, 3])) if approximate else (),
-        over_curve=off_laws(every, along, np.random.default_rng([seed, 4])) if approximate else (),
+        over_curve=log_ratio_over_law(every, along, np.random.default_rng([seed, 4])) if approximate else (),
     )
 
 
@@ -277,25 +283,25 @@ def _rest_of_draw(result: CandidateResult, law: np.ndarray) -> float:
     return result.data.rest_under(result.candidate.restoring, law)
 
 
-def _bounds(weighing: Weighing, best: CandidateResult, rng: np.random.Generator) -> dict[str, float]:
+def _bounds(comparison: ModelComparison, best: CandidateResult, rng: np.random.Generator) -> dict[str, float]:
     """Return 95 % upper limits of the share of each term that the likeliest sum lacks, if it were added to that sum."""
     restoring, damping = best.candidate.restoring, best.candidate.damping
     by_terms = {
         frozenset(r.candidate.damping): r
-        for r in weighing.results
-        if r.candidate.restoring == restoring and weighing.compares(r)
+        for r in comparison.results
+        if r.candidate.restoring == restoring and comparison.compares(r)
     }
     bounds = {}
-    for i, term in enumerate(weighing.terms):
+    for i, term in enumerate(comparison.terms):
         larger = by_terms.get(frozenset((*damping, term)))
         if term not in damping and larger is not None:
-            shares = shares_of(weighing, [draws_of(larger, DRAWS // 4, rng)])
+            shares = shares_of(comparison, [draw_candidate(larger, DRAWS // 4, rng)])
             bounds[term] = float(np.quantile(shares[:, i], 0.95))
     return bounds
 
 
 def _parameters(
-    weighing: Weighing, d: CandidateDraws
+    comparison: ModelComparison, d: CandidateDraws
 ) -> tuple[dict[str, Quantity], tuple[str, ...], tuple[tuple[str, str], ...]]:
     """Return the inferred parameters of a candidate's damping and restoring law, and what is not determined.
 
@@ -305,7 +311,7 @@ def _parameters(
     solver, priors = d.result.solver, d.result.fit.parameters.priors
     values = np.column_stack([d.coefficients, d.further, d.law]).T
     drawn = {name: own for name, own in zip(solver.names, values) if name in priors}
-    noise = noise_sds(weighing, d.result)
+    noise = noise_sds(comparison, d.result)
     quantities = {name: quantity(own, noise[name]) for name, own in drawn.items()}
     own = [name for name in solver.further if name in drawn]
     loose = [
@@ -313,23 +319,26 @@ def _parameters(
         for name in (*solver.names[: len(solver.terms)], *own)
         if name in drawn and 1.96 * drawn[name].std() > LOOSE * abs(drawn[name].mean())
     ]
-    tied = [(a, b) for a, b in combinations(loose, 2) if abs(np.corrcoef(drawn[a], drawn[b])[0, 1]) > TIED]
-    untold = [
+    inseparable = [
+        (a, b) for a, b in combinations(loose, 2) if abs(np.corrcoef(drawn[a], drawn[b])[0, 1]) > TIED
+    ]
+    undetermined = [
         name
         for name in own
-        if name in solver.inferred and as_wide(priors[name], quantities[name].low, quantities[name].high)
+        if name in solver.inferred
+        and is_as_wide_as(priors[name], quantities[name].low, quantities[name].high)
     ]
-    return quantities, tuple(untold), tuple(tied)
+    return quantities, tuple(undetermined), tuple(inseparable)
 
 
-def as_wide(prior: Prior, low: float, high: float) -> bool:
+def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
     """Return whether an interval is nearly as wide as the prior's own, in the prior's scores."""
     whole = 2.24 - 0.03 if prior.reflected else 2 * 1.96
     return float(prior.score(high) - prior.score(low)) > AS_WIDE * whole
 
 
 def posterior_of(
-    weighing: Weighing, result: CandidateResult, sampled: Sampled
+    comparison: ModelComparison, result: CandidateResult, sampled: Sampled
 ) -> tuple[dict[str, object], np.ndarray]:
     """Summarise the draws of a candidate's motions.
 
@@ -346,9 +355,9 @@ def posterior_of(
     parameters, u = result.fit.parameters, sampled.draws
     d, n = parameters.free.size, result.solver.knots.size
     values = parameters.values(u[:, :d])[:, parameters.free]
-    sizes = size_of(result, u[:, d : d + n]) if u.shape[1] > d else np.zeros(1)
+    sizes = mean_deviation(result, u[:, d : d + n]) if u.shape[1] > d else np.zeros(1)
     inside, summaries = int(np.ceil(INSIDE * len(values))), {}
-    noise_sd = noise_sds(weighing, result)
+    noise_sd = noise_sds(comparison, result)
     for name, own in zip(parameters.free_names, values.T, strict=True):
         sd, ordered = float(np.std(own, ddof=1)), np.sort(own)
         noise = min(noise_sd[name], sd)
@@ -365,7 +374,7 @@ def posterior_of(
     summary = {
         "parameters": summaries,
         "deviation": np.quantile(sizes, (0.025, 0.5, 0.975)).tolist(),
-        "unexplained": left_over(result)[0],
+        "unexplained": unexplained_and_noise(result)[0],
         "log_evidence": sampled.log_evidence,
         "stderr": sampled.stderr,
         "acceptance": sampled.acceptance,
@@ -374,15 +383,15 @@ def posterior_of(
     return summary, values
 
 
-def picture(weighing: Weighing, numbers: Findings) -> Mapping[str, np.ndarray]:
+def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.ndarray]:
     """Return the arrays of a picture by name.
 
     t, record, fit, residual: thinned, (p,); amplitudes, where the record is taken as such. amplitude, ratio, low, high:
     of the answer, (a,). free/*: the curve without a law and the energy lost in a cycle under it. law/SUM: the ratio of
     each sum's own fit under exact laws. work/TERM: the energy lost in a cycle by each term, per unit of inertia.
     """
-    data = weighing.data
-    best = weighing.result(numbers.best)
+    data = comparison.data
+    best = comparison.result(numbers.best)
     t, y, fitted = (data.of_amplitude(values) for values in (data.times, data.recorded, best.motion.y))
     # The least and the largest value in each stretch, and the ends.
     rows, size = np.arange(y.size), -(-y.size // (POINTS // 2))
@@ -401,16 +410,16 @@ def picture(weighing: Weighing, numbers: Findings) -> Mapping[str, np.ndarray]:
         for name, values in (("ratio", numbers.free.ratio), ("lost", numbers.free.lost)):
             for end, column in zip(("", "_low", "_high"), values.T, strict=True):
                 arrays[f"free/{name}{end}"] = column
-    terms, solver = weighing.terms, weighing.solvers[numbers.best.restoring]
+    terms, solver = comparison.terms, comparison.solvers[numbers.best.restoring]
     orbits = [orbit_of(best, float(a)) for a in amplitude]
     energy = np.array([np.nan if o is None else o.energy for o in orbits])
     none = np.full(len(terms), np.nan)
-    for r in weighing.results:
+    for r in comparison.results:
         if r.candidate.restoring != numbers.best.restoring:
             continue
         values = r.fit.values
         further = values[None, len(terms) : solver.law_places.start]
-        works = [none if o is None else works_on(o, solver, further, r.fit.active)[0] for o in orbits]
+        works = [none if o is None else unit_works(o, solver, further, r.fit.active)[0] for o in orbits]
         work = values[: len(terms)] * np.array(works)
         arrays[f"law/{'+'.join(r.candidate.damping)}"] = work.sum(axis=1) / (4 * np.pi * energy)
         if r is best:

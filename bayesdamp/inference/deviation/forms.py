@@ -19,22 +19,22 @@ import numpy as np
 
 from bayesdamp.inference.deviation.candidate import (
     MotionCandidate,
-    first_values,
+    initial_values,
     parameters_of,
     search,
-    starts_of,
+    start_values,
     tangents_at,
 )
 from bayesdamp.inference.deviation.exponent import power_solver, power_starts
-from bayesdamp.inference.deviation.linear import condensed, weigh
-from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
+from bayesdamp.inference.deviation.linear import condense, linear_posterior
+from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, TINY, others
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import SCORE_RATIO
 
-PLACES = {"displacement": "quadratic", "stribeck": "coulomb"}
+REPLACED = {"displacement": "quadratic", "stribeck": "coulomb"}
 """The term that a form stands for: both grow with the amplitude, or are dry friction."""
 ALONE = "power"
 """The form that stands for a whole sum."""
@@ -49,28 +49,28 @@ LEAST_WORK = 1e-6
 """Net work, relative to the sum of its absolute parts, below which a form dissipates no energy."""
 
 
-def place_of(damping: Sequence[str]) -> tuple[str, ...]:
+def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
     """Return the sum that a rival stands for and to which it comes in a limit; empty where there is none."""
-    if not any(TERMS.get(t).inferred and t in PLACES for t in damping):
+    if not any(TERMS.get(t).inferred and t in REPLACED for t in damping):
         return ()
-    like = {PLACES.get(t, t) for t in damping}
+    like = {REPLACED.get(t, t) for t in damping}
     return tuple(t for t in PAPER_TERMS if t in like)
 
 
-def with_rivals(weighing: Weighing) -> Weighing:
+def add_rivals(comparison: ModelComparison) -> ModelComparison:
     """Return the weighing with its rivals, under the likeliest restoring law."""
-    if not weighing.results:
-        return weighing
-    best = weighing.best
-    plain = weighing.solvers[best.candidate.restoring]
+    if not comparison.results:
+        return comparison
+    best = comparison.best
+    plain = comparison.solvers[best.candidate.restoring]
     paper = [t for t in plain.terms if t in PAPER_TERMS]
     close = {
         frozenset(r.candidate.damping)
-        for r in weighing.results
+        for r in comparison.results
         if r.log_evidence > best.log_evidence - BEHIND and r.candidate.restoring == best.candidate.restoring
     }
     rivals: list[CandidateResult] = []
-    for form, like in PLACES.items():
+    for form, like in REPLACED.items():
         if form in plain.terms or like not in plain.terms:
             continue
         rest = [t for t in paper if t != like]
@@ -79,22 +79,22 @@ def with_rivals(weighing: Weighing) -> Weighing:
             sums = [(*(t for t in rest if t in s), form) for s in near]
         else:
             sums = [(*c, form) for n in range(len(rest) + 1) for c in combinations(rest, n)]
-        rivals += _weigh_rivals(weighing, replace(plain, terms=(*paper, form)), sums)
+        rivals += _evaluate_rivals(comparison, replace(plain, terms=(*paper, form)), sums)
     if ALONE not in plain.terms:
         # The power of the velocity, starting where it dissipates as the likeliest sum does.
-        ratio = weighing.data.middle.peak_velocity / weighing.reference.peak_velocity
+        ratio = comparison.data.middle.peak_velocity / comparison.reference.peak_velocity
         starts = [
             {**start, "c_power": start["c_power"] * ratio ** (1 - start["exponent"])}
-            for start in power_starts(weighing)
+            for start in power_starts(comparison)
         ]
         if starts:
-            solver = power_solver(weighing, starts[0]["exponent"])
-            rivals += _weigh_rivals(weighing, solver, [(ALONE,)], starts)
-    return replace(weighing, forms=tuple(rivals))
+            solver = power_solver(comparison, starts[0]["exponent"])
+            rivals += _evaluate_rivals(comparison, solver, [(ALONE,)], starts)
+    return replace(comparison, forms=tuple(rivals))
 
 
-def _weigh_rivals(
-    weighing: Weighing,
+def _evaluate_rivals(
+    comparison: ModelComparison,
     solver: Solver,
     sums: Sequence[tuple[str, ...]],
     starts: Sequence[Mapping[str, float]] = (),
@@ -103,21 +103,21 @@ def _weigh_rivals(
 
     `starts` are values of coefficients and parameters; by default, starts are taken from their priors.
     """
-    data, reference, fit = weighing.data, weighing.reference, weighing.best.fit
-    law, near = weighing.best.candidate.restoring, fit.parameters.named(fit.z)
-    scales = reference.scales(data.rest_under(law, fit.values[weighing.solvers[law].law_places]))
-    fixed = weighing.known_motion()
+    data, reference, fit = comparison.data, comparison.reference, comparison.best.fit
+    law, near = comparison.best.candidate.restoring, fit.parameters.named(fit.z)
+    scales = reference.scales(data.rest_under(law, fit.values[comparison.solvers[law].law_places]))
+    fixed = comparison.known_motion()
 
-    def weigh_one(c: MotionCandidate) -> CandidateResult | None:
+    def evaluate(c: MotionCandidate) -> CandidateResult | None:
         parameters = parameters_of(c, solver, data, reference, {}, {**fixed, **scales})
-        first = first_values(c, data, fixed)
+        first = initial_values(c, data, fixed)
         begin = {**near, **{n: first[n] for n in (TERMS.get(t).parameter for t in c.damping)}}
-        each = [{**begin, **start} for start in starts or starts_of(c, parameters)]
+        each = [{**begin, **start} for start in starts or start_values(c, parameters)]
         rival = search(solver, data, parameters, each, windows=False)
-        return None if rival is None else weighing.weigh(c, solver, rival)
+        return None if rival is None else comparison.evaluate(c, solver, rival)
 
     assert solver.kernel  # compiled before several threads ask for it
-    rivals = at_once(weigh_one, [MotionCandidate(terms, law) for terms in sums])
+    rivals = at_once(evaluate, [MotionCandidate(terms, law) for terms in sums])
     return [r for r in rivals if r is not None]
 
 
@@ -143,29 +143,29 @@ class _Form:
     signed: bool = False
 
 
-def bounds_of_others(
-    weighing: Weighing, result: CandidateResult, rng: np.random.Generator
+def bound_other_forms(
+    comparison: ModelComparison, result: CandidateResult, rng: np.random.Generator
 ) -> dict[str, float]:
     """Return 95 % upper limits of the share of the energy of each form that is not in the result's sum, by name.
 
     Of friction with a parameter of its own, only what it adds to dry friction is bounded.
     """
     absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
-    forms = [form for name in absent for form in _forms(weighing, result, name)]
+    forms = [form for name in absent for form in _forms(comparison, result, name)]
     base = columns_of(result)
-    more = _tangents(weighing, result, forms) if base is not None and forms else None
+    more = _tangents(comparison, result, forms) if base is not None and forms else None
     if base is None or more is None:
         return {}
     columns, target = base
-    parameters, solver = result.fit.parameters, weighing.solvers[result.candidate.restoring]
+    parameters, solver = result.fit.parameters, comparison.solvers[result.candidate.restoring]
     times, x, v = _middle(result)
     weight = v * (np.gradient(times) / (times[-1] - times[0]))
     # The mean power of the sum's own terms at scores of 1, and of a viscous force 2ω θ̇, whose ratio is 1.
     works = solver.works(x, v, weight, result.further, result.fit.active)[0]
     own = np.flatnonzero(parameters.free < len(solver.terms))
     power = works[parameters.free[own]] * parameters.rates(result.z)[own]
-    viscous = 2 * weighing.data.frequency * float(np.sum(weight * v))
-    right = x > weighing.data.rest_under(result.candidate.restoring, result.law)
+    viscous = 2 * comparison.data.frequency * float(np.sum(weight * v))
+    right = x > comparison.data.rest_under(result.candidate.restoring, result.law)
     bounds: dict[str, float] = {}
     d, shared = result.fit.z.size, np.append(parameters.shared, True)
     for i, form in enumerate(forms):
@@ -181,9 +181,9 @@ def bounds_of_others(
             continue
         size = SCORE_RATIO * viscous / work
         whole = np.insert(columns, d, more[:, i] * size, axis=1)
-        model = condensed(whole, target, np.append(parameters.positive, not form.signed), shared)
-        weighed = weigh(model, result.grid(coarse=True), weighing.variance, weighing.samples)
-        u = weighed.draws(model.positive, FEW, rng)[0]
+        model = condense(whole, target, np.append(parameters.positive, not form.signed), shared)
+        posterior = linear_posterior(model, result.grid(coarse=True), comparison.variance, comparison.samples)
+        u = posterior.draws(model.positive, FEW, rng)[0]
         lost = np.abs(u[:, d]) * size * work
         rest = np.maximum(u[:, own] @ power, 0.0)
         share = float(np.quantile(lost / np.maximum(lost + rest, 1e-300), 0.95))
@@ -191,13 +191,13 @@ def bounds_of_others(
     return bounds
 
 
-def _forms(weighing: Weighing, result: CandidateResult, name: str) -> Iterator[_Form]:
+def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> Iterator[_Form]:
     """Yield the parts of a term that are bounded: at low and high values of its parameters.
 
     Of a term that reduces to a simpler one, what it adds to that.
     """
-    term, reference = TERMS.get(name), weighing.reference
-    scales = reference.scales(weighing.data.rest_under(result.candidate.restoring, result.law))
+    term, reference = TERMS.get(name), comparison.reference
+    scales = reference.scales(comparison.data.rest_under(result.candidate.restoring, result.law))
     priors = {p.name: p.prior(reference.amplitude, reference.frequency) for p in term.inferred}
 
     def value(parameter: str, score: float) -> float:
@@ -217,11 +217,11 @@ def _forms(weighing: Weighing, result: CandidateResult, name: str) -> Iterator[_
 
 def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the linear model's columns (n, K) and what they are fitted to, (n,)."""
-    fit, about = result.fit, result.about
-    if about is None:
+    fit, linearisation = result.fit, result.linearisation
+    if linearisation is None:
         return fit.tangents, fit.residual + fit.tangents @ fit.z
-    columns = tangents_at(result.solver, fit, about.u)
-    return None if columns is None else (columns, about.residual + columns @ about.u)
+    columns = tangents_at(result.solver, fit, linearisation.u)
+    return None if columns is None else (columns, linearisation.residual + columns @ linearisation.u)
 
 
 def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -244,12 +244,12 @@ def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return times, every[:, 0], v
 
 
-def _tangents(weighing: Weighing, result: CandidateResult, forms: list[_Form]) -> np.ndarray | None:
+def _tangents(comparison: ModelComparison, result: CandidateResult, forms: list[_Form]) -> np.ndarray | None:
     """Return the tangents of the record by the forms' coefficients at 0, (n, f); None where the motion escapes.
 
     The motion is solved with all forms at once, and again for the terms that have further forms.
     """
-    solver = weighing.solvers[result.candidate.restoring]
+    solver = comparison.solvers[result.candidate.restoring]
     wider = replace(solver, terms=tuple(dict.fromkeys([*solver.terms, *(form.name for form in forms)])))
     known = dict(zip(solver.names, result.values.tolist(), strict=True))
     added = {form.name for form in forms}

@@ -12,18 +12,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import (
-    Linearised,
+    Linearisation,
     MotionCandidate,
-    first_values,
+    initial_values,
     linearise,
     mode_of,
     parameters_of,
 )
 from bayesdamp.inference.deviation.draws import at_share, orbit_at, turning_amplitudes
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
-from bayesdamp.inference.deviation.linear import Grid, weigh, wide_grid
+from bayesdamp.inference.deviation.linear import Grid, linear_posterior, wide_grid
+from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.types import Ratio
 
@@ -60,22 +60,22 @@ class FreeCurve:
 
 
 def free_curve(
-    weighing: Weighing, restoring: str, guess: tuple[Ratio, ...], rng: np.random.Generator
+    comparison: ModelComparison, restoring: str, guess: tuple[Ratio, ...], rng: np.random.Generator
 ) -> FreeCurve | None:
     """Infer the curve under a restoring law; None where no motion follows the record.
 
     The search for the motion starts from the ratios of `guess`.
     """
-    data = weighing.data
+    data = comparison.data
     count = int(np.clip(round(data.cycles / A_KNOT) + 1, *KNOTS))
-    base = weighing.solvers[restoring]
+    base = comparison.solvers[restoring]
     solver = replace(base, terms=("viscous",), knots=np.linspace(0.0, data.end, count))
     grid = wide_grid(count)
-    at = _mode(weighing, solver, grid, guess)
+    at = _mode(comparison, solver, grid, guess)
     if at is None:
         return None
-    weighed = weigh(at.model, grid, weighing.variance, weighing.samples)
-    u = weighed.draws(at.fit.parameters.positive, DRAWS, rng)[0]
+    posterior = linear_posterior(at.model, grid, comparison.variance, comparison.samples)
+    u = posterior.draws(at.fit.parameters.positive, DRAWS, rng)[0]
     g, h = np.split(u[:, at.fit.z.size :], 2, axis=1)
     if np.abs(g).max() > FAR:
         return None
@@ -100,21 +100,23 @@ def free_curve(
     return FreeCurve(amplitude, ratio, lost)
 
 
-def _mode(weighing: Weighing, solver: Solver, grid: Grid, guess: tuple[Ratio, ...]) -> Linearised | None:
+def _mode(
+    comparison: ModelComparison, solver: Solver, grid: Grid, guess: tuple[Ratio, ...]
+) -> Linearisation | None:
     """Return the model about the mode of parameters and g together, starting from the guessed curve."""
-    data, law = weighing.data, solver.restoring
-    near = next(r for r in weighing.results if r.candidate.restoring == law)
+    data, law = comparison.data, solver.restoring
+    near = next(r for r in comparison.results if r.candidate.restoring == law)
     fitted, known = near.fit.parameters.named(near.fit.z), near.fit.parameters.known
     fixed = {n: v for n, v in known.items() if n in solver.names[solver.law_places]}
     c = MotionCandidate(("viscous",), law)
-    parameters = parameters_of(c, solver, data, weighing.reference, {}, fixed)
+    parameters = parameters_of(c, solver, data, comparison.reference, {}, fixed)
     # When the motion has the guessed amplitudes, which fall.
     turns, sizes = turning_amplitudes(near.motion)
     times = np.linspace(0, data.end, len(guess))
     if turns.size >= 2:
         times = np.interp([-np.log(r.amplitude) for r in guess], -np.log(sizes), turns)
     log = np.interp(solver.knots, times, np.log(np.maximum(np.array([r.value for r in guess]), 1e-12)))
-    start = {**first_values(c, data, fixed), **{n: fitted[n] for n in parameters.free_names if n in fitted}}
+    start = {**initial_values(c, data, fixed), **{n: fitted[n] for n in parameters.free_names if n in fitted}}
     # Only g is inferred of the damping: a coefficient would be its mean once more, and their product is not linear.
     priors = {n: prior for n, prior in parameters.priors.items() if n != "zeta"}
     zeta = float(np.exp(log.mean())) * data.frequency
@@ -127,7 +129,7 @@ def _mode(weighing: Weighing, solver: Solver, grid: Grid, guess: tuple[Ratio, ..
     for _ in range(STEPS):
         if at is None:
             return None
-        mode, share, new = mode_of(at.model, grid, weighing.variance), 1.0, None
+        mode, share, new = mode_of(at.model, grid, comparison.variance), 1.0, None
         while share > 0.02 and new is None:
             new = linearise(solver, data, fit, at.u + share * (mode - at.u))
             if new is not None and new.squares > at.squares * CLOSE:
@@ -135,7 +137,7 @@ def _mode(weighing: Weighing, solver: Solver, grid: Grid, guess: tuple[Ratio, ..
             share *= 0.5
         if new is None:
             break
-        moved, at = new.distance(at.u, weighing.variance), new
+        moved, at = new.distance(at.u, comparison.variance), new
         if moved < SETTLED:
             break
     return at

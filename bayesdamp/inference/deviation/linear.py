@@ -16,7 +16,7 @@ from scipy.special import log_ndtr
 from bayesdamp.numerics.orthant import draw, log_probability
 from bayesdamp.priors import SHARED_SIGMAS
 
-EXACT = 0.8
+PROBABILITY_EXACT = 0.8
 """Prior probability that a law holds exactly."""
 MEAN_G, MEAN_H = 0.03, 0.01
 """Where it does not: means of the exponential priors of the relative deviations' sds, of damping and of frequency."""
@@ -24,14 +24,14 @@ SIZES_G = np.geomspace(0.002, 0.25, 9)
 SIZES_H = np.geomspace(0.0003, 0.03, 6)
 LENGTHS = (0.1, 0.3, 1.0)
 """Correlation lengths as shares of the record."""
-WIDE = (0.1, 0.3, 1.0, 3.0)
+WIDE_SIZES = (0.1, 0.3, 1.0, 3.0)
 """Sizes of a log deviation that may be anything: up to a factor of 20 either way."""
 WIDE_LENGTHS = (0.1, 0.3, 1.0)
 JITTER = 1e-6
 LEAST_KNOTS, MOST_KNOTS = 4, 16
 Size = tuple[float, float, float]
 """Size and correlation length of a deviation, and the log prior mass of both."""
-NONE: Size = (0.0, 1.0, 0.0)
+NO_DEVIATION: Size = (0.0, 1.0, 0.0)
 """No deviation, for certain."""
 
 
@@ -102,21 +102,21 @@ def grid_of(
         Whether the record has phases. Without them, the factors are those of g alone, (c, n, n).
     """
     step = 2 if coarse else 1
-    of_g, of_h = [NONE], [NONE]
+    of_g, of_h = [NO_DEVIATION], [NO_DEVIATION]
     if not exact:
         of_g = _with_none(SIZES_G[::step], MEAN_G, LENGTHS[::step])
         of_h = _with_none(SIZES_H[::step], MEAN_H, LENGTHS[::step])
     if phases:
         return _combine(knots, of_g, of_h, absorbed)
-    grid = _combine(knots, of_g, [NONE], absorbed)
+    grid = _combine(knots, of_g, [NO_DEVIATION], absorbed)
     return replace(grid, scales=grid.scales[:, :knots], roots=grid.roots[:, :knots, :knots])
 
 
 @lru_cache(maxsize=8)
 def wide_grid(knots: int) -> Grid:
     """Return the grid of a damping that follows no law: g of any size, all equally probable; h on the coarse grid."""
-    mass = -float(np.log(len(WIDE) * len(WIDE_LENGTHS)))
-    of_g = [(size, length, mass) for size in WIDE for length in WIDE_LENGTHS]
+    mass = -float(np.log(len(WIDE_SIZES) * len(WIDE_LENGTHS)))
+    of_g = [(size, length, mass) for size in WIDE_SIZES for length in WIDE_LENGTHS]
     return _combine(knots, of_g, _with_none(SIZES_H[::2], MEAN_H, LENGTHS[::2]))
 
 
@@ -124,13 +124,13 @@ def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> li
     """Return no deviation, and each size with an exponential's mass about it and equally probable lengths."""
     edges = np.concatenate([[0.0], np.sqrt(sizes[1:] * sizes[:-1]), [np.inf]])
     mass = np.diff(-np.exp(-edges / mean))
-    share = (1 - EXACT) / len(lengths)
+    share = (1 - PROBABILITY_EXACT) / len(lengths)
     deviating = [
         (float(size), length, float(np.log(share * m)))
         for size, m in zip(sizes, mass, strict=True)
         for length in lengths
     ]
-    return [(0.0, 1.0, float(np.log(EXACT))), *deviating]
+    return [(0.0, 1.0, float(np.log(PROBABILITY_EXACT))), *deviating]
 
 
 def _combine(
@@ -161,11 +161,11 @@ def smooth_root(knots: int, length: float) -> np.ndarray:
     return np.linalg.cholesky(np.exp(-np.abs(s[:, None] - s) / length) + JITTER * np.eye(knots))
 
 
-EXACT_LAWS = grid_of(0, exact=True)
+NO_DEVIATIONS = grid_of(0, exact=True)
 """No deviations."""
 
 
-PRECISE = 1e11
+LARGEST_INFORMATION = 1e11
 """Largest information, relative to the prior's, for which its Cholesky factor and differences of squares keep at least
 five digits, half of the digits of a number (measured)."""
 SMALL = 12
@@ -209,7 +209,7 @@ class LinearModel:
         """Return the model of some of the scores, (d,) of bool, with the others at 0."""
         columns = np.concatenate([scores, np.ones(self.root.shape[1] - scores.size, bool)])
         masks = (mask[scores] for mask in (self.positive, self.shared, self.damping))
-        model = condensed(self.root[:, columns], self.target, *masks)
+        model = condense(self.root[:, columns], self.target, *masks)
         return replace(model, rest=self.rest + model.rest, count=self.count)
 
 
@@ -233,7 +233,7 @@ class DampingLikelihood:
 
 
 @dataclass(frozen=True)
-class Weighed:
+class LinearPosterior:
     """The model at one noise over m combinations of hyperparameters and scales.
 
     Attributes
@@ -269,7 +269,7 @@ class Weighed:
         normals = self.whole(combos)
         if self.scales is None:
             return normals.means[rows], normals.factors[rows]
-        return _Scaled.of(normals, self.positive, self.shared).posteriors(rows, self.scales[places])
+        return _ScaledPriors.of(normals, self.positive, self.shared).posteriors(rows, self.scales[places])
 
     @cached_property
     def _every(self) -> tuple[np.ndarray, np.ndarray]:
@@ -285,7 +285,7 @@ class Weighed:
         """Factor of the covariance under every combination, (m, K, K)."""
         return self._every[1]
 
-    def only(self, which: np.ndarray) -> Weighed:
+    def only(self, which: np.ndarray) -> LinearPosterior:
         """Return the result over some of the combinations, (m,) of bool, without the likelihood of the damping."""
         log = self.log_each[which]
         scales = None if self.scales is None else self.scales[which]
@@ -309,7 +309,7 @@ class Weighed:
         return u, np.repeat(places, numbers[places])
 
 
-def condensed(
+def condense(
     columns: np.ndarray,
     r: np.ndarray,
     positive: np.ndarray,
@@ -390,7 +390,7 @@ class _Triangles:
         information = products[grid.lengths] * scales[:, :, None] * scales[:, None, :]
         information[:, np.arange(total), np.arange(total)] += 1.0
         squares = model.target @ model.target / variance
-        if information.diagonal(axis1=1, axis2=2).max() < PRECISE:
+        if information.diagonal(axis1=1, axis2=2).max() < LARGEST_INFORMATION:
             lower = np.linalg.cholesky(information)
             half = (model.target @ white)[grid.lengths] * scales / sd
             for i in range(total):  # forward substitution
@@ -417,7 +417,7 @@ def normals(
     Parameters
     ----------
     model, grid, variance, samples
-        As of `weigh`; the variance may be one per combination, (c,).
+        As of `linear_posterior`; the variance may be one per combination, (c,).
     scores_only : bool
         Whether g and h are integrated out, which takes a third of the time.
     """
@@ -438,7 +438,7 @@ def normals(
     return Normals(log, (factors @ half[:, :, None])[:, :, 0], factors)
 
 
-def weigh(model: LinearModel, grid: Grid, variance: float, samples: float) -> Weighed:
+def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: float) -> LinearPosterior:
     """Compute evidence and posteriors under white noise.
 
     The prior of each score is N(0, 1), that of the shared ones N(0, σ²) with the same σ for all, one of
@@ -457,12 +457,12 @@ def weigh(model: LinearModel, grid: Grid, variance: float, samples: float) -> We
         log(2π variance) − rest / (2 variance), so that models with other variances can be compared.
     """
     posteriors = normals(model, grid, variance, samples, scores_only=True)
-    weighed = with_priors(posteriors, model.positive, model.shared)
-    weighed = replace(weighed, whole=partial(_whole, model, grid, variance, samples))
+    posterior = with_priors(posteriors, model.positive, model.shared)
+    posterior = replace(posterior, whole=partial(_whole, model, grid, variance, samples))
     places = np.flatnonzero(model.damping)
     if not places.size:
-        return weighed
-    return replace(weighed, damping=damping_likelihood(posteriors, places, grid.log_prior))
+        return posterior
+    return replace(posterior, damping=damping_likelihood(posteriors, places, grid.log_prior))
 
 
 def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, combos: np.ndarray) -> Normals:
@@ -470,7 +470,7 @@ def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, comb
     return normals(model, grid.only(combos), variance, samples)
 
 
-def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -> Weighed:
+def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -> LinearPosterior:
     """Turn posteriors under N(0, 1) priors of either sign into those under the priors themselves.
 
     Parameters
@@ -485,7 +485,7 @@ def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -
     places = np.flatnonzero(positive)
     scaled, scales, combos, log_each = None, None, np.arange(posteriors.log.size), posteriors.log
     if shared.any():
-        scaled = _Scaled.of(posteriors, positive, shared)
+        scaled = _ScaledPriors.of(posteriors, positive, shared)
         combos, scales = scaled.probable()
         log_each = scaled.log[combos, scales]
     if places.size:
@@ -497,11 +497,11 @@ def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -
         inside = log_probability(means, factors @ np.swapaxes(factors, 1, 2))
         log_each = log_each + (means.shape[1] * np.log(2.0) + inside)
     evidence = float(np.logaddexp.reduce(log_each))
-    return Weighed(log_each, evidence, combos, scales, positive, shared, posteriors.only)
+    return LinearPosterior(log_each, evidence, combos, scales, positive, shared, posteriors.only)
 
 
 @dataclass(frozen=True)
-class _Scaled:
+class _ScaledPriors:
     """The posteriors when the shared scores have the prior N(0, σ²) instead of N(0, 1), for every σ.
 
     With u = mean + F x, x ~ N(0, I), the shared scores are m + S x. Another prior of these adds δ |m + S x|² / 2, δ =
@@ -522,7 +522,7 @@ class _Scaled:
     extra: np.ndarray
 
     @classmethod
-    def of(cls, posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -> _Scaled:
+    def of(cls, posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -> _ScaledPriors:
         inside, shared = np.flatnonzero(positive[shared]), np.flatnonzero(shared)
         left, sizes, right = np.linalg.svd(posteriors.factors[:, shared], full_matrices=False)
         aim = np.einsum("cij,ci->cj", left, posteriors.means[:, shared])

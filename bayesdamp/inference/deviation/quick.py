@@ -11,11 +11,16 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.deviation.averaged import Averaging
 from bayesdamp.inference.deviation.candidate import START, MotionCandidate, refit
-from bayesdamp.inference.deviation.data import prepared
-from bayesdamp.inference.deviation.exponent import exponents_of
-from bayesdamp.inference.deviation.forms import columns_of, with_rivals
-from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, prepared_for
-from bayesdamp.inference.deviation.weighing import CandidateResult, Known, Weighing, weigh_all
+from bayesdamp.inference.deviation.data import prepare_data
+from bayesdamp.inference.deviation.exponent import exponent_quantiles
+from bayesdamp.inference.deviation.forms import add_rivals, columns_of
+from bayesdamp.inference.deviation.model_comparison import (
+    CandidateResult,
+    Known,
+    ModelComparison,
+    compare_candidates,
+)
+from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, prepare_for_noises
 from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.physics.kernel.averaged import AveragedSolver
@@ -30,7 +35,7 @@ MOST_CYCLES = 1200.0
 (measured)."""
 
 
-def weighing_of(
+def compare_signal(
     signal: Signal,
     *,
     damping: Sequence[str] = (),
@@ -40,7 +45,7 @@ def weighing_of(
     reference: Reference | None = None,
     approximate: bool = True,
     noises: Sequence[str] = AUTOMATIC,
-) -> Weighing:
+) -> ModelComparison:
     """Weigh damping sums under restoring laws.
 
     A record of hundreds of cycles is taken as amplitudes and phases, where that moves no parameter by more than a tenth
@@ -53,7 +58,7 @@ def weighing_of(
     damping, restoring : sequence of str
         Damping sums and restoring laws; by default all of them, for a record in metres the laws that translate.
     known, priors, reference, approximate
-        As of `weigh_all`.
+        As of `compare_candidates`.
     noises : sequence of str
         Noise models, of which the likeliest is used.
 
@@ -65,7 +70,7 @@ def weighing_of(
     laws = list(restoring) or [n for n in LAWS.names() if signal.unit == "rad" or LAWS.get(n).translates]
     sums = list(damping) or all_sums()
     weigh = partial(
-        weigh_all,
+        compare_candidates,
         candidates=[MotionCandidate(parse_model(s), law) for law in laws for s in sums],
         known=known,
         priors=priors,
@@ -78,52 +83,52 @@ def weighing_of(
     start_known = any(name in values for values in known_under for name in START)
     # Matrices of a few dozen rows: threads of a linear algebra library would only wait for each other.
     with threadpool_limits(1, "blas"):
-        data = prepared_for(signal, noises, known_under[0], priors or {}, average=not start_known)
-        weighing = weigh(data)
-        if data.averaged is not None and weighing.results:
-            weighing = _corrected(weighing)
-            averaging = averaging_of(weighing)
+        data = prepare_for_noises(signal, noises, known_under[0], priors or {}, average=not start_known)
+        comparison = weigh(data)
+        if data.averaged is not None and comparison.results:
+            comparison = _corrected(comparison)
+            averaging = averaging_of(comparison)
             if averaging is None or averaging.close or data.cycles > MOST_CYCLES:
-                weighing = replace(weighing, averaging=averaging)
+                comparison = replace(comparison, averaging=averaging)
             else:
-                weighing = weigh(prepared(signal, average=False))
-        weighing = with_rivals(weighing)
-        return replace(weighing, exponents=exponents_of(weighing))
+                comparison = weigh(prepare_data(signal, average=False))
+        comparison = add_rivals(comparison)
+        return replace(comparison, exponents=exponent_quantiles(comparison))
 
 
-def _corrected(weighing: Weighing) -> Weighing:
+def _corrected(comparison: ModelComparison) -> ModelComparison:
     """Return the weighing with the candidates that count corrected by the ODE at their modes, deviations included."""
-    top = weighing.best.log_evidence
+    top = comparison.best.log_evidence
 
     def correct(r: CandidateResult) -> CandidateResult:
         if top - r.log_evidence > NEAR:
             return r
         assert isinstance(r.solver, AveragedSolver)
         solver = r.solver.corrected(r.values, r.fit.active, *r.deviations)
-        fit = None if solver is None else refit(solver, weighing.data, r.fit)
+        fit = None if solver is None else refit(solver, comparison.data, r.fit)
         if solver is None or fit is None:
             return r
-        return weighing.weigh(r.candidate, solver, fit)
+        return comparison.evaluate(r.candidate, solver, fit)
 
-    weighing = replace(weighing, results=tuple(at_once(correct, weighing.results)))
-    best = weighing.best
-    return replace(weighing, solvers={**weighing.solvers, best.candidate.restoring: best.solver})
+    comparison = replace(comparison, results=tuple(at_once(correct, comparison.results)))
+    best = comparison.best
+    return replace(comparison, solvers={**comparison.solvers, best.candidate.restoring: best.solver})
 
 
-def averaging_of(weighing: Weighing) -> Averaging | None:
+def averaging_of(comparison: ModelComparison) -> Averaging | None:
     """Return how far a weighing is from one by the ODE; None where it is by the ODE."""
-    if weighing.data.averaged is None or not weighing.results:
+    if comparison.data.averaged is None or not comparison.results:
         return None
-    result, cycles = weighing.best, weighing.data.cycles
+    result, cycles = comparison.best, comparison.data.cycles
     assert isinstance(result.solver, AveragedSolver)
     off = result.solver.error(result.values, result.fit.active, *result.deviations)
     base = columns_of(result)
     if off is None or base is None:
         return Averaging(cycles, float("inf"))
-    weighed = result.posterior
-    moved, spread = np.zeros(weighed.means.shape[1]), np.zeros(weighed.means.shape[1])
+    posterior = result.posterior
+    moved, spread = np.zeros(posterior.means.shape[1]), np.zeros(posterior.means.shape[1])
     # Over the hyperparameters: a parameter that some of them determine well may be loose under others.
-    for weight, factor in zip(weighed.weights, weighed.factors, strict=True):
+    for weight, factor in zip(posterior.weights, posterior.factors, strict=True):
         shift, sd = factor @ (factor.T @ (base[0].T @ off)) / result.variance, np.linalg.norm(factor, axis=1)
         moved, spread = moved + weight * shift, spread + weight * sd**2
     rows = [i for i, name in enumerate(result.fit.parameters.free_names) if name not in START]

@@ -164,16 +164,16 @@ def joined(
     normals = replace(normals, log=normals.log + log_sizes[combo] + np.log(masses[at]))
     positive = np.array([p.reflected for p in priors.values()], bool)
     shared = np.array([isinstance(p, SharedHalfNormal) for p in priors.values()], bool)
-    weighed = with_priors(normals, positive, shared)
-    z, places = weighed.draws(positive, draws, np.random.default_rng(seed))
-    rows = weighed.combos[places]
+    posterior = with_priors(normals, positive, shared)
+    z, places = posterior.draws(positive, draws, np.random.default_rng(seed))
+    rows = posterior.combos[places]
     natural = np.column_stack([p.value(z[:, i]) for i, p in enumerate(priors.values())])
     drawn = spreads[at[rows]]
     if spreads.size > 1:  # anywhere in the cells that these stand for
         low, high = EDGES[at[rows]], EDGES[at[rows] + 1]
         high = np.minimum(high, SPREADS[-1] ** 1.5 / SPREADS[-2] ** 0.5)
         drawn = low + (high - low) * np.random.default_rng([seed, 1]).random(rows.size)
-    return Repeats(weighed.log_evidence, runs[0].names, natural, drawn, combo[rows])
+    return Repeats(posterior.log_evidence, runs[0].names, natural, drawn, combo[rows])
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.inference.deviation.linear import LinearModel, Weighed
+from bayesdamp.inference.deviation.linear import LinearModel, LinearPosterior
+from bayesdamp.inference.deviation.model_comparison import CandidateResult
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.inference.deviation.weighing import CandidateResult
 from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import log_prior_of
 
@@ -129,7 +129,9 @@ class Ridge:
         return np.where(np.all(z[..., self.base.positive] >= 0, axis=-1), log_ratio, -np.inf)
 
 
-def ridge_of(result: CandidateResult, base: Parameters, model: LinearModel, weighed: Weighed) -> Ridge | None:
+def ridge_of(
+    result: CandidateResult, base: Parameters, model: LinearModel, posterior: LinearPosterior
+) -> Ridge | None:
     """Return the ridge along that parameter of the damping terms which the record determines least.
 
     None where the terms have no parameters of their own, where one is best at zero, and where no motion stays in phase
@@ -137,8 +139,8 @@ def ridge_of(result: CandidateResult, base: Parameters, model: LinearModel, weig
     """
     d = base.free.size
     own = np.array([name in result.solver.inferred for name in base.free_names])
-    sds = np.sqrt(weighed.weights @ np.sum(weighed.factors[:, :d] ** 2, axis=2))
-    mode = weighed.means[int(np.argmax(weighed.log_each)), :d].copy()
+    sds = np.sqrt(posterior.weights @ np.sum(posterior.factors[:, :d] ** 2, axis=2))
+    mode = posterior.means[int(np.argmax(posterior.log_each)), :d].copy()
     leading = np.flatnonzero(own & ~base.positive)
     if leading.size == 0 or np.any(mode[own & base.positive] <= 0):
         return None

@@ -15,8 +15,8 @@ from functools import partial
 import numpy as np
 
 from bayesdamp.inference.deviation.averaged import ROUNDS, SETTLED
-from bayesdamp.inference.deviation.candidate import Linearised, linearise, refit, relinearise
-from bayesdamp.inference.deviation.data import LEAST_SQUARES, Data, prepared
+from bayesdamp.inference.deviation.candidate import Linearisation, linearise, linearise_at_mode, refit
+from bayesdamp.inference.deviation.data import LEAST_SQUARES, Data, prepare_data
 from bayesdamp.inference.noise import CORRELATED, GAUSSIAN, NOISES, FittedNoise, SampleNoise, fit_noise
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE
@@ -45,7 +45,7 @@ def noises_of(asked: str | Sequence[str]) -> tuple[str, ...]:
     return (*AUTOMATIC, *NOISES.added()) if names == ("auto",) else names
 
 
-def prepared_for(
+def prepare_for_noises(
     signal: Signal,
     names: Sequence[str],
     known: Mapping[str, float],
@@ -74,7 +74,7 @@ def prepared_for(
     Refusal
         Where the record does not oscillate, or none of the noise models applies to it.
     """
-    data = prepared(signal, average)
+    data = prepare_data(signal, average)
     if data.averaged is None or tuple(names) == (GAUSSIAN,):
         return data
     t = np.asarray(signal.t, float)
@@ -89,7 +89,7 @@ def prepared_for(
         noise = _choose(names, residual[used], fit_one)[0]
         if noise.name in LEAST_SQUARES:
             return replace(data, noise_model=noise)
-        data = prepared(signal, average, noise)
+        data = prepare_data(signal, average, noise)
         if data.averaged is None:
             break
     return data
@@ -112,7 +112,7 @@ def _choose(
             refused.append(str(refusal))
     if not weighed:
         raise Refusal("; ".join(refused))
-    gain = predictable(residual)
+    gain = predictable_nats(residual)
     best = max(weighed, key=lambda model: model.log_evidence)
     plain = next((model for model in weighed if model.name == GAUSSIAN), None)
     if plain is not None and (
@@ -123,7 +123,7 @@ def _choose(
 
 
 @dataclass(frozen=True)
-class Adapted:
+class AdaptedData:
     """A record whose values are those that least squares are made to under a noise model.
 
     Attributes
@@ -146,11 +146,11 @@ def adapt(
     names: Sequence[str],
     data: Data,
     solver: Solver,
-    at: Linearised,
+    at: Linearisation,
     known: Mapping[str, float],
     priors: Mapping[str, Prior],
     approximate: bool,
-) -> Adapted | None:
+) -> AdaptedData | None:
     """Choose the noise model of a record, and adapt the record's values to it.
 
     Parameters
@@ -161,7 +161,7 @@ def adapt(
         The record as it is.
     solver : Solver
         Of the motions.
-    at : Linearised
+    at : Linearisation
         The candidate with all terms, about its mode under Gaussian noise.
     known, priors : mapping
         Values and priors of parameters, including those of noise models.
@@ -170,7 +170,7 @@ def adapt(
 
     Returns
     -------
-    Adapted or None
+    AdaptedData or None
         None where only Gaussian noise can be used, or the record is taken as amplitudes and phases, whose noise was
         chosen before.
 
@@ -194,7 +194,7 @@ def adapt(
         other = next((model for model in chosen.weighed if model.name == CORRELATED), noise)
         if other.log_evidence - noise.log_evidence > max(LEAD, gain - LEAD):
             variance = other.variance(record.y - motion, motion - motion.mean(), gaps) / data.thinned
-        return Adapted(data, chosen, variance)
+        return AdaptedData(data, chosen, variance)
     for _ in range(ROUNDS):
         residual = record.y - motion
         variance = noise.variance(residual, motion - motion.mean(), gaps)
@@ -202,8 +202,8 @@ def adapt(
         # The candidate about its mode on the changed values.
         fit, new = refit(solver, data, at.fit), None
         if fit is not None and approximate:
-            about = relinearise(solver, data, fit, None)
-            new = None if about is None else about[0]
+            mode = linearise_at_mode(solver, data, fit, None)
+            new = None if mode is None else mode[0]
         elif fit is not None:
             new = linearise(solver, data, fit)
         if new is None:
@@ -214,17 +214,19 @@ def adapt(
         if motion is None or moved < SETTLED:
             break
         noise = fit_one(noise.name, record.y - motion)
-    return Adapted(data, SampleNoise(noise, chosen.weighed), data.least_variance + variance / data.thinned)
+    return AdaptedData(
+        data, SampleNoise(noise, chosen.weighed), data.least_variance + variance / data.thinned
+    )
 
 
-def _at_samples(solver: Solver, record: Signal, at: Linearised) -> np.ndarray | None:
+def _at_samples(solver: Solver, record: Signal, at: Linearisation) -> np.ndarray | None:
     """Return the motion at every sample of the record, (m,); None where it escapes."""
     every = solver.at(np.array(record.t, float), solver.quantity)
     motion = every.solve(at.values, at.fit.active, *at.deviations, NONE)
     return None if motion is None else motion.y
 
 
-def predictable(residual: np.ndarray) -> float:
+def predictable_nats(residual: np.ndarray) -> float:
     """Compute how many nats an autoregression of residuals (m,) is ahead of white Gaussian noise, never less than 0.
 
     By least squares and Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978)).

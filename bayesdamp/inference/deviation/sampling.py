@@ -13,12 +13,12 @@ from zlib import crc32
 
 import numpy as np
 
-from bayesdamp.inference.deviation.candidate import exact, linearise, refit, relinearise
-from bayesdamp.inference.deviation.linear import LinearModel, Weighed, weigh
+from bayesdamp.inference.deviation.candidate import exact_model, linearise, linearise_at_mode, refit
+from bayesdamp.inference.deviation.linear import LinearModel, LinearPosterior, linear_posterior
+from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.parameters import Parameters, straight_at
 from bayesdamp.inference.deviation.ridge import Ridge, ridge_of
 from bayesdamp.inference.deviation.tempered import DRAWS, sample_posterior
-from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
 from bayesdamp.machine import at_once
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE, TOLERANCE
@@ -79,7 +79,9 @@ class DrawMotions:
         return None if motion is None else motion.y + self.correction
 
 
-def motions_near(result: CandidateResult, parameters: Parameters | Ridge, weighed: Weighed) -> DrawMotions:
+def motions_near(
+    result: CandidateResult, parameters: Parameters | Ridge, posterior: LinearPosterior
+) -> DrawMotions:
     """Return motions to the loosest tolerance that keeps draws of the linear posterior within `APART`.
 
     Parameters
@@ -88,12 +90,12 @@ def motions_near(result: CandidateResult, parameters: Parameters | Ridge, weighe
         Of the candidate.
     parameters : Parameters or Ridge
         As of `DrawMotions`.
-    weighed : Weighed
+    posterior : LinearPosterior
         The linear posterior in the coordinates of `parameters`.
     """
     usual, sd = DrawMotions(result.solver, parameters, result.fit.active), np.sqrt(result.variance)
-    middle = weighed.means[int(np.argmax(weighed.log_each))]
-    rows = [middle, *weighed.draws(parameters.positive, TRIED, np.random.default_rng(0))[0]]
+    middle = posterior.means[int(np.argmax(posterior.log_each))]
+    rows = [middle, *posterior.draws(parameters.positive, TRIED, np.random.default_rng(0))[0]]
     wanted = [usual.at(row) for row in rows]
     if any(y is None for y in wanted):
         return usual
@@ -112,7 +114,7 @@ class SamplingStart:
 
     parameters: Parameters | Ridge
     model: LinearModel
-    weighed: Weighed
+    posterior: LinearPosterior
 
     def scores(self, draws: np.ndarray) -> np.ndarray:
         """Return standard normal scores with g and h, (n, K), of draws."""
@@ -121,37 +123,39 @@ class SamplingStart:
         return scores
 
 
-def reference_of(weighing: Weighing, result: CandidateResult) -> SamplingStart:
+def reference_of(comparison: ModelComparison, result: CandidateResult) -> SamplingStart:
     """Return the linear model that a candidate's draws start from.
 
     In straight coordinates, about the mode in them, where there are any; else the model by which it was weighed.
     Along a ridge where there is one.
     """
-    start = _straightened(weighing, result)
+    start = _straightened(comparison, result)
     if start is None:
         start = SamplingStart(result.fit.parameters, result.model, result.posterior)
     assert isinstance(start.parameters, Parameters)
-    ridge = ridge_of(result, start.parameters, start.model, start.weighed)
+    ridge = ridge_of(result, start.parameters, start.model, start.posterior)
     if ridge is None:
         return start
     model = replace(start.model, positive=ridge.positive)
-    return SamplingStart(ridge, model, weigh(model, result.grid(), result.variance, weighing.samples))
+    return SamplingStart(
+        ridge, model, linear_posterior(model, result.grid(), result.variance, comparison.samples)
+    )
 
 
-def _straightened(weighing: Weighing, result: CandidateResult) -> SamplingStart | None:
+def _straightened(comparison: ModelComparison, result: CandidateResult) -> SamplingStart | None:
     """Return the linear model in straight coordinates; None where there are none."""
-    data, solver, law = weighing.data, result.solver, result.candidate.restoring
+    data, solver, law = comparison.data, result.solver, result.candidate.restoring
     coordinates = straight_at(result.fit.parameters, law, result.z)
     if coordinates is None:
         return None
     fit = replace(result.fit, parameters=coordinates, z=result.z)
-    if result.about is None:
+    if result.linearisation is None:
         fit = refit(solver, data, fit)
-        model = None if fit is None else exact(fit)
+        model = None if fit is None else exact_model(fit)
     else:
-        at = linearise(solver, data, fit, result.about.u)
+        at = linearise(solver, data, fit, result.linearisation.u)
         for _ in range(ANCHORS):
-            mode = None if at is None else relinearise(solver, data, at.fit, result.variance, at)
+            mode = None if at is None else linearise_at_mode(solver, data, at.fit, result.variance, at)
             if mode is None:
                 return None
             z, d = mode[0].z, mode[0].z.size
@@ -166,32 +170,32 @@ def _straightened(weighing: Weighing, result: CandidateResult) -> SamplingStart 
         model = None if at is None else at.model
     if fit is None or model is None:
         return None
-    weighed = weigh(model, result.grid(), result.variance, weighing.samples)
-    return SamplingStart(fit.parameters, model, weighed)
+    posterior = linear_posterior(model, result.grid(), result.variance, comparison.samples)
+    return SamplingStart(fit.parameters, model, posterior)
 
 
-def with_samples(weighing: Weighing, seed: int = 0) -> Weighing:
+def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
     """Return the weighing with its likeliest candidates and rivals sampled.
 
     The evidence of the linear models decides which they are.
     """
-    every = [r for r in (*weighing.results, *weighing.forms) if weighing.compares(r)]
+    every = [r for r in (*comparison.results, *comparison.forms) if comparison.compares(r)]
     if not every:
-        return weighing
+        return comparison
     best = max(r.log_evidence for r in every)
     close = sorted((r for r in every if r.log_evidence > best - BEHIND), key=lambda r: -r.log_evidence)[:MOST]
-    sampled = {id(r): sampled_result(weighing, r, seed) for r in close}
-    results = tuple(sampled.get(id(r), r) for r in weighing.results)
-    return replace(weighing, results=results, forms=tuple(sampled.get(id(r), r) for r in weighing.forms))
+    sampled = {id(r): sampled_result(comparison, r, seed) for r in close}
+    results = tuple(sampled.get(id(r), r) for r in comparison.results)
+    return replace(comparison, results=results, forms=tuple(sampled.get(id(r), r) for r in comparison.forms))
 
 
 def sampled_result(
-    weighing: Weighing, result: CandidateResult, seed: int = 0, draws: int = DRAWS
+    comparison: ModelComparison, result: CandidateResult, seed: int = 0, draws: int = DRAWS
 ) -> CandidateResult:
     """Return a candidate's result with its motions sampled; a seed always gives the same draws of a candidate."""
-    start = reference_of(weighing, result)
-    parameters, model, y = start.parameters, start.model, weighing.data.y
-    motions = motions_near(result, parameters, start.weighed)
+    start = reference_of(comparison, result)
+    parameters, model, y = start.parameters, start.model, comparison.data.y
+    motions = motions_near(result, parameters, start.posterior)
 
     def squares(row: np.ndarray) -> float:
         motion = motions.at(row)
@@ -205,5 +209,5 @@ def sampled_result(
         return 0.5 * (linear - solved) / result.variance + prior
 
     own_seed = crc32(result.candidate.name.encode()) + seed % 2**32
-    sampled = sample_posterior(ratio, start.weighed, parameters.positive, draws=draws, seed=own_seed)
+    sampled = sample_posterior(ratio, start.posterior, parameters.positive, draws=draws, seed=own_seed)
     return replace(result, sampled=replace(sampled, draws=start.scores(sampled.draws)))

@@ -13,24 +13,28 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.checks import Ahead
 from bayesdamp.inference.deviation.candidate import MotionCandidate, active_of, linearise, tangents_at
-from bayesdamp.inference.deviation.data import Data, prepared
+from bayesdamp.inference.deviation.data import Data, prepare_data
 from bayesdamp.inference.deviation.draws import (
     CandidateDraws,
     Quantity,
+    draw_ratios,
+    mean_deviation,
     noise_sds,
     quantity,
     ratio_at,
-    ratios_drawn,
-    size_of,
 )
 from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit
 from bayesdamp.inference.deviation.linear import knots_of
+from bayesdamp.inference.deviation.model_comparison import (
+    CandidateResult,
+    ModelComparison,
+    compare_candidates,
+)
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC
 from bayesdamp.inference.deviation.sampling import DrawMotions, motions_near, sampled_result
-from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing, weigh_all
 from bayesdamp.inference.diagnostics import summarise, verdict
-from bayesdamp.inference.mode import LinearPosterior, Mode
+from bayesdamp.inference.mode import LinearDraws, Mode
 from bayesdamp.inference.model.deviation import Deviation
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
@@ -55,7 +59,7 @@ SEED_STEP = 1_000_003
 """Between the seeds of independent runs."""
 
 
-class Deviating(Trajectories):
+class DeviatingTrajectories(Trajectories):
     """Motions with fixed deviations, as means over windows, or as amplitudes and phases, where the data are these.
 
     Parameters
@@ -87,7 +91,7 @@ class Deviating(Trajectories):
 
 
 @dataclass(frozen=True)
-class Found:
+class FitState:
     """The end of the search on a record, from which everything else follows without a search.
 
     Attributes
@@ -142,13 +146,13 @@ class Single:
     ----------
     weighing, result
         Of the candidate alone.
-    found : Found
+    state : FitState
         The end of the search for it.
     """
 
-    weighing: Weighing
+    comparison: ModelComparison
     result: CandidateResult
-    found: Found
+    state: FitState
 
     @cached_property
     def mode(self) -> Mode:
@@ -156,38 +160,42 @@ class Single:
 
         Raises Refusal where no motion with deviations can be followed.
         """
-        weighing, data, result = self.weighing, self.weighing.data, self.result
+        comparison, data, result = self.comparison, self.comparison.data, self.result
         solver, parameters = result.solver, result.fit.parameters
-        about, weighed = result.about, result.posterior
-        if about is None:
+        linearisation, posterior = result.linearisation, result.posterior
+        if linearisation is None:
             raise Refusal(ESCAPED)
-        tangents = tangents_at(solver, result.fit, about.u, SEARCHED)
+        tangents = tangents_at(solver, result.fit, linearisation.u, SEARCHED)
         if tangents is None:
             raise Refusal(ESCAPED)
         # The deviations about those of the mode, under the combinations of hyperparameters that count.
-        d, grid = about.z.size, result.grid()
+        d, grid = linearisation.z.size, result.grid()
         basis, upper = np.linalg.qr(tangents[:, d:])
-        probability = np.bincount(weighed.combos, weighed.weights, minlength=grid.log_prior.size)
+        probability = np.bincount(posterior.combos, posterior.weights, minlength=grid.log_prior.size)
         probable = np.flatnonzero(probability > NEGLIGIBLE)
         deviation = Deviation(
-            Deviating(motions_near(result, parameters, weighed), about.deviations, parameters.known),
-            weighing.variance,
-            weighing.samples,
+            DeviatingTrajectories(
+                motions_near(result, parameters, posterior), linearisation.deviations, parameters.known
+            ),
+            comparison.variance,
+            comparison.samples,
             basis,
-            tangents[:, d:] @ about.u[d:],
+            tangents[:, d:] @ linearisation.u[d:],
             grid.log_prior[probable],
             grid.factors[probable],
-            upper @ grid.factors[probable] / np.sqrt(weighing.variance),
+            upper @ grid.factors[probable] / np.sqrt(comparison.variance),
             probability[probable] / probability[probable].sum(),
         )
         signal = Signal(data.t, data.y, data.quantity)
         known = {**parameters.known, "epsilon": solver.epsilon, **self.known}
         target = Target(signal, self.oscillator, "gaussian", parameters.priors, known, deviation=deviation)
-        likelihood = Likelihood.near(target, about.z, TOLERANCE * data.recorded_amplitude)
+        likelihood = Likelihood.near(target, linearisation.z, TOLERANCE * data.recorded_amplitude)
         scores = self.scores[:, :d]
         information = np.linalg.inv(np.atleast_2d(np.cov(scores.T)))
-        linear = LinearPosterior(scores, float(weighed.log_evidence))
-        return Mode(about.z, likelihood.log_posterior(about.z), information, likelihood, linear=linear)
+        linear = LinearDraws(scores, float(posterior.log_evidence))
+        return Mode(
+            linearisation.z, likelihood.log_posterior(linearisation.z), information, likelihood, linear=linear
+        )
 
     def with_deviations(self, z: Array, seed: int | Sequence[int]) -> Array:
         """Return scores (n, d), each with a draw of log g and h given them, (n, K)."""
@@ -217,13 +225,13 @@ class Single:
     @property
     def known(self) -> dict[str, float]:
         """Fixed values: parameters, friction's width where there is any, and the noise's parameters."""
-        weighing = self.weighing
+        comparison = self.comparison
         own = (*self.oscillator.parameters, "noise_sd")
-        known = {n: v for n, v in self.found.known.items() if n in own}
-        known |= {"epsilon": weighing.epsilon} if self.oscillator.switches else {}
-        if self.found.working is not None:
-            return {**known, **self.found.noise.values}
-        variance = weighing.variance / weighing.inflation * weighing.data.thinned
+        known = {n: v for n, v in self.state.known.items() if n in own}
+        known |= {"epsilon": comparison.epsilon} if self.oscillator.switches else {}
+        if self.state.working is not None:
+            return {**known, **self.state.noise.values}
+        variance = comparison.variance / comparison.inflation * comparison.data.thinned
         return {**known, "noise_sd": float(np.sqrt(variance))}
 
     def values(self, u: Array) -> Array:
@@ -245,7 +253,7 @@ class Single:
         whole = replace(posterior, summaries=summaries, arrays=arrays)
         if "u" in posterior.arrays:
             return whole, posterior.arrays["u"]
-        scores = [self.found.priors[n].score(posterior.draws[..., i]) for i, n in enumerate(self.names)]
+        scores = [self.state.priors[n].score(posterior.draws[..., i]) for i, n in enumerate(self.names)]
         z = np.stack(scores, axis=-1)
         u = self.with_deviations(z.reshape(-1, z.shape[-1]), [seed, 4])
         return whole, u.reshape(*z.shape[:2], -1)
@@ -261,7 +269,7 @@ class Single:
     @cached_property
     def noise_sds(self) -> dict[str, float]:
         """The sd that noise alone would cause in each inferred parameter, if the laws were exact."""
-        return noise_sds(self.weighing, self.result)
+        return noise_sds(self.comparison, self.result)
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
         """Return log g and h at the knots of draws (n, K): (n, k) each."""
@@ -276,17 +284,17 @@ class Single:
     def sizes(self, u: Array) -> tuple[Array, Array]:
         """Return the energy-weighted mean of |log g| and |h| over the record, of draws (n, K): (n,) each."""
         g, h = self.deviations(u)
-        return size_of(self.result, g), size_of(self.result, h)
+        return mean_deviation(self.result, g), mean_deviation(self.result, h)
 
     def ratios(self, amplitudes: Sequence[float], u: Array, sensor: float) -> tuple[Ratio, ...]:
         """Return equivalent damping ratios at amplitudes (rad or m), deviation and sensor included in their sds."""
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
-        return tuple(ratio_at(self.weighing, [drawn], a, sensor, rng) for a in amplitudes)
+        return tuple(ratio_at(self.comparison, [drawn], a, sensor, rng) for a in amplitudes)
 
     def ratio_draws(self, amplitudes: Array, u: Array, sensor: float) -> Array:
         """Return the same as draws, (n, m); nan at amplitudes that no motion has."""
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
-        columns = [ratios_drawn(self.weighing, [drawn], float(a), sensor, rng)[0] for a in amplitudes]
+        columns = [draw_ratios(self.comparison, [drawn], float(a), sensor, rng)[0] for a in amplitudes]
         return np.column_stack([ratios if ratios.size else np.full(len(u), np.nan) for ratios in columns])
 
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
@@ -302,7 +310,7 @@ class Single:
         motions = at_once(DrawMotions(solver, fit.parameters, fit.active).at, u)
         return np.stack([none if y is None else y for y in motions]) if len(u) else np.empty((0, none.size))
 
-    def carried_on(self, half: Single, z: Array, seed: int) -> Ahead:
+    def predict_second_half(self, half: Single, z: Array, seed: int) -> Ahead:
         """Predict the second half of the record from draws of the scores on the first half, (n, d).
 
         In the second half the deviations follow from their prior given those of the first. Raises Refusal where no draw
@@ -312,16 +320,16 @@ class Single:
         motions = motions[np.all(np.isfinite(motions), axis=1)]
         if not len(motions):
             raise Refusal("no motion that fits the first half goes on through the second")
-        weighing, count = self.weighing, half.weighing.data.y.size
-        second, noise = motions[:, count:], weighing.variance / weighing.inflation  # of one sample
-        return Ahead(weighing.data.y[count:] - second.mean(axis=0), np.sqrt(second.var(axis=0) + noise))
+        comparison, count = self.comparison, half.comparison.data.y.size
+        second, noise = motions[:, count:], comparison.variance / comparison.inflation  # of one sample
+        return Ahead(comparison.data.y[count:] - second.mean(axis=0), np.sqrt(second.var(axis=0) + noise))
 
     @property
     def best(self) -> Array:
         """The best motion with its deviations: u, (1, K)."""
-        about = self.result.about
-        assert about is not None
-        return about.u[None]
+        linearisation = self.result.linearisation
+        assert linearisation is not None
+        return linearisation.u[None]
 
     def log_likelihoods(self, motions: Array) -> Array:
         """Return the log density of each sample of motions (..., n), in nats.
@@ -329,9 +337,9 @@ class Single:
         With κ > 1 a sample counts for 1/κ of one, and its noise's variance is κ times larger, so that their sum is the
         log likelihood that was weighed.
         """
-        weighing = self.weighing
-        variance, kappa = weighing.variance, weighing.inflation
-        left = np.asarray(weighing.data.y) - motions
+        comparison = self.comparison
+        variance, kappa = comparison.variance, comparison.inflation
+        left = np.asarray(comparison.data.y) - motions
         return -0.5 * left**2 / variance - 0.5 * np.log(2 * np.pi * variance) / kappa
 
     def prior_draws(self, count: int, seed: int) -> Array:
@@ -357,7 +365,7 @@ def single(
     """Fit and weigh one candidate.
 
     The noise and friction's width are those under the sum of all terms, as where candidates are compared: so evidence
-    of two dampings under one law is for one noise. Parameters as of `weigh_all`.
+    of two dampings under one law is for one noise. Parameters as of `compare_candidates`.
 
     Raises
     ------
@@ -367,7 +375,7 @@ def single(
     asked = MotionCandidate(tuple(damping), restoring)
     whole = MotionCandidate((*PAPER_TERMS, *(t for t in damping if t not in PAPER_TERMS)), restoring)
     with threadpool_limits(1, "blas"):
-        weighing = weigh_all(
+        comparison = compare_candidates(
             data,
             dict.fromkeys([whole, asked]),
             known=known,
@@ -375,35 +383,35 @@ def single(
             reference=reference,
             noises=noises,
         )
-    result = next((r for r in weighing.results if set(r.candidate.damping) == set(damping)), None)
+    result = next((r for r in comparison.results if set(r.candidate.damping) == set(damping)), None)
     if result is None:
-        raise Refusal(weighing.refused.get(asked, ESCAPED))
-    return _rebuild(data, result.candidate, found_of(weighing, result))
+        raise Refusal(comparison.refused.get(asked, ESCAPED))
+    return _rebuild(data, result.candidate, state_of(comparison, result))
 
 
-def found_of(weighing: Weighing, result: CandidateResult) -> Found:
+def state_of(comparison: ModelComparison, result: CandidateResult) -> FitState:
     """Return the end of the search for one of the weighed candidates.
 
     Raises Refusal where no motion with deviations was found.
     """
-    if result.about is None:
+    if result.linearisation is None:
         raise Refusal(ESCAPED)
     parameters, solver = result.fit.parameters, result.solver
-    return Found(
+    return FitState(
         terms=solver.terms,
-        reference=weighing.reference,
+        reference=comparison.reference,
         priors=parameters.priors,
         known=parameters.known,
         z=result.fit.z,
-        u=result.about.u,
-        variance=weighing.variance,
-        inflation=weighing.inflation,
+        u=result.linearisation.u,
+        variance=comparison.variance,
+        inflation=comparison.inflation,
         exact_variance=result.exact_variance,
         epsilon=solver.epsilon,
-        frictions=weighing.frictions,
-        averaged=weighing.data.averaged is not None,
-        noise=weighing.noise.fitted,
-        working=None if weighing.data.readings is None else weighing.data.y,
+        frictions=comparison.frictions,
+        averaged=comparison.data.averaged is not None,
+        noise=comparison.noise.fitted,
+        working=None if comparison.data.readings is None else comparison.data.y,
     )
 
 
@@ -412,11 +420,11 @@ def under(single: Single, priors: Mapping[str, Prior]) -> Single:
 
     Raises Refusal where it cannot be followed there.
     """
-    parameters, end = single.result.fit.parameters, single.found
-    other, d = replace(parameters, priors=priors), end.z.size
-    z, start = (other.scores(parameters.named(scores)) for scores in (end.z, end.u[:d]))
-    moved = replace(end, priors=priors, z=z, u=np.concatenate([start, end.u[d:]]))
-    return _rebuild(single.weighing.data, single.result.candidate, moved)
+    parameters, state = single.result.fit.parameters, single.state
+    other, d = replace(parameters, priors=priors), state.z.size
+    z, start = (other.scores(parameters.named(scores)) for scores in (state.z, state.u[:d]))
+    moved = replace(state, priors=priors, z=z, u=np.concatenate([start, state.u[d:]]))
+    return _rebuild(single.comparison.data, single.result.candidate, moved)
 
 
 def first_half(single: Single) -> Single:
@@ -425,52 +433,56 @@ def first_half(single: Single) -> Single:
     It has the knots, the noise and the motion of the whole, so that its evidence is a factor of the whole's. Raises
     Refusal where the record is not taken as samples, or has too few.
     """
-    data, knots = single.weighing.data, single.result.solver.knots
+    data, knots = single.comparison.data, single.result.solver.knots
     if data.averaged is not None:
         raise Refusal("not applicable: a record that is taken as amplitudes and phases is not cut in halves")
-    count, inferred = data.t.size // 2, single.found.u.size
+    count, inferred = data.t.size // 2, single.state.u.size
     if count <= inferred:
         raise Refusal(f"half the record has {count} samples for {inferred} parameters and deviations")
-    return _rebuild(data.first(count), single.result.candidate, single.found, knots)
+    return _rebuild(data.first(count), single.result.candidate, single.state, knots)
 
 
-def put_together(signal: Signal, restoring: str, end: Found) -> Single:
+def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
     """Return the candidate on its record, without a search. Raises Refusal where it was found on another record."""
-    damping = tuple(t for t in end.terms if TERMS.get(t).parameter in end.priors)
+    damping = tuple(t for t in state.terms if TERMS.get(t).parameter in state.priors)
     return _rebuild(
-        prepared(signal, end.averaged, SampleNoise(end.noise)), MotionCandidate(damping, restoring), end
+        prepare_data(signal, state.averaged, SampleNoise(state.noise)),
+        MotionCandidate(damping, restoring),
+        state,
     )
 
 
-def _rebuild(data: Data, candidate: MotionCandidate, end: Found, knots: np.ndarray | None = None) -> Single:
+def _rebuild(
+    data: Data, candidate: MotionCandidate, state: FitState, knots: np.ndarray | None = None
+) -> Single:
     """Return a candidate from the end of its search; knots in s, by default the record's own.
 
     Raises Refusal where it was found on another record.
     """
     knots = knots_of(data.end, data.cycles) if knots is None else knots
-    if end.working is not None:
-        data = replace(data, y=end.working[: data.y.size], readings=data.recorded)
-    solver = data.solver(end.terms, candidate.restoring, end.epsilon, knots)
-    parameters = Parameters(solver.names, end.priors, end.known)
-    active, p = active_of(parameters, solver), parameters.values(end.z)
+    if state.working is not None:
+        data = replace(data, y=state.working[: data.y.size], readings=data.recorded)
+    solver = data.solver(state.terms, candidate.restoring, state.epsilon, knots)
+    parameters = Parameters(solver.names, state.priors, state.known)
+    active, p = active_of(parameters, solver), parameters.values(state.z)
     if isinstance(solver, AveragedSolver):
-        z, g, h = np.split(end.u, [end.z.size, end.z.size + knots.size])
+        z, g, h = np.split(state.u, [state.z.size, state.z.size + knots.size])
         solver = solver.corrected(parameters.values(z), active, np.expm1(g), h) or solver
     motion = solver.solve(p, active, tangents=NONE)
     moved = solver.solve(p, active, tangents=PARAMETERS, tolerance=SEARCHED)
     if motion is None or moved is None:
         raise Refusal(ESCAPED)
-    tangents = parameters.by_scores(moved.tangents, end.z)
-    fit = LeastSquaresFit(parameters, active, end.z, data.y - motion.y, tangents, motion)
-    about = linearise(solver, data, fit, end.u)
-    if about is None:
+    tangents = parameters.by_scores(moved.tangents, state.z)
+    fit = LeastSquaresFit(parameters, active, state.z, data.y - motion.y, tangents, motion)
+    linearisation = linearise(solver, data, fit, state.u)
+    if linearisation is None:
         raise Refusal(ESCAPED)
-    weighing = Weighing(
-        data, end.reference, end.epsilon, end.frictions, {candidate.restoring: solver}, end.variance,
-        end.inflation, SampleNoise(end.noise),
+    comparison = ModelComparison(
+        data, state.reference, state.epsilon, state.frictions, {candidate.restoring: solver}, state.variance,
+        state.inflation, SampleNoise(state.noise),
     )  # fmt: skip
-    result = weighing.weigh_about(candidate, solver, fit, about, end.exact_variance)
-    return Single(replace(weighing, results=(result,)), result, end)
+    result = comparison.evaluate_about(candidate, solver, fit, linearisation, state.exact_variance)
+    return Single(replace(comparison, results=(result,)), result, state)
 
 
 def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Posterior:
@@ -494,7 +506,7 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
     """
     began, runs, rows = time.perf_counter(), [], []
     for chain in range(chains):
-        run = sampled_result(single.weighing, single.result, seed + SEED_STEP * chain, draws).sampled
+        run = sampled_result(single.comparison, single.result, seed + SEED_STEP * chain, draws).sampled
         assert run is not None
         runs.append(run)
         # A run's draws are in the order of their ancestors, which is not an order in time.

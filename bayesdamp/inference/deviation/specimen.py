@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from bayesdamp.inference.deviation.draws import orbit_of, works_on
+from bayesdamp.inference.deviation.draws import orbit_of, unit_works
 from bayesdamp.inference.deviation.linear import LEAST_KNOTS, DampingLikelihood, grid_of
+from bayesdamp.inference.deviation.model_comparison import CandidateResult
 from bayesdamp.inference.deviation.repeats import Repeats, RunLikelihood, joined
-from bayesdamp.inference.deviation.weighing import CandidateResult
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.numerics.weights import summarise
 from bayesdamp.physics.damping import TERMS
@@ -72,14 +72,14 @@ def damping_run(result: CandidateResult, amplitudes: np.ndarray) -> DampingRun |
 
     The amplitudes, (a,), in rad or m, are those of the run's curve.
     """
-    weighed, parameters, solver = result.posterior, result.fit.parameters, result.solver
-    if weighed.damping is None:
+    posterior, parameters, solver = result.posterior, result.fit.parameters, result.solver
+    if posterior.damping is None:
         return None
     names, active = parameters.damping_names, result.fit.active
     coefficients = [TERMS.get(t).parameter for t in result.candidate.damping]
     priors, z = {n: parameters.priors[n] for n in names}, result.z[parameters.damping]
-    run = RunLikelihood.of_scores(priors, coefficients, z, weighed.damping)
-    run = run.shifted(result.log_evidence - weighed.log_evidence)
+    run = RunLikelihood.of_scores(priors, coefficients, z, posterior.damping)
+    run = run.shifted(result.log_evidence - posterior.log_evidence)
     values, further = result.values[: len(solver.terms)], result.further
     per_unit, growth = np.zeros((amplitudes.size, len(names))), np.zeros((amplitudes.size, len(names)))
     place = {n: i for i, n in enumerate(names)}
@@ -89,7 +89,7 @@ def damping_run(result: CandidateResult, amplitudes: np.ndarray) -> DampingRun |
             per_unit[row] = np.nan
             continue
         cycle = 4 * np.pi * orbit.energy
-        each = works_on(orbit, solver, further, active)[0] / cycle
+        each = unit_works(orbit, solver, further, active)[0] / cycle
         for name, value in zip(solver.names, each):
             if name in place:
                 per_unit[row, place[name]] = value
@@ -99,7 +99,7 @@ def damping_run(result: CandidateResult, amplitudes: np.ndarray) -> DampingRun |
                 step = STEP * max(abs(further[0, i]), 1e-3)
                 moved = further.copy()
                 moved[0, i] += step
-                changed = works_on(orbit, solver, moved, active)[0] / cycle
+                changed = unit_works(orbit, solver, moved, active)[0] / cycle
                 growth[row, place[name]] = float(np.log((changed @ values) / whole)) / step
     return DampingRun(**vars(run), per_unit=per_unit, growth=growth)
 
@@ -118,7 +118,7 @@ class OtherForm:
 
 
 @dataclass(frozen=True)
-class WeighedRun:
+class RunComparison:
     """One run's result for every damping.
 
     Attributes
@@ -170,12 +170,12 @@ class WeighedRun:
 
 
 @dataclass(frozen=True)
-class WeighedSpecimen:
+class SpecimenComparison:
     """Every damping and law on all runs.
 
     Attributes
     ----------
-    records : tuple of WeighedRun
+    records : tuple of RunComparison
         The runs.
     log_evidence : mapping of Model to float
         In nats, integrated once over the coefficients that the runs have in common.
@@ -189,7 +189,7 @@ class WeighedSpecimen:
         Of the specimen's priors.
     """
 
-    records: tuple[WeighedRun, ...]
+    records: tuple[RunComparison, ...]
     log_evidence: Mapping[Model, float]
     probability: Mapping[Model, float]
     repeats: Mapping[Model, Repeats]
@@ -211,10 +211,10 @@ class WeighedSpecimen:
                 sums[damping] += p
         return sums
 
-    def under(self, model: Model) -> list[WeighedRun]:
+    def under(self, model: Model) -> list[RunComparison]:
         """Return the runs under only one model, which was joined, at the specimen's reference."""
         return [
-            WeighedRun({model: 0.0}, (), {model: run}, self.reference, record.amplitudes)
+            RunComparison({model: 0.0}, (), {model: run}, self.reference, record.amplitudes)
             for record, run in zip(self.records, self.runs[model], strict=True)
         ]
 
@@ -239,18 +239,18 @@ class WeighedSpecimen:
         return np.concatenate(values), np.concatenate(spreads)
 
 
-def weigh_specimen(
-    records: Sequence[WeighedRun],
+def compare_runs(
+    records: Sequence[RunComparison],
     given: Mapping[str, Prior] | None = None,
     *,
     spread: float | None = None,
     seed: int = 0,
-) -> WeighedSpecimen:
+) -> SpecimenComparison:
     """Weigh every damping and law on several runs of one specimen.
 
     Parameters
     ----------
-    records : sequence of WeighedRun
+    records : sequence of RunComparison
         One or more.
     given : mapping of str to Prior, optional
         By parameter; the others have the default priors at the geometric mean of the runs' references.
@@ -299,10 +299,10 @@ def weigh_specimen(
     top = max(weights.values())
     total = sum(np.exp(v - top) for v in weights.values())
     probability = {m: float(np.exp(v - top) / total) for m, v in weights.items()}
-    return WeighedSpecimen(tuple(records), logs, probability, repeats, runs, reference)
+    return SpecimenComparison(tuple(records), logs, probability, repeats, runs, reference)
 
 
-def common_reference(records: Sequence[WeighedRun]) -> Reference:
+def common_reference(records: Sequence[RunComparison]) -> Reference:
     """Return the geometric mean of the references of several runs."""
     amplitude, frequency = (
         float(np.exp(np.mean(np.log([getattr(r.reference, n) for r in records]))))

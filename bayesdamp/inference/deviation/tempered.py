@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.inference.deviation.linear import Weighed
+from bayesdamp.inference.deviation.linear import LinearPosterior
 from bayesdamp.numerics.weights import effective, pareto_k, resampled
 
 DRAWS = 300
@@ -68,7 +68,7 @@ class Sampled:
 
 def sample_posterior(
     ratio: Callable[[np.ndarray], np.ndarray],
-    weighed: Weighed,
+    posterior: LinearPosterior,
     positive: np.ndarray,
     *,
     draws: int = DRAWS,
@@ -80,7 +80,7 @@ def sample_posterior(
     ----------
     ratio : callable
         Log of the likelihood over the linear model's, of draws (n, K): (n,), −∞ where a motion escapes.
-    weighed : Weighed
+    posterior : LinearPosterior
         The linear posterior.
     positive : ndarray of bool, shape (d,)
         Scores that must not be negative.
@@ -88,11 +88,11 @@ def sample_posterior(
         Number of draws, and the seed of their random stream.
     """
     rng = np.random.default_rng(seed)
-    u, combos = weighed.draws(positive, draws, rng)
+    u, combos = posterior.draws(positive, draws, rng)
     ratios = ratio(u)
     if not np.any(np.isfinite(ratios)):
         return Sampled(u, -np.inf, float("nan"), 0, 0.0)
-    direct = _in_one_step(rng, u, ratios, weighed, positive, ratio)
+    direct = _in_one_step(rng, u, ratios, posterior, positive, ratio)
     if direct is not None:
         return direct
     beta, step, log_evidence, variance, temperatures, acceptance = 0.0, FIRST_STEP, 0.0, 0.0, 0, 1.0
@@ -107,7 +107,7 @@ def sample_posterior(
         combos, u, ratios = combos[rows], u[rows], ratios[rows]
         for _ in range(LAST if beta >= 1.0 else MOVES):
             # One Crank–Nicolson step of every draw within its combination of hyperparameters.
-            means, factors = weighed.means[combos], weighed.factors[combos]
+            means, factors = posterior.means[combos], posterior.factors[combos]
             noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(u.shape))
             new = means + np.sqrt(1 - step**2) * (u - means) + step * noise
             inside = np.all(new[:, np.flatnonzero(positive)] >= 0, axis=1)
@@ -120,7 +120,7 @@ def sample_posterior(
             acceptance = float(np.mean(accepted))
             step = float(np.clip(step * np.exp(acceptance - WANTED), LEAST_STEP, 1.0))
     acceptance = acceptance if beta >= 1.0 else 0.0
-    log_evidence += weighed.log_evidence
+    log_evidence += posterior.log_evidence
     return Sampled(u, log_evidence, float(np.sqrt(max(variance, 0.0))), temperatures, acceptance)
 
 
@@ -128,7 +128,7 @@ def _in_one_step(
     rng: np.random.Generator,
     u: np.ndarray,
     ratios: np.ndarray,
-    weighed: Weighed,
+    posterior: LinearPosterior,
     positive: np.ndarray,
     ratio: Callable[[np.ndarray], np.ndarray],
 ) -> Sampled | None:
@@ -140,14 +140,14 @@ def _in_one_step(
     if share < FEW:
         return None
     if share < KEPT:
-        more = weighed.draws(positive, int(np.ceil(draws * (MARGIN * KEPT / share - 1.0))), rng)[0]
+        more = posterior.draws(positive, int(np.ceil(draws * (MARGIN * KEPT / share - 1.0))), rng)[0]
         u, ratios = np.concatenate([u, more]), np.concatenate([ratios, ratio(more)])
         if _effective_share(ratios, 1.0) * ratios.size < KEPT * draws or pareto_k(ratios) > HEAVY:
             return None
     logs = np.maximum(ratios, -1e300)
     weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
     error = float(np.sqrt(max(np.sum(weights**2) - 1.0 / ratios.size, 0.0)))
-    evidence = weighed.log_evidence + float(np.logaddexp.reduce(logs)) - float(np.log(ratios.size))
+    evidence = posterior.log_evidence + float(np.logaddexp.reduce(logs)) - float(np.log(ratios.size))
     return Sampled(u[resampled(logs, draws, rng)], evidence, error, 1, 1.0)
 
 

@@ -11,9 +11,9 @@ from scipy.special import ndtr
 
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit
 from bayesdamp.inference.deviation.linear import (
+    LinearPosterior,
     Normals,
-    Weighed,
-    condensed,
+    condense,
     grid_of,
     with_priors,
 )
@@ -141,13 +141,13 @@ class EnvelopeCandidate:
     rates: np.ndarray
     fit: np.ndarray
     about: FitPosteriors
-    weighed: Weighed
+    weighed: LinearPosterior
     unit: float
     scores: tuple[float, ...] = ()
     log_share: float = 0.0
 
     @cached_property
-    def exact(self) -> Weighed:
+    def exact(self) -> LinearPosterior:
         """The posterior given that the law holds exactly, times its prior probability."""
         exact = self.about.size[self.weighed.combos] == 0.0
         if self.weighed.weights[exact].sum() > IMPROBABLE:
@@ -326,7 +326,7 @@ class FitPosteriors:
     log_sizes: np.ndarray
     positive: np.ndarray
 
-    def under_priors(self, which: np.ndarray | None = None) -> Weighed:
+    def under_priors(self, which: np.ndarray | None = None) -> LinearPosterior:
         """Return the posterior under half-normal priors of the rates that share one unknown scale.
 
         `which` selects combinations, (c,).
@@ -362,7 +362,7 @@ def _posteriors_about(
         white, log_det = whiten(
             covariance, [columns[:, : d + 1], unsure * floor, columns[:, d + 1 :], residual - floor]
         )
-        part = normals_of(condensed(white[:, :-1], white[:, -1], positive), grid, variance, n)
+        part = normals_of(condense(white[:, :-1], white[:, -1], positive), grid, variance, n)
         parts.append(replace(part, log=part.log + log_weight - log_det))
     every = Normals(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Normals)))
     times = len(blocks.noises)

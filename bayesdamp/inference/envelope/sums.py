@@ -18,7 +18,7 @@ from scipy.special import ndtri
 
 from bayesdamp.inference.deviation.draws import Quantity
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
-from bayesdamp.inference.deviation.linear import EXACT, MEAN_G
+from bayesdamp.inference.deviation.linear import MEAN_G, PROBABILITY_EXACT
 from bayesdamp.inference.envelope.candidates import (
     POWER_MOST,
     Blocks,
@@ -67,8 +67,8 @@ ASSUMED = (
     f"{SHARED_SCALES[0]:g} and {SHARED_SCALES[-1]:g} are equally probable. Where the frequency is not known, the "
     "rates have the same prior, with the middle of its scales at one over the duration of the decay.",
     f"Prior odds of a sum: 1 for a single term, times {FURTHER_TERM:g} for each further term.",
-    f"The law holds exactly with probability {EXACT:g}. Otherwise its rate is multiplied by 1 + g, where g has the sd "
-    f"τ, which has an exponential prior with mean {MEAN_G:g}.",
+    f"The law holds exactly with probability {PROBABILITY_EXACT:g}. Otherwise its rate is multiplied by 1 + g, where g "
+    f"has the sd τ, which has an exponential prior with mean {MEAN_G:g}.",
     f"Every rate is known to {100 * SENSOR:g} % (sd) at best (detector, clock). Readings in dB may also contain "
     f"{DRIFT:g} dB of drift or nonlinearity of the detector over half of the decay.",
     f"Readings down to {ABOVE_FLOOR:g} dB above the noise floor are used. The quoted Q and rate are those of the law, "

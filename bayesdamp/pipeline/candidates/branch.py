@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.inference.deviation.single import put_together
+from bayesdamp.inference.deviation.single import rebuild_single
 from bayesdamp.inference.mode import StoredMode, restore_mode
 from bayesdamp.inference.model.target import default_prior
 from bayesdamp.interface.fit import Fit
@@ -107,7 +107,7 @@ class Branch:
         signal, deviation = self.record.signal, likelihood_of(self.study)
         if deviation != "none":
             end = law_of(self.store, self.spec.name, self.repeat, "+".join(self.terms), self.restoring)
-            law = put_together(signal, self.restoring, end)
+            law = rebuild_single(signal, self.restoring, end)
             return Fit.at_law(signal, self.specify(deviation), law)
         cell = self.store.read(f"mode/{self.path}")
         if cell.outcome != OK:

@@ -104,9 +104,9 @@ def _compute_half(branch: Branch, source: CellResult, seed: int) -> Product:
         t, half = signal.t, first_half(mode)
         carry = partial(carried_on, mode.likelihood, half=signal.t.size // 2)
     else:
-        data, single = law.weighing.data, first_half_of(law)
+        data, single = law.comparison.data, first_half_of(law)
         t, half = float(signal.t[0]) + data.t, single.mode
-        carry = partial(law.carried_on, single, seed=seed)
+        carry = partial(law.predict_second_half, single, seed=seed)
     evidence, ahead = predict(branch.model, half, carry, seed)
     whole = EvidenceContent.of(source).evidence
     assert whole is not None  # a source with draws was weighed

@@ -43,7 +43,7 @@ from bayesdamp.verdict.parts import (
     ratios_table,
 )
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like
+from bayesdamp.verdict.words import energy_sentences, extrapolated, given, power_in_words
 
 SHAPES = (
     "a level curve means viscous damping, a rise towards small amplitudes friction, a rise towards large amplitudes "
@@ -142,7 +142,7 @@ class AnswerSection(Section):
                     parts.append(run.drawings.add(f"motions-{signal}", caption, draw))
                 parts.append(modes_table(v.modes, v.motion))
             else:
-                numbers, energy, parts = _numbers(v), energy_of(v), _views(run, answer)
+                numbers, energy, parts = _numbers(v), energy_sentences(v), _views(run, answer)
         return fill(
             "answer.html",
             claim=claim,
@@ -210,7 +210,7 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     ]
     e, draws = v.exponent, answer.arrays.get("exponent")
     if e is not None and draws is not None:
-        title = f"The damping force {loses_like(e, v.damping)}"
+        title = f"The damping force {power_in_words(e, v.damping)}"
         draw = partial(exponent, draws, (e.value, e.low, e.high), title)
         parts.append(run.drawings.add(f"exponent-{signal}", EXPONENT, draw))
     parts.append(ratios_table(v.damping_ratio, "Damping ratio against amplitude", parts=True))
@@ -257,7 +257,7 @@ class OverviewSection(Section):
         parts: list[object] = []
         for v in verdicts:
             title = heading(v.record) if len(verdicts) > 1 else ""
-            more = Markup("").join(map(paragraph, (*energy_of(v), *v.remarks)))
+            more = Markup("").join(map(paragraph, (*energy_sentences(v), *v.remarks)))
             block = Markup('<div class="verdict">{}<p class="claim">{}</p>{}</div>')
             parts.append(block.format(title, v.sentence, more))
         curves = {a.signal: curve for a in records if (curve := curve_of(a)) is not None}

@@ -10,10 +10,10 @@ import pytest
 
 from bayesdamp.inference.deviation.averaged import Averaged
 from bayesdamp.inference.deviation.candidate import MotionCandidate
-from bayesdamp.inference.deviation.data import prepared
-from bayesdamp.inference.deviation.findings import findings
-from bayesdamp.inference.deviation.quick import averaging_of, weighing_of
-from bayesdamp.inference.deviation.weighing import Weighing, weigh_all
+from bayesdamp.inference.deviation.data import prepare_data
+from bayesdamp.inference.deviation.findings import compute_findings
+from bayesdamp.inference.deviation.model_comparison import ModelComparison, compare_candidates
+from bayesdamp.inference.deviation.quick import averaging_of, compare_signal
 from bayesdamp.physics.kernel.averaged import NUMBERS, AveragedSolver
 from bayesdamp.physics.kernel.solve import NONE
 from bayesdamp.types import Signal
@@ -48,7 +48,7 @@ def signal_of(name: str, share: float, seed: int) -> Signal:
 
 def solver_of(signal: Signal, law: str, p: dict[str, float]) -> tuple[AveragedSolver, Averaged, np.ndarray]:
     """Return a solver of a record's amplitudes and phases, these, and the parameters in its order."""
-    data = prepared(signal)
+    data = prepare_data(signal)
     assert data.averaged is not None
     solver = data.solver(TERMS, law, p["epsilon"], np.linspace(0.0, data.t[-1], 6))
     assert isinstance(solver, AveragedSolver)
@@ -100,12 +100,12 @@ def without(signal: Signal, a: float, b: float) -> Signal:
 
 
 @lru_cache
-def both() -> tuple[Weighing, Weighing]:
+def both() -> tuple[ModelComparison, ModelComparison]:
     """Return a pendulum's record weighed as amplitudes and phases, and by the ODE."""
     signal = signal_of("pendulum", 0.01, 5)
     candidates = [MotionCandidate(c, "pendulum") for c in (("viscous",), ("viscous", "quadratic"))]
-    few = weighing_of(signal, damping=["viscous", "viscous+quadratic"], restoring=["pendulum"])
-    return few, weigh_all(prepared(signal, average=False), candidates)
+    few = compare_signal(signal, damping=["viscous", "viscous+quadratic"], restoring=["pendulum"])
+    return few, compare_candidates(prepare_data(signal, average=False), candidates)
 
 
 def test_the_answer_is_that_of_the_equation_of_motion() -> None:
@@ -114,12 +114,12 @@ def test_the_answer_is_that_of_the_equation_of_motion() -> None:
     assert few.averaging is not None
     assert few.averaging.close
     assert whole.data.averaged is None
-    a, b = ((w, findings(w)) for w in (few, whole))
+    a, b = ((w, compute_findings(w)) for w in (few, whole))
     assert next(iter(a[1].damping)) == next(iter(b[1].damping)) == "viscous+quadratic"
     best = [next(r for r in w.results if len(r.candidate.damping) == 2) for w in (few, whole)]
     z, sds = (
         [r.fit.z for r in best],
-        [np.linalg.norm(r.exact_weighed.factors[0], axis=1) for r in best],
+        [np.linalg.norm(r.exact_posterior.factors[0], axis=1) for r in best],
     )
     names = best[0].fit.parameters.free_names
     for name, one, other, own, width in zip(names, *z, *sds, strict=True):
@@ -134,7 +134,8 @@ def test_the_answer_is_that_of_the_equation_of_motion() -> None:
 def test_the_check_finds_a_motion_that_is_not_corrected() -> None:
     few, _ = both()
     spoilt = (
-        replace(r, solver=replace(r.solver, defect=None), about=None, weighed=None) for r in few.results
+        replace(r, solver=replace(r.solver, defect=None), linearisation=None, approximate_posterior=None)
+        for r in few.results
     )
     found = averaging_of(replace(few, results=tuple(spoilt)))
     assert found is not None
@@ -143,21 +144,21 @@ def test_the_check_finds_a_motion_that_is_not_corrected() -> None:
 
 def test_few_cycles_long_gaps_and_a_known_start_are_left_to_the_equation_of_motion() -> None:
     long = closed_form(500)
-    assert prepared(closed_form(200)).averaged is None
-    assert prepared(without(long, 0.5, 0.53)).averaged is None
-    assert prepared(without(long, 0.5, 0.505)).averaged is not None
+    assert prepare_data(closed_form(200)).averaged is None
+    assert prepare_data(without(long, 0.5, 0.53)).averaged is None
+    assert prepare_data(without(long, 0.5, 0.505)).averaged is not None
     # The control: half a period is lost in the hole, so that its cycles cannot be counted.
     t, y = np.asarray(long.t), np.asarray(long.y)
     slipped = np.where(t > 0.505 * t[-1], -1.0, 1.0) * y
-    assert prepared(without(Signal(t, slipped, name="slipped"), 0.5, 0.505)).averaged is None
+    assert prepare_data(without(Signal(t, slipped, name="slipped"), 0.5, 0.505)).averaged is None
     start = {"theta0": 0.3, "omega0": 0.0}
-    known = weighing_of(long, damping=["viscous"], restoring=["linear"], known=start, approximate=False)
+    known = compare_signal(long, damping=["viscous"], restoring=["linear"], known=start, approximate=False)
     assert known.data.averaged is None
 
 
 def test_what_is_not_close_is_fitted_by_the_equation_of_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    def weighed() -> Weighing:
-        return weighing_of(closed_form(450), damping=["viscous"], restoring=["linear"], approximate=False)
+    def weighed() -> ModelComparison:
+        return compare_signal(closed_form(450), damping=["viscous"], restoring=["linear"], approximate=False)
 
     assert weighed().averaging is not None
     monkeypatch.setattr("bayesdamp.inference.deviation.averaged.CLOSE", -1.0)

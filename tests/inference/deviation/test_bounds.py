@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.forms import bounds_of_others
-from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.forms import bound_other_forms
+from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.physics.damping import others
 from bayesdamp.types import Signal
 from tests.inference.deviation.decays import A, W, decay
@@ -41,8 +41,10 @@ def test_a_bound_holds_what_is_there(name: str) -> None:
     form = FORMS[name]
     x, v = decay(lambda _, x, v: 2 * ZETA * v + c * form(x, v), TIMES)
     y = x + 0.001 * np.random.default_rng(2).standard_normal(TIMES.size)
-    weighing = weighing_of(Signal(TIMES, y), damping=["viscous"], restoring=["linear"], approximate=False)
-    bounds = bounds_of_others(weighing, weighing.results[0], np.random.default_rng(0))
+    comparison = compare_signal(
+        Signal(TIMES, y), damping=["viscous"], restoring=["linear"], approximate=False
+    )
+    bounds = bound_other_forms(comparison, comparison.results[0], np.random.default_rng(0))
     own = float(np.mean([c * form(*state) * state[1] for state in zip(x, v, strict=True)]))
     share = own / (own + float(np.mean(2 * ZETA * v * v)))
     assert share < bounds[name] < 3 * share
@@ -63,6 +65,8 @@ def test_bounds_hold_in_95_of_100() -> None:
     held = 0
     for seed in range(16):
         y = x + 0.01 * np.random.default_rng([8, seed]).standard_normal(times.size)
-        weighing = weighing_of(Signal(times, y), damping=["viscous"], restoring=["linear"], approximate=False)
-        held += bounds_of_others(weighing, weighing.results[0], np.random.default_rng(0))["cubic"] > true
+        comparison = compare_signal(
+            Signal(times, y), damping=["viscous"], restoring=["linear"], approximate=False
+        )
+        held += bound_other_forms(comparison, comparison.results[0], np.random.default_rng(0))["cubic"] > true
     assert held >= 13

@@ -10,9 +10,9 @@ import pytest
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.draws import between_knots, midline_drift
-from bayesdamp.inference.deviation.findings import findings, probabilities, summed
-from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.weighing import Weighing
+from bayesdamp.inference.deviation.findings import compute_findings, probabilities, summed
+from bayesdamp.inference.deviation.model_comparison import ModelComparison
+from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.physics.damping import others
 from bayesdamp.types import Signal
 from tests.inference.deviation.decays import A, W, decay
@@ -27,9 +27,9 @@ TIMES = np.arange(1000) * 2 * math.pi / W / 40
 
 
 @pytest.fixture(scope="module")
-def weighing() -> Weighing:
+def comparison() -> ModelComparison:
     y = trajectory("linear", P, TIMES)[:, 0] + SD * np.random.default_rng(5).standard_normal(TIMES.size)
-    return weighing_of(Signal(TIMES, y), restoring=["linear"], known={"epsilon": EPSILON})
+    return compare_signal(Signal(TIMES, y), restoring=["linear"], known={"epsilon": EPSILON})
 
 
 def ratio(amplitude: float) -> float:
@@ -37,35 +37,35 @@ def ratio(amplitude: float) -> float:
     return ZETA / W + 2 * MU / (math.pi * W**2 * amplitude)
 
 
-def test_probabilities_are_probabilities(weighing: Weighing) -> None:
-    each = probabilities(weighing, False)
-    assert len(each) == len(weighing.results) + len(weighing.forms)
-    assert len(weighing.results) + len(weighing.refused) == 7
-    assert {"displacement", "stribeck", "power"} <= {r.candidate.damping[-1] for r in weighing.forms}
+def test_probabilities_are_probabilities(comparison: ModelComparison) -> None:
+    each = probabilities(comparison, False)
+    assert len(each) == len(comparison.results) + len(comparison.forms)
+    assert len(comparison.results) + len(comparison.refused) == 7
+    assert {"displacement", "stribeck", "power"} <= {r.candidate.damping[-1] for r in comparison.forms}
     assert sum(each.values()) == pytest.approx(1.0)
     by_sum = summed({c.name: p for c, p in each.items()})
     assert next(iter(by_sum)) == "viscous+coulomb"
-    assert MotionCandidate(("quadratic",), "linear") in weighing.refused
-    found = findings(weighing)
-    every = {**found.damping, **found.exotic}
+    assert MotionCandidate(("quadratic",), "linear") in comparison.refused
+    found = compute_findings(comparison)
+    every = {**found.damping, **found.other_forms}
     assert found.term["coulomb"] == pytest.approx(sum(p for s, p in every.items() if "coulomb" in s))
     assert found.restoring == pytest.approx({"linear": 1.0})
     assert found.best.damping == ("viscous", "coulomb")
 
 
-def test_expected_evidence_is_near_that_of_a_fit(weighing: Weighing) -> None:
+def test_expected_evidence_is_near_that_of_a_fit(comparison: ModelComparison) -> None:
     """Over the sums that were fitted, within 3 nats; control: that of a sum with other terms is tens of nats away."""
-    whole = next(r for r in weighing.results if len(r.candidate.damping) == 3)
-    assert whole.about is not None
-    for r in weighing.results:
-        assert weighing.expected(r.candidate, whole.about) == pytest.approx(r.log_evidence, abs=3.0)
-    hopeless = weighing.expected(MotionCandidate(("quadratic",), "linear"), whole.about)
-    assert hopeless < weighing.best.log_evidence - 20
+    whole = next(r for r in comparison.results if len(r.candidate.damping) == 3)
+    assert whole.linearisation is not None
+    for r in comparison.results:
+        assert comparison.expected(r.candidate, whole.linearisation) == pytest.approx(r.log_evidence, abs=3.0)
+    hopeless = comparison.expected(MotionCandidate(("quadratic",), "linear"), whole.linearisation)
+    assert hopeless < comparison.best.log_evidence - 20
 
 
-def test_numbers_are_the_truth(weighing: Weighing) -> None:
+def test_numbers_are_the_truth(comparison: ModelComparison) -> None:
     """The 95 % intervals are wider by the sensor's error: the false-alarm rate of each of ten is below 5 %."""
-    found = findings(weighing, amplitudes=[0.25, 0.15, 0.08])
+    found = compute_findings(comparison, amplitudes=[0.25, 0.15, 0.08])
     for r in found.ratios:
         assert r.low < ratio(r.amplitude) < r.high
         assert not r.low < 1.1 * ratio(r.amplitude) < r.high  # control
@@ -78,14 +78,14 @@ def test_numbers_are_the_truth(weighing: Weighing) -> None:
     assert found.noise == pytest.approx(SD / A, rel=0.1)
     assert found.unexplained < 0.3 * found.noise
     assert found.amplitudes[0] == pytest.approx(A, rel=0.02)
-    assert found.cycles == pytest.approx(weighing.data.t[-1] * W / (2 * math.pi), rel=0.01)
+    assert found.cycles == pytest.approx(comparison.data.t[-1] * W / (2 * math.pi), rel=0.01)
 
 
-def test_energy_by_term(weighing: Weighing) -> None:
+def test_energy_by_term(comparison: ModelComparison) -> None:
     """The shares are those of the power of each force along SciPy's motion."""
     v = trajectory("linear", P, TIMES)[:, 1]
     power = {"viscous": np.mean(2 * ZETA * v * v), "coulomb": np.mean(MU * v * np.tanh(v / EPSILON))}
-    found = findings(weighing)
+    found = compute_findings(comparison)
     for term, q in found.energy.items():
         truth = power.get(term, 0.0) / sum(power.values())
         assert q.low - 0.01 <= truth <= q.high + 0.01
@@ -103,13 +103,13 @@ def test_rates_are_averaged_over_other_forms_too() -> None:
     extra = 4.0
     y = 0.1 + decay(lambda _, x, v: (2 * 0.02 + extra * x * x) * v, TIMES)[0]
     y += SD * np.random.default_rng(6).standard_normal(TIMES.size)
-    made = weighing_of(Signal(TIMES, y), restoring=["linear"], known={"epsilon": EPSILON})
+    made = compare_signal(Signal(TIMES, y), restoring=["linear"], known={"epsilon": EPSILON})
     asked = [0.27, 0.15, 0.07]
     truth = [(0.02 + extra * a * a / 8) / W for a in asked]
-    found = findings(made, asked)
-    assert sum(found.exotic.values()) > 0.9
+    found = compute_findings(made, asked)
+    assert sum(found.other_forms.values()) > 0.9
     assert all(r.low < wanted < r.high for r, wanted in zip(found.ratios, truth, strict=True))
-    assert not findings(replace(made, forms=()), asked).ratios[-1].high > truth[-1]
+    assert not compute_findings(replace(made, forms=()), asked).ratios[-1].high > truth[-1]
 
 
 def test_between_knots_deviations_are_a_bridge() -> None:
@@ -129,11 +129,11 @@ def test_between_knots_deviations_are_a_bridge() -> None:
     assert np.abs(between_knots(np.linspace(-1, 1, 9)[None] + np.zeros((5, 1)), rng)).max() < 1e-12
 
 
-def test_a_midline_that_drifts_has_a_size(weighing: Weighing) -> None:
+def test_a_midline_that_drifts_has_a_size(comparison: ModelComparison) -> None:
     """A drift of 1 % of the amplitude is measured within five standard errors of its 35 means. Control: without it,
     0."""
-    best = max(weighing.results, key=lambda r: r.log_evidence)
+    best = max(comparison.results, key=lambda r: r.log_evidence)
     assert midline_drift(best) == 0
-    line = 0.01 * A * np.linspace(-0.5, 0.5, weighing.data.t.size)
+    line = 0.01 * A * np.linspace(-0.5, 0.5, comparison.data.t.size)
     moved = replace(best, fit=replace(best.fit, residual=best.fit.residual + line))
     assert midline_drift(moved) == pytest.approx(0.01, abs=5 * SD / A * np.sqrt(12 / TIMES.size) + 1e-4)

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.findings import Findings, findings
-from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.findings import Findings, compute_findings
+from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.types import Signal
 from tests.inference.deviation.decays import A, W, decay
 
@@ -33,7 +33,7 @@ def found(kind: str, exponent: float = 1.0) -> Findings:
         return 0.08 * A * W * abs(v / (A * W)) ** exponent * math.copysign(1.0, v)
 
     y = decay(force, TIMES)[0] + SD * np.random.default_rng(3).standard_normal(TIMES.size)
-    return findings(weighing_of(Signal(TIMES, y), restoring=["linear"]))
+    return compute_findings(compare_signal(Signal(TIMES, y), restoring=["linear"]))
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5])

@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import nnls
 
-from bayesdamp.inference.deviation.findings import Findings, findings
-from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.findings import Findings, compute_findings
+from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.types import Signal
 from tests.inference.deviation.decays import A, W, decay
 
@@ -30,7 +30,7 @@ FORCES: dict[str, Force] = {
 def found(kind: str) -> Findings:
     y = decay(lambda _, x, v: FORCES[kind](x, v), TIMES)[0]
     y += SD * np.random.default_rng(4).standard_normal(TIMES.size)
-    return findings(weighing_of(Signal(TIMES, y), restoring=["linear"]))
+    return compute_findings(compare_signal(Signal(TIMES, y), restoring=["linear"]))
 
 
 def lost(kind: str, a: float) -> float:

@@ -9,11 +9,11 @@ import pytest
 from scipy.stats import expon
 
 from bayesdamp.inference.deviation.linear import (
-    EXACT,
     JITTER,
     LENGTHS,
     MEAN_G,
     MEAN_H,
+    PROBABILITY_EXACT,
     grid_of,
     knots_of,
 )
@@ -24,9 +24,11 @@ def test_masses_sum_to_one(exact: bool, coarse: bool) -> None:
     grid = grid_of(5, exact=exact, coarse=coarse)
     mass = np.exp(grid.log_prior)
     assert mass.sum() == pytest.approx(1.0, abs=1e-12)
-    assert mass[grid.size_g == 0].sum() == pytest.approx(1.0 if exact else EXACT)
-    assert mass[grid.size_h == 0].sum() == pytest.approx(1.0 if exact else EXACT)
-    assert mass[(grid.size_g == 0) & (grid.size_h == 0)].sum() == pytest.approx(1.0 if exact else EXACT**2)
+    assert mass[grid.size_g == 0].sum() == pytest.approx(1.0 if exact else PROBABILITY_EXACT)
+    assert mass[grid.size_h == 0].sum() == pytest.approx(1.0 if exact else PROBABILITY_EXACT)
+    assert mass[(grid.size_g == 0) & (grid.size_h == 0)].sum() == pytest.approx(
+        1.0 if exact else PROBABILITY_EXACT**2
+    )
     assert grid.factors.shape == (mass.size, 10, 10)
 
 
@@ -37,7 +39,7 @@ def test_sizes_are_exponential() -> None:
     for size, mean in ((grid.size_g, MEAN_G), (grid.size_h, MEAN_H)):
         for low, high in pairwise(np.unique(size[size > 0])):
             edge = np.sqrt(low * high)
-            below = mass[(size > 0) & (size < edge)].sum() / (1 - EXACT)
+            below = mass[(size > 0) & (size < edge)].sum() / (1 - PROBABILITY_EXACT)
             assert below == pytest.approx(expon.cdf(edge, scale=mean))
             assert abs(below - expon.cdf(edge, scale=1.2 * mean)) > 1e-4  # control
 

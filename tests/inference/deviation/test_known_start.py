@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import root_scalar
 
-from bayesdamp.inference.deviation.data import Data, prepared
+from bayesdamp.inference.deviation.data import Data, prepare_data
 from bayesdamp.inference.deviation.linear import knots_of
 from bayesdamp.interface.answer import answer
 from bayesdamp.physics.damping import PAPER_TERMS
@@ -68,7 +68,7 @@ def test_the_true_damping_is_named_at_any_rate(kind: str, rate: int) -> None:
         signal, [AMPLITUDE], damping=list(TRUTHS), restoring=[LAW], known=KNOWN, deviation="none", measured=False,
         sample=False,
     ).verdict  # fmt: skip
-    data = prepared(signal)
+    data = prepare_data(signal)
     assert (data.windows is not None) == (rate >= 160)
     assert data.times[0] == pytest.approx((data.thinned - 1) / 2 * PERIOD / rate)  # of the picture
     ratio = verdict.damping_ratio[0]
@@ -106,7 +106,7 @@ def test_log_likelihoods_differ_as_those_of_all_samples(quantity: str, uneven: b
     noise = 1e-4 * np.sqrt(STIFFNESS) ** order
     truth, other = {"mu_c": 0.03, "theta0": 0.3}, {"mu_c": 0.03001, "theta0": 0.29999}
     y, moved = (trajectory(LAW, {**KNOWN, **p}, t)[:, order] for p in (truth, other))
-    data = prepared(Signal(t, y, quantity=quantity))
+    data = prepare_data(Signal(t, y, quantity=quantity))
     assert data.thinned * data.t.size == t.size
 
     def log_likelihood(data: Data, changed: dict[str, float]) -> float:

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from bayesdamp.inference.deviation.linear import Grid, condensed, grid_of, normals, weigh
+from bayesdamp.inference.deviation.linear import Grid, condense, grid_of, linear_posterior, normals
 
 N, KNOTS, SD = 30, 4, 0.3
 
@@ -34,12 +34,12 @@ def test_evidence_and_posterior_are_those_of_a_dense_normal() -> None:
     """Means and covariances follow from conditioning a normal in the space of the samples."""
     columns, y = problem(1, 3)
     grid = grid_of(KNOTS, coarse=True)
-    model = condensed(columns, y, np.zeros(3, bool))
-    found = weigh(model, grid, SD**2, N)
+    model = condense(columns, y, np.zeros(3, bool))
+    found = linear_posterior(model, grid, SD**2, N)
     truth = dense(columns, y, 3, grid)
     assert found.log_each == pytest.approx(truth, abs=1e-7)
     assert found.log_evidence == pytest.approx(float(logsumexp(truth)), abs=1e-7)
-    other = weigh(model, grid, (1.1 * SD) ** 2, N)
+    other = linear_posterior(model, grid, (1.1 * SD) ** 2, N)
     assert abs(other.log_evidence - float(logsumexp(truth))) > 0.1  # control: another noise
 
     for i in (0, 5, len(grid.log_prior) - 1):
@@ -55,7 +55,7 @@ def test_evidence_and_posterior_are_those_of_a_dense_normal() -> None:
 def test_scores_alone_have_the_marginal_posterior() -> None:
     """With the deviations integrated out, evidence, means and covariances of the scores are those of the whole."""
     columns, y = problem(2, 3)
-    model, grid = condensed(columns, y, np.zeros(3, bool)), grid_of(KNOTS, coarse=True)
+    model, grid = condense(columns, y, np.zeros(3, bool)), grid_of(KNOTS, coarse=True)
     whole, scores = (normals(model, grid, SD**2, N, scores_only=only) for only in (False, True))
     covariance = whole.factors @ np.swapaxes(whole.factors, 1, 2)
     assert scores.log == pytest.approx(whole.log, abs=1e-8)
@@ -75,7 +75,7 @@ def test_half_normal_coefficients(shift: float, positive: int) -> None:
     columns[:, 1] = -0.9 * columns[:, 0] + 0.2 * columns[:, 1]
     y = columns @ [shift, shift, 0.7] + SD * rng.standard_normal(N)
     mask = np.array([i < positive for i in range(3)])
-    found = weigh(condensed(columns, y, mask), grid_of(0, exact=True), SD**2, N)
+    found = linear_posterior(condense(columns, y, mask), grid_of(0, exact=True), SD**2, N)
     step = 0.01
     axis = np.arange(0.5 * step, 5.0, step)
     points = np.stack(np.meshgrid(*[axis] * positive, indexing="ij"), axis=-1).reshape(-1, positive)
@@ -87,7 +87,7 @@ def test_half_normal_coefficients(shift: float, positive: int) -> None:
     constant += positive * (np.log(2 * step) - 0.5 * np.log(2 * np.pi))
     truth = float(logsumexp(logs)) + constant
     assert found.log_evidence == pytest.approx(truth, abs=2e-3)
-    whole = weigh(condensed(columns, y, np.zeros(3, bool)), grid_of(0, exact=True), SD**2, N)
+    whole = linear_posterior(condense(columns, y, np.zeros(3, bool)), grid_of(0, exact=True), SD**2, N)
     assert abs(whole.log_evidence - truth) > 0.03  # control: without the half-normals' factors
 
 
@@ -96,7 +96,7 @@ def test_hardly_any_noise() -> None:
     sd, (columns, y) = 1e-8, problem(6, 2)
     y = columns[:, :2] @ [0.7, -0.4] + sd * np.random.default_rng(1).standard_normal(N)
     grid = grid_of(KNOTS, coarse=True)
-    found = weigh(condensed(columns, y, np.zeros(2, bool)), grid, sd**2, N)
+    found = linear_posterior(condense(columns, y, np.zeros(2, bool)), grid, sd**2, N)
     assert np.all(np.isfinite(found.log_each))
     with mpmath.workdps(50):
         for i in (0, len(grid.log_prior) - 1):

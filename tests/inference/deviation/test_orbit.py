@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 from bayesdamp.inference.deviation.draws import (
     orbit_at,
-    works_on,
+    unit_works,
 )
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel import Solver
@@ -25,7 +25,7 @@ def test_a_pendulum_of_large_amplitude() -> None:
     assert orbit is not None
     assert orbit.energy == pytest.approx(2 * k * math.sin(amplitude / 2) ** 2, rel=1e-10)
     solver = Solver(PAPER_TERMS, "pendulum", np.zeros(1), "angle", amplitude, W, 1e-6, np.zeros(2))
-    works = works_on(orbit, solver, np.zeros((1, 0)), np.ones(3, bool))[0]
+    works = unit_works(orbit, solver, np.zeros((1, 0)), np.ones(3, bool))[0]
 
     def speed(phi: float) -> float:
         x = amplitude * math.sin(phi)

@@ -7,7 +7,7 @@ import pytest
 
 import bayesdamp as bd
 import bayesdamp.inference.deviation.candidate as candidates
-from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.model.target import Scores
 from validation.measured.run import DATA
 
@@ -21,10 +21,10 @@ def left_by(law: str) -> float:
     The record is of a disc on a spring. Its small swings, read as an angle, determine only a combination of a
     pendulum's spring and gravity.
     """
-    weighing = weighing_of(bd.read(RECORD).signal(), damping=["viscous+quadratic"], restoring=[law])
-    (result,) = weighing.results
-    assert result.about is not None
-    return float(np.sum((weighing.data.y - result.about.motion.y) ** 2))
+    comparison = compare_signal(bd.read(RECORD).signal(), damping=["viscous+quadratic"], restoring=[law])
+    (result,) = comparison.results
+    assert result.linearisation is not None
+    return float(np.sum((comparison.data.y - result.linearisation.motion.y) ** 2))
 
 
 def test_a_law_whose_parameters_are_told_only_together_reaches_what_a_simple_one_does(

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation import sampling
-from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
+from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
+from bayesdamp.inference.deviation.quick import compare_signal
 from validation.experiments.laws import Case, case
 
 
@@ -22,16 +22,16 @@ def record() -> Case:
 
 
 @cache
-def weighed(**known: float) -> tuple[Weighing, CandidateResult]:
+def weighed(**known: float) -> tuple[ModelComparison, CandidateResult]:
     signal, noise = record().signal, record().noise
-    weighing = weighing_of(
+    comparison = compare_signal(
         signal, damping=["stribeck"], restoring=["linear"], known={"noise_sd": noise, **known}
     )
-    return weighing, weighing.results[0]
+    return comparison, comparison.results[0]
 
 
 def under_exact_laws(result: CandidateResult) -> CandidateResult:
-    return replace(result, about=None, weighed=None, variance=result.exact_variance)
+    return replace(result, linearisation=None, approximate_posterior=None, variance=result.exact_variance)
 
 
 def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -41,12 +41,12 @@ def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.M
     The evidence agrees within a tenth of a nat, the sd of the static excess within 20 %, and its mean within a fifth
     of an sd (300 draws: false alarms below 1 in 1,000). Control: draws along the tangent have half of that sd.
     """
-    weighing, result = weighed()
+    comparison, result = weighed()
     names, priors = result.fit.parameters.free_names, result.fit.parameters.priors
     place = names.index("static_excess")
 
     def drawn() -> tuple[np.ndarray, float]:
-        found = sampling.sampled_result(weighing, under_exact_laws(result)).sampled
+        found = sampling.sampled_result(comparison, under_exact_laws(result)).sampled
         assert found is not None
         return found.draws[:, place], found.log_evidence
 
@@ -55,7 +55,7 @@ def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.M
     prior = priors["stribeck_velocity"]
     for z in scores:
         _, one = weighed(stribeck_velocity=float(prior.value(np.asarray(z))))
-        own = one.exact_weighed
+        own = one.exact_posterior
         at = one.fit.parameters.free_names.index("static_excess")
         rows = own.draws(one.fit.parameters.positive, 2000, np.random.default_rng(0))[0][:, at]
         logs.append(own.log_evidence - 0.5 * z**2 - 0.5 * np.log(2 * np.pi))

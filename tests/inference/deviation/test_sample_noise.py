@@ -5,10 +5,10 @@ import pytest
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation.candidate import MotionCandidate
-from bayesdamp.inference.deviation.data import prepared
-from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.data import prepare_data
+from bayesdamp.inference.deviation.model_comparison import compare_candidates
+from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.sample_noise import noises_of
-from bayesdamp.inference.deviation.weighing import weigh_all
 from tests.physics.independent import viscous
 
 MADE = {"stiffness": 20.0, "duration": 12.0, "samples": 600, "noise_sd": 0.002}
@@ -55,7 +55,7 @@ def test_white_noise_is_white_under_exact_laws(noise_time: float | None, white: 
     for seed in range(4):
         signal = bd.simulate({"viscous": 0.05}, "linear", seed=seed, theta0=0.3, **MADE, **own)
         asked = [MotionCandidate(("viscous",), "linear")]
-        factors.append(weigh_all(prepared(signal), asked, approximate=False).inflation)
+        factors.append(compare_candidates(prepare_data(signal), asked, approximate=False).inflation)
     assert all((one == 1.0) == white for one in factors)
 
 
@@ -79,13 +79,13 @@ def test_heavy_tails_over_very_many_cycles_count_for_little(cycles: int):
     motion = viscous(t, ratio * frequency, frequency, 0.3)
     asked = {"damping": ["viscous"], "restoring": ["linear"], "approximate": False}
     heavy = bd.signal(t, motion + 0.003 * rng.standard_t(3.0, t.size))
-    own, plain = (weighing_of(heavy, noises=noises_of(noise), **asked) for noise in ("auto", "gaussian"))
+    own, plain = (compare_signal(heavy, noises=noises_of(noise), **asked) for noise in ("auto", "gaussian"))
     assert own.noise.name == "student_t"
     assert own.variance == pytest.approx(0.5 * plain.variance, rel=0.25)
     assert own.best.fit.parameters.named(own.best.z)["zeta"] / frequency == pytest.approx(ratio, rel=0.01)
     even = bd.signal(t, motion + 0.003 * rng.standard_normal(t.size))
-    assert weighing_of(even, noises=noises_of("auto"), **asked).noise.name == "gaussian"
-    assert weighing_of(even, noises=("student_t",), **asked).noise.name == "student_t"
+    assert compare_signal(even, noises=noises_of("auto"), **asked).noise.name == "gaussian"
+    assert compare_signal(even, noises=("student_t",), **asked).noise.name == "student_t"
 
 
 def test_a_fit_to_amplitudes_and_phases_has_its_noise_from_a_file(tmp_path):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation import sampling
-from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.weighing import CandidateResult, Weighing
+from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
+from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import Reference, Signal
@@ -31,19 +31,21 @@ def record() -> Signal:
 
 
 @cache
-def weighed() -> tuple[Weighing, CandidateResult]:
+def weighed() -> tuple[ModelComparison, CandidateResult]:
     return of(record())
 
 
-def of(signal: Signal, scales: Reference | None = None, **known: float) -> tuple[Weighing, CandidateResult]:
-    weighing = weighing_of(
+def of(
+    signal: Signal, scales: Reference | None = None, **known: float
+) -> tuple[ModelComparison, CandidateResult]:
+    comparison = compare_signal(
         signal,
         damping=["viscous"],
         restoring=["horizontal_pendulum"],
         known={"noise_sd": NOISE, **known},
         reference=scales,
     )
-    return weighing, weighing.results[0]
+    return comparison, comparison.results[0]
 
 
 def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,20 +55,20 @@ def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyP
     The evidence agrees within a tenth of a nat, and gravity's mean within five standard errors (false alarm 1 in 1.7
     million). Control: draws that start from the linear model of the scores miss it by a nat.
     """
-    weighing, result = weighed()
+    comparison, result = weighed()
     place = result.fit.parameters.free_names.index("gravity")
     prior = result.fit.parameters.priors["gravity"]
-    found = sampling.sampled_result(weighing, result).sampled
+    found = sampling.sampled_result(comparison, result).sampled
     assert found is not None
     drawn = prior.value(found.draws[:, place])
     grid = np.linspace(drawn.mean() - 5 * drawn.std(), drawn.mean() + 5 * drawn.std(), 13)
-    logs = [of(record(), weighing.reference, gravity=float(g))[1].log_evidence for g in grid]
+    logs = [of(record(), comparison.reference, gravity=float(g))[1].log_evidence for g in grid]
     density = np.exp(np.array(logs) + prior.log_density(grid) - max(logs))
     whole = np.trapezoid(density, grid)
     assert found.log_evidence == pytest.approx(np.log(whole) + max(logs), abs=0.1)
     mean = np.trapezoid(density * grid, grid) / whole
     assert drawn.mean() == pytest.approx(mean, abs=5 * drawn.std() / np.sqrt(found.draws.shape[0] / 2))
     monkeypatch.setattr(sampling, "_straightened", lambda *_: None)
-    plain = sampling.sampled_result(weighing, result).sampled
+    plain = sampling.sampled_result(comparison, result).sampled
     assert plain is not None
     assert abs(plain.log_evidence - np.log(whole) - max(logs)) > 0.5  # about 1.0, with an error of 0.12

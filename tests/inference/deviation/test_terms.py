@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.interface.answer import answer
 from bayesdamp.physics.damping import TERMS, others
 from bayesdamp.physics.oscillator import Oscillator
@@ -69,9 +69,9 @@ def test_damping_by_displacement_is_no_viscous_damping_where_the_zero_is_not_rec
     t = np.arange(150) / 20
     clean = (0.003 * pole * np.exp(pole * t)).real
     noise = 0.05 * np.abs(clean).max() * np.random.default_rng(50).standard_normal(t.size)
-    weighing = weighing_of(
+    comparison = compare_signal(
         Signal(t, clean + noise, quantity="velocity"), damping=["viscous", "displacement", "cubic"],
         restoring=["linear"],
     )  # fmt: skip
-    assert [r.candidate.damping for r in weighing.results] == [("viscous",)]
-    assert {c.damping for c in weighing.refused} == {("displacement",), ("cubic",)}
+    assert [r.candidate.damping for r in comparison.results] == [("viscous",)]
+    assert {c.damping for c in comparison.refused} == {("displacement",), ("cubic",)}

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from bayesdamp.inference.deviation.findings import findings
-from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.weighing import Weighing
+from bayesdamp.inference.deviation.findings import compute_findings
+from bayesdamp.inference.deviation.model_comparison import ModelComparison
+from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.interface.answer import answer
 from bayesdamp.types import Ratio, Signal
 from tests.physics.independent import trajectory, viscous
@@ -21,7 +21,7 @@ W, A, MU, ZETA = 4.5, 0.3, 0.06, 0.02
 PEAK = W * A
 
 
-def twins(seed: int) -> Weighing:
+def twins(seed: int) -> ModelComparison:
     """Return a weighing of 500 cycles of viscous damping with structural damping, which cannot be distinguished from
     it.
 
@@ -30,14 +30,14 @@ def twins(seed: int) -> Weighing:
     """
     t, w = np.linspace(0, 500 / HERTZ, 20000), 2 * math.pi * HERTZ
     y = viscous(t, RATIO * w, w, SIZE) + 0.01 * SIZE * np.random.default_rng(seed).standard_normal(t.size)
-    return weighing_of(Signal(t, y), damping=["viscous", "structural"], restoring=["linear"])
+    return compare_signal(Signal(t, y), damping=["viscous", "structural"], restoring=["linear"])
 
 
 def test_the_split_of_twins_is_not_in_the_ratio() -> None:
     made = twins(0)
     grown = np.array([f.coefficients for f in made.frictions]) / made.frictions[-1].coefficients
     assert np.ptp(grown, axis=0).max() > 0.2  # the split does move
-    for r in findings(made).ratios:
+    for r in compute_findings(made).ratios:
         assert r.low < RATIO < r.high
         assert r.high - r.low < 0.03 * RATIO
 
@@ -47,14 +47,14 @@ def friction(
     seed: int,
     known: dict[str, float] | None = None,
     damping: Sequence[str] = ("viscous", "coulomb", "viscous+coulomb"),
-) -> Weighing:
+) -> ModelComparison:
     """Return a weighing of viscous damping and friction of this width, as a share of the peak velocity, down to near
     rest."""
     p = {"zeta": ZETA, "mu_c": MU, "epsilon": share * PEAK, "stiffness": W**2, "theta0": A, "omega0": 0.0}
     t = np.arange(0.0, 30.0, 0.02)
     y = trajectory("linear", p | {"rest_angle": 0.0}, t)[:, 0]
     y += 0.003 * A * np.random.default_rng(seed).standard_normal(t.size)
-    return weighing_of(Signal(t, y), damping=damping, restoring=["linear"], known=known)
+    return compare_signal(Signal(t, y), damping=damping, restoring=["linear"], known=known)
 
 
 def dry_loss(amplitude: float, width: float) -> float:
@@ -68,8 +68,8 @@ def truth(amplitude: float, share: float) -> float:
     return ZETA / W + MU * dry_loss(amplitude, share * PEAK) / (2 * math.pi * (W * amplitude) ** 2)
 
 
-def ratios(made: Weighing, amplitudes: list[float]) -> tuple[Ratio, ...]:
-    return findings(made, amplitudes=amplitudes).ratios
+def ratios(made: ModelComparison, amplitudes: list[float]) -> tuple[Ratio, ...]:
+    return compute_findings(made, amplitudes=amplitudes).ratios
 
 
 AMPLITUDES = [0.2, 0.05, 0.02, 0.01]
@@ -122,6 +122,6 @@ def test_rounded_values_show_how_sharp_friction_is(monkeypatch: pytest.MonkeyPat
     damping, value = friction()
     assert damping == "viscous+coulomb"
     assert value == pytest.approx(0.03, rel=3e-4)
-    monkeypatch.setattr("bayesdamp.inference.deviation.weighing.SHARPER", 0.0)
+    monkeypatch.setattr("bayesdamp.inference.deviation.model_comparison.SHARPER", 0.0)
     damping, value = friction()
     assert value != pytest.approx(0.03, rel=3e-4)

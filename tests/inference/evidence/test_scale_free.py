@@ -8,9 +8,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.candidate import exact
-from bayesdamp.inference.deviation.linear import grid_of, weigh
-from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.candidate import exact_model
+from bayesdamp.inference.deviation.linear import grid_of, linear_posterior
+from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.model.target import build_target
 from bayesdamp.inference.search import find_mode
@@ -59,14 +59,14 @@ def sampled(damping: tuple[str, ...], factor: float, separate: bool = False) -> 
 
 @pytest.mark.parametrize("factor", [1.0, 0.01])
 def test_sampled_evidence_is_that_of_the_linear_model(factor) -> None:
-    weighing = weighing_of(
+    comparison = compare_signal(
         record(factor), damping=["+".join(s) for s in SUMS], restoring=["linear"], known=KNOWN,
         reference=REFERENCE, approximate=False,
     )  # fmt: skip
     grid = grid_of(0, exact=True)
-    for item in weighing.results:
-        linear = exact(item.fit)
-        wanted = weigh(linear, grid, (NOISE * factor) ** 2, linear.count).log_evidence
+    for item in comparison.results:
+        linear = exact_model(item.fit)
+        wanted = linear_posterior(linear, grid, (NOISE * factor) ** 2, linear.count).log_evidence
         assert sampled(item.candidate.damping, factor) == pytest.approx(wanted, abs=0.03)
 
 

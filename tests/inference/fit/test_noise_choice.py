@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
-from bayesdamp.inference.deviation.data import prepared
+from bayesdamp.inference.deviation.data import prepare_data
+from bayesdamp.inference.deviation.model_comparison import compare_candidates
 from bayesdamp.inference.deviation.sample_noise import SampleNoise
-from bayesdamp.inference.deviation.weighing import weigh_all
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
@@ -46,10 +46,10 @@ def weighed(kind: str, damping: tuple[str, ...] = ("viscous", "quadratic")) -> S
         y = step * np.round((motion(0.2) + noise("gaussian", rng)) / step)
     else:
         y = motion(0.2) + noise(kind, rng)
-    data = prepared(Signal(TIMES, y, step=recording_step(y)))
+    data = prepare_data(Signal(TIMES, y, step=recording_step(y)))
     known = {n: v for n, v in KNOWN.items() if n != "epsilon"}
     asked = [MotionCandidate(damping, "linear")]
-    return weigh_all(data, asked, known=known, approximate=False, noises=NOISES.names()).noise
+    return compare_candidates(data, asked, known=known, approximate=False, noises=NOISES.names()).noise
 
 
 @pytest.mark.parametrize("kind", NOISES.names())

@@ -11,25 +11,32 @@ import numpy as np
 from bayesdamp.inference.deviation.averaged import Averaging
 from bayesdamp.inference.deviation.candidate import (
     START,
-    Linearised,
+    Linearisation,
     MotionCandidate,
-    exact,
-    first_values,
+    exact_model,
+    initial_values,
+    linearise_at_mode,
     parameters_of,
     refit,
-    relinearise,
     search,
-    starts_of,
+    start_values,
 )
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
-from bayesdamp.inference.deviation.linear import EXACT_LAWS, Grid, LinearModel, Weighed, knots_of, weigh
+from bayesdamp.inference.deviation.linear import (
+    NO_DEVIATIONS,
+    Grid,
+    LinearModel,
+    LinearPosterior,
+    knots_of,
+    linear_posterior,
+)
 from bayesdamp.inference.deviation.sample_noise import (
     AUTOMATIC,
-    Adapted,
+    AdaptedData,
     adapt,
     inflation,
-    predictable,
+    predictable_nats,
 )
 from bayesdamp.inference.deviation.tempered import Sampled
 from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
@@ -76,7 +83,7 @@ class CandidateResult:
         Under exact laws.
     variance, exact_variance : float
         Variance of the noise under the laws asked for, and under exact ones.
-    exact_weighed : Weighed
+    exact_posterior : LinearPosterior
         Under exact laws: posterior and evidence of the linear model.
     about, weighed
         Under approximate laws: the linear model about the mode, and its posterior and evidence; None where laws hold
@@ -91,24 +98,24 @@ class CandidateResult:
     fit: LeastSquaresFit
     variance: float
     exact_variance: float
-    exact_weighed: Weighed
-    about: Linearised | None = None
-    weighed: Weighed | None = None
+    exact_posterior: LinearPosterior
+    linearisation: Linearisation | None = None
+    approximate_posterior: LinearPosterior | None = None
     sampled: Sampled | None = None
 
     @property
-    def posterior(self) -> Weighed:
+    def posterior(self) -> LinearPosterior:
         """Posterior and evidence of the linear model under the laws asked for."""
-        return self.exact_weighed if self.weighed is None else self.weighed
+        return self.exact_posterior if self.approximate_posterior is None else self.approximate_posterior
 
     @property
     def model(self) -> LinearModel:
         """The linear model under the laws asked for."""
-        return exact(self.fit) if self.about is None else self.about.model
+        return exact_model(self.fit) if self.linearisation is None else self.linearisation.model
 
     def grid(self, coarse: bool = False) -> Grid:
         """Return the hyperparameters of the deviations under the laws asked for."""
-        return EXACT_LAWS if self.about is None else self.about.grid(coarse)
+        return NO_DEVIATIONS if self.linearisation is None else self.linearisation.grid(coarse)
 
     @property
     def log_evidence(self) -> float:
@@ -120,17 +127,17 @@ class CandidateResult:
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
         """Relative deviations of damping and frequency at the knots, at the mode; None where laws hold exactly."""
-        return (None, None) if self.about is None else self.about.deviations
+        return (None, None) if self.linearisation is None else self.linearisation.deviations
 
     @property
     def motion(self) -> Motion:
         """The motion at the mode."""
-        return self.fit.motion if self.about is None else self.about.motion
+        return self.fit.motion if self.linearisation is None else self.linearisation.motion
 
     @property
     def z(self) -> np.ndarray:
         """Scores at the mode, (d,)."""
-        return self.fit.z if self.about is None else self.about.z
+        return self.fit.z if self.linearisation is None else self.linearisation.z
 
     @property
     def values(self) -> np.ndarray:
@@ -149,7 +156,7 @@ class CandidateResult:
 
 
 @dataclass(frozen=True)
-class Weighing:
+class ModelComparison:
     """Every candidate on one record.
 
     Attributes
@@ -222,7 +229,8 @@ class Weighing:
 
     def compares(self, result: CandidateResult) -> bool:
         """Return whether a candidate is compared: under approximate laws only where it could be linearised."""
-        return result.weighed is not None or all(r.weighed is None for r in self.results)
+        every = (result, *self.results)
+        return result.approximate_posterior is not None or all(r.approximate_posterior is None for r in every)
 
     def known_motion(self) -> dict[str, float]:
         """Return the known values of the likeliest candidate's start and of its restoring law's parameters."""
@@ -236,7 +244,7 @@ class Weighing:
         degrees = max(self.data.y.size - fit.z.size, 1)
         return self.data.least_variance + self.inflation * fit.squares / degrees
 
-    def expected(self, candidate: MotionCandidate, whole: Linearised) -> float:
+    def expected(self, candidate: MotionCandidate, whole: Linearisation) -> float:
         """Return the log evidence that a candidate is expected to have, in nats, without fitting it.
 
         It is that of the linear model of a sum of more terms, `whole`, without those that the candidate lacks; infinite
@@ -248,34 +256,34 @@ class Weighing:
             return np.inf
         present = np.array([n in names for n in parameters.free_names])
         model = whole.model.only(present | ~parameters.damping)
-        return weigh(model, whole.grid(coarse=True), self.variance, self.samples).log_evidence
+        return linear_posterior(model, whole.grid(coarse=True), self.variance, self.samples).log_evidence
 
-    def weigh(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:
+    def evaluate(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:
         """Weigh a candidate from its fit to the record."""
-        about = relinearise(solver, self.data, fit, self.variance) if self.approximate else None
-        return self.weigh_about(candidate, solver, fit, about and about[0], self.exact_variance(fit))
+        mode = linearise_at_mode(solver, self.data, fit, self.variance) if self.approximate else None
+        return self.evaluate_about(candidate, solver, fit, mode and mode[0], self.exact_variance(fit))
 
-    def weigh_about(
+    def evaluate_about(
         self,
         candidate: MotionCandidate,
         solver: Solver,
         fit: LeastSquaresFit,
-        about: Linearised | None,
+        linearisation: Linearisation | None,
         exact_variance: float,
     ) -> CandidateResult:
         """Weigh a candidate from its fit, the linear model about its mode, and the noise if exact laws were right."""
-        exact_weighed = weigh(exact(fit), EXACT_LAWS, exact_variance, self.samples)
-        if about is None:
-            weighed, variance = None, exact_variance
-        else:
-            weighed = weigh(about.model, about.grid(coarse=False), self.variance, self.samples)
-            variance = self.variance
+        exact_posterior = linear_posterior(exact_model(fit), NO_DEVIATIONS, exact_variance, self.samples)
+        variances = exact_variance, exact_variance
+        if linearisation is None:
+            return CandidateResult(candidate, self.data, solver, fit, *variances, exact_posterior)
+        grid, variances = linearisation.grid(coarse=False), (self.variance, exact_variance)
+        posterior = linear_posterior(linearisation.model, grid, self.variance, self.samples)
         return CandidateResult(
-            candidate, self.data, solver, fit, variance, exact_variance, exact_weighed, about, weighed
+            candidate, self.data, solver, fit, *variances, exact_posterior, linearisation, posterior
         )
 
 
-def weigh_all(
+def compare_candidates(
     data: Data,
     candidates: Iterable[MotionCandidate],
     *,
@@ -284,7 +292,7 @@ def weigh_all(
     reference: Reference | None = None,
     approximate: bool = True,
     noises: Sequence[str] = AUTOMATIC,
-) -> Weighing:
+) -> ModelComparison:
     """Fit and weigh candidates; the fits under one law start from that of the sum of all terms.
 
     Parameters
@@ -360,29 +368,29 @@ def weigh_all(
         # Amplitudes and phases only have the noise near the oscillation. Where laws hold exactly and the residual
         # cannot be predicted, the noise is white, and κ, which a short record determines only to a few tens of per
         # cent, is 1.
-        white = data.averaged is not None or (not approximate and predictable(at.left) == 0.0)
+        white = data.averaged is not None or (not approximate and predictable_nats(at.left) == 0.0)
         kappa = 1.0 if white else inflation(data.t, at.left, data.frequency, at.u.size)
         variance *= kappa
         if adapted is not None and adapted.variance > variance:
             variance, kappa = adapted.variance, kappa * adapted.variance / variance
-    weighing = Weighing(
+    comparison = ModelComparison(
         data, reference, fits.epsilon, tuple(frictions), fits.solvers, variance, kappa, noise, approximate,
         noise_known, "epsilon" in stated,
     )  # fmt: skip
     followed = [c for c in asked if c.restoring in abouts]
-    expected = {c: weighing.expected(c, abouts[c.restoring][0]) for c in followed}
+    expected = {c: comparison.expected(c, abouts[c.restoring][0]) for c in followed}
     top = max((log for log in expected.values() if np.isfinite(log)), default=-np.inf)
     refused |= {c: BEHIND for c, log in expected.items() if log < top - REACH and c not in refused}
 
-    def weigh_one(c: MotionCandidate) -> CandidateResult | None:
+    def evaluate(c: MotionCandidate) -> CandidateResult | None:
         fit = fits.of(c)
-        return None if fit is None else weighing.weigh(c, fits.solvers[c.restoring], fit)
+        return None if fit is None else comparison.evaluate(c, fits.solvers[c.restoring], fit)
 
-    results = at_once(weigh_one, [c for c in followed if c not in refused])
+    results = at_once(evaluate, [c for c in followed if c not in refused])
     # In an order that does not depend on which thread was first.
     order = dict.fromkeys([*whole, *(MotionCandidate(fits.terms, law) for law in fits.laws), *given])
     return replace(
-        weighing,
+        comparison,
         results=tuple(r for r in results if r is not None),
         refused={c: refused[c] for c in order if c in refused},
     )
@@ -435,7 +443,7 @@ class _CandidateFits:
         if "rest" in self.solvers[law].further:
             c, viscous = MotionCandidate(("viscous",), law), replace(self.solvers[law], terms=("viscous",))
             parameters = parameters_of(c, viscous, data, self.reference, self.priors, known)
-            fit = search(viscous, data, parameters, [first_values(c, data, known)], windows=True)
+            fit = search(viscous, data, parameters, [initial_values(c, data, known)], windows=True)
             if fit is not None:
                 rest = data.rest_under(law, fit.values[viscous.law_places])
         return self.reference.scales(rest)
@@ -462,9 +470,9 @@ class _CandidateFits:
     def _seek(self, c: MotionCandidate, near: LeastSquaresFit | None) -> None:
         data, solver = self.data, self.solvers[c.restoring]
         known = {**self.scales[c.restoring], **self.known_under(c.restoring)}
-        start = first_values(c, data, known)
+        start = initial_values(c, data, known)
         parameters = parameters_of(c, solver, data, self.reference, self.priors, known)
-        own_starts, fit = starts_of(c, parameters), None
+        own_starts, fit = start_values(c, parameters), None
         if near is not None:
             coefficients = {TERMS.get(t).parameter for t in c.damping}
             begin = near.parameters.named(near.z) | {k: v for k, v in start.items() if k in coefficients}
@@ -496,15 +504,15 @@ class _CandidateFits:
         fits = at_once(lambda c: refit(self.solvers[c.restoring], self.data, self.fits[c]), every)
         self.fits |= {c: fit for c, fit in zip(every, fits, strict=True) if fit is not None}
 
-    def about_modes(self) -> dict[str, tuple[Linearised, float]]:
+    def about_modes(self) -> dict[str, tuple[Linearisation, float]]:
         """Return the sums of most terms by law, about their modes, with the variance of what each leaves."""
         whole = [c for c in self.whole if c in self.fits]
-        abouts = at_once(
-            lambda c: relinearise(self.solvers[c.restoring], self.data, self.fits[c], None), whole
+        modes = at_once(
+            lambda c: linearise_at_mode(self.solvers[c.restoring], self.data, self.fits[c], None), whole
         )
-        return {c.restoring: about for c, about in zip(whole, abouts, strict=True) if about is not None}
+        return {c.restoring: at for c, at in zip(whole, modes, strict=True) if at is not None}
 
-    def choose_friction(self, adapting: Callable[..., Adapted | None] | None = None) -> list[Friction]:
+    def choose_friction(self, adapting: Callable[..., AdaptedData | None] | None = None) -> list[Friction]:
         """Return widths ε of friction and their probabilities, under the best law and all terms; none without friction.
 
         From then on, the fits have the likeliest width if it is clearly ahead of the usual one. `adapting` adapts the
@@ -525,8 +533,8 @@ class _CandidateFits:
                 return None
             log = -0.5 * self.data.y.size * np.log(fit.squares)
             if adapting is not None:
-                about = relinearise(own, self.data, fit, None)
-                adapted = None if about is None else adapting(solver=own, at=about[0])
+                mode = linearise_at_mode(own, self.data, fit, None)
+                adapted = None if mode is None else adapting(solver=own, at=mode[0])
                 if adapted is None:
                     return None
                 log = adapted.noise.fitted.log_evidence
