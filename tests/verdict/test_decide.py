@@ -148,10 +148,10 @@ SURE = {"viscous": thresholds.TERM_SURE, "coulomb": 0.6, "quadratic": 0.0}
         ({"midline": -0.0123}, {"midline": 0.5 * thresholds.MIDLINE}, "The midline drifts by 1.2 % of the first"),
         ({"amplitudes": (0.31, 0.31 * 0.71)}, {"amplitudes": (0.31, 0.31 * 0.69)}, "hard to distinguish"),
         (
-            {"tied": (("zeta", "mu_q"),)}, {"tied": ()},
+            {"inseparable": (("zeta", "mu_q"),)}, {"inseparable": ()},
             "Only a combination of the coefficient of viscous damping and the coefficient of quadratic (drag) damping",
         ),
-        ({"tied": (("mu_k", "stribeck_velocity"),)}, {"tied": ()}, "the stribeck velocity is determined"),
+        ({"inseparable": (("mu_k", "stribeck_velocity"),)}, {"inseparable": ()}, "the stribeck velocity is determined"),
     ],
 )  # fmt: skip
 def test_what_is_said_beyond_a_threshold(changed: dict, control: dict, text: str) -> None:
