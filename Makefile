@@ -22,7 +22,6 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
-	$(BIN)/pyright -p tests/interface/scripts
 
 # Writes reports/benchmarks, and says where a ratio has lost against the page that was there.
 bench: $(READY)
@@ -43,7 +42,7 @@ EXAMPLES ?= 2000
 fuzz: $(READY)
 	FUZZ_EXAMPLES=$(EXAMPLES) $(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) tests/fuzz $(ARGS)
 
-# A wrong operator, number or condition put into a copy, a hundred times: do the tests notice? Writes reports/mutation.
+# A wrong operator, number or condition put into a copy, a hundred times: do the tests notice?
 mutation: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt "cosmic-ray>=8.3"
 	$(ONE_THREAD) $(BIN)/python -m validation.mutation $(ARGS)
