@@ -263,13 +263,3 @@ def test_table() -> None:
 def test_all_keep_to_the_error() -> None:
     for found in (*map(measured, MODELS), long()):
         assert max(v for k, v in found.items() if k.endswith("error")) <= ERROR
-
-
-def test_each_takes_less_than_others() -> None:
-    """What is wanted beyond that is on the page."""
-    for model in MODELS:
-        m = measured(model)
-        assert all(m[name] > m["posterior"] > m["ours"] for name in SOLVERS if name in m)
-    assert gradient()["parameters"] == 7
-    assert gradient()["with gradient"] < 7 * gradient()["one"]
-    assert long()["odeint"] > long()["ours"]

@@ -111,8 +111,6 @@ def test_one_record_and_three() -> None:
         ["what", "s to the verdict", "s to the end", "CPU s"],
         [_row(name, run) for name, run in runs.items()],
     )
-    assert alone.answer < fresh.answer
-    assert alone.answer < alone.end
 
 
 def test_growth() -> None:
@@ -133,8 +131,6 @@ def test_growth() -> None:
         ["what", "s to the verdict", "s to the end", "CPU s"],
         [_row(name, run) for name, run in runs.items()],
     )
-    assert runs["one law, one damping"].cpu < base.cpu
-    assert base.cpu < runs["3 records, 1 worker"].cpu < 5 * base.cpu
 
 
 def _row(name: str, run: Waited) -> list[str]:
