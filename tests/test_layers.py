@@ -79,7 +79,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     | {"calibrate", "interface", "pipeline", "records", "store", "report", "verdict", "validation"},
     "validation.truth": NEUTRAL | {"validation.truth"},
     "validation.experiments": _BELOW
-    | {"config", "inference", "interface", "pipeline", "store", "verdict", "validation.experiments"}
+    | {"inference", "interface", "verdict", "validation.experiments"}
     | {"validation.rows", "validation.scoring", "validation.truth"},
     "validation.misfit": {
         "formatting", "types", "cli.records", "interface", "verdict", "validation.misfit", "validation.rows",

@@ -1,7 +1,8 @@
 """Do the tests notice a wrong operator, number or condition? Try a sample of such changes.
 
 `make mutation` changes a copy of the tree, never the tree itself, and runs the tests of the changed part. Changes are
-those of Cosmic Ray, without those of annotations, which nothing runs.
+those of Cosmic Ray, without those of annotations, which nothing runs. A change that leaves the meaning as it was counts
+as not noticed.
 """
 
 from __future__ import annotations
@@ -13,18 +14,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bayesdamp.store import write_table
-from validation.scoring import wilson
+from validation.scoring import hits_of
 
 ROOT = Path(__file__).resolve().parents[1]
 TREE = ROOT / ".mutation"
-OUT = ROOT / "reports" / "mutation"
 PATIENCE = 10
 """Tests that take this many times as long as without a change have noticed it."""
 
@@ -64,19 +63,6 @@ PARTS = {
 }
 
 
-@dataclass(frozen=True)
-class Mutant:
-    """One change: its part, file, line and operator, the line before and after, and whether the tests noticed."""
-
-    part: str
-    file: str
-    line: int
-    operator: str
-    before: str
-    after: str
-    noticed: bool
-
-
 def bare(source: str) -> str:
     """Return the code of a module without annotations and docstrings."""
     tree = ast.parse(source)
@@ -92,8 +78,8 @@ def bare(source: str) -> str:
     return ast.unparse(tree)
 
 
-def changes(part: Part, seed: int) -> Iterator[tuple[Path, str, int, str, str]]:
-    """Yield changes of a part in random order: file, operator, line, source before and after."""
+def changes(part: Part, seed: int) -> Iterator[tuple[Path, int, str, str]]:
+    """Yield changes of a part in random order: file, line, source before and after."""
     import parso
     from cosmic_ray.mutating import MutationVisitor  # pyright: ignore[reportMissingImports]
     from cosmic_ray.plugins import get_operator, operator_names  # pyright: ignore[reportMissingImports]
@@ -115,7 +101,7 @@ def changes(part: Part, seed: int) -> Iterator[tuple[Path, str, int, str, str]]:
         except SyntaxError:
             continue
         if not same:
-            yield file, name, line, before, after
+            yield file, line, before, after
 
 
 def _lines(operator: Any, node: Any) -> list[int]:
@@ -138,49 +124,28 @@ def passes(tests: tuple[str, ...], patience: float | None = None) -> bool:
         return False
 
 
-def tried(name: str, count: int, seed: int) -> Iterator[Mutant]:
-    """Try changes of a part; raise SystemExit if its tests fail without a change."""
+def tried(name: str, count: int, seed: int) -> Iterator[tuple[bool, str]]:
+    """Try changes of a part: whether its tests notice each, and the changed line.
+
+    Raises SystemExit if the tests fail without a change.
+    """
     part = PARTS[name]
     passes(part.tests)  # compiles
     began = time.perf_counter()
     if not passes(part.tests):
         raise SystemExit(f"the tests of {name} fail without any change")
     patience = PATIENCE * (time.perf_counter() - began)
-    for _, (file, operator, line, before, after) in zip(range(count), changes(part, seed), strict=False):
+    for _, (file, line, before, after) in zip(range(count), changes(part, seed), strict=False):
         file.write_text(after, encoding="utf-8")
         noticed = not passes(part.tests, patience)
         file.write_text(before, encoding="utf-8")
         old, new = before.splitlines(), after.splitlines()
         at = next((i for i, (a, b) in enumerate(zip(old, new, strict=False)) if a != b), line - 1)
-        relative = str(file.relative_to(TREE))
-        yield Mutant(name, relative, at + 1, operator, old[at].strip(), new[at].strip(), noticed)
-
-
-def page(mutants: list[Mutant], seed: int) -> str:
-    """Return the page: how many changes were noticed, and which were not."""
-    lines = [
-        "# Do the tests notice a wrong operator, number or condition?",
-        "",
-        f"Changes drawn by chance (seed {seed}), each tried with the quick tests of its part alone (`make mutation`).",
-        "A change that leaves the meaning as it was counts as not noticed. Intervals are 95 % (Wilson).",
-        "",
-        "| part | changes | noticed | share |",
-        "|---|---|---|---|",
-    ]
-    for name in PARTS:
-        own = [m.noticed for m in mutants if m.part == name]
-        if own:
-            low, high = wilson(float(np.mean(own)), len(own))
-            lines.append(
-                f"| {name} | {len(own)} | {sum(own)} | {np.mean(own):.2f} ({low:.2f} to {high:.2f}) |"
-            )
-    lines += ["", "Not noticed:", ""]
-    lines += [f"- `{m.file}:{m.line}` `{m.before}` → `{m.after}`" for m in mutants if not m.noticed]
-    return "\n".join(lines) + "\n"
+        yield noticed, f"{file.relative_to(TREE)}:{at + 1} {old[at].strip()} -> {new[at].strip()}"
 
 
 def main() -> None:
-    """Try the changes, and write `mutants.csv` and `README.md` under reports/mutation."""
+    """Try the changes; print each, and for each part the share that was noticed with its 95 % interval (Wilson)."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=40, help="changes of each part")
     parser.add_argument("--seed", type=int, default=1)
@@ -188,15 +153,12 @@ def main() -> None:
     options = parser.parse_args()
     shutil.rmtree(TREE, ignore_errors=True)
     shutil.copytree(ROOT, TREE, ignore=shutil.ignore_patterns(".*", "reports", "__pycache__", "_build"))
-    OUT.mkdir(parents=True, exist_ok=True)
-    mutants: list[Mutant] = []
     for part in options.parts:
-        for m in tried(part, options.count, options.seed):
-            mutants.append(m)
-            print(f"{part} {m.file}:{m.line} {'noticed' if m.noticed else 'NOT NOTICED'}", flush=True)
-    rows = [asdict(m) for m in mutants]
-    write_table(OUT / "mutants.csv", [f.name for f in fields(Mutant)], rows)
-    (OUT / "README.md").write_text(page(mutants, options.seed), encoding="utf-8")
+        hits, tries = 0, 0
+        for noticed, change in tried(part, options.count, options.seed):
+            hits, tries = hits + noticed, tries + 1
+            print("noticed    " if noticed else "NOT NOTICED", change, flush=True)
+        print(f"{part}: {hits_of(hits, tries)} are noticed", flush=True)
     shutil.rmtree(TREE)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from validation.rows import rounded, write_frame, write_row
 
 SEED, COUNT = 811, 200
 MEASURED = Path("../shared/data")
+"""The folder with ten_runs/."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -29,8 +29,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--count", type=int, default=COUNT, help="number of simulated records, of five groups in turn"
     )
     parser.add_argument("--peers", nargs="+", default=list(ROSTER), help=", ".join(ROSTER))
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="start no record after this time")
-    parser.add_argument("--measured", type=Path, default=MEASURED, help="folder with ten_runs/")
     parser.add_argument("--out", type=Path, default=Path("reports/contest"))
     parser.add_argument("--rows", type=Path, help="table of the rows; by default OUT/rows.csv")
     parser.add_argument("--kept", type=Path, help="table from which the rows of the other peers are copied")
@@ -75,10 +73,7 @@ def _run(options: argparse.Namespace, table: Path, missing: dict[str, str]) -> N
         if entry.environment is None:  # import and compile before any record is timed
             rows.row_of(closed_form(), "", entry.peer)
     done = set(zip(read["record"], read["peer"], strict=True))
-    until = time.monotonic() + 60 * options.minutes
     for record in _records(options):
-        if time.monotonic() > until:
-            break
         for name in (name for name in able if (record.name, name) not in done):
             write_row(table, rows.COLUMNS, rounded(rows.row_of(record, name, able[name].peer)))
     for entry in able.values():
@@ -89,7 +84,7 @@ def _run(options: argparse.Namespace, table: Path, missing: dict[str, str]) -> N
 def _records(options: argparse.Namespace) -> Iterator[Record]:
     """Yield the measured records, then the simulated ones."""
     try:
-        yield from measured(options.measured)
+        yield from measured(MEASURED)
     except Refusal as refusal:
         print(f"measured records are omitted: {refusal}", file=sys.stderr)
     for number in range(options.count):
