@@ -1,4 +1,4 @@
-"""Studies of a few lines: a linear oscillator and one simulated record of it."""
+"""Studies of a few lines: a linear oscillator and one record."""
 
 from __future__ import annotations
 
@@ -12,14 +12,19 @@ COMPARED = 'models = { compare = ["viscous", "quadratic"] }'
 WEIGHED = "posterior = { samplers = [] }\nevidence = { methods = ['laplace'], referee = 'never' }"
 
 
-def signal_text(name: str, simulate: str) -> str:
-    return f'[[signal]]\nname = "{name}"\nsimulate = {{ {simulate} }}\n'
+def signal_text(name: str, simulate: str = "", **keys: str) -> str:
+    """Return the text of a signal: a simulated record, or a file with its other keys."""
+    lines = [f"simulate = {{ {simulate} }}"] if simulate else []
+    lines += [f'{key} = "{value}"' for key, value in keys.items()]
+    return "\n".join(["[[signal]]", f'name = "{name}"', *lines, ""])
 
 
-def study_text(*keys: str, simulate: str, name: str = "rig", system: str = SYSTEM) -> str:
-    """Return the text of a study: its keys, and the simulated record of a name."""
-    head = ["version = 1", 'name = "small"', "seed = 3", f"system = {{ {system} }}"]
-    return "\n".join([*head, *keys, signal_text(name, simulate)])
+def study_text(
+    *keys: str, simulate: str = "", name: str = "rig", system: str = SYSTEM, **of_signal: str
+) -> str:
+    """Return the text of a study: its keys, and its one signal."""
+    head = ["version = 1", 'name = "small"', "seed = 3", *([f"system = {{ {system} }}"] if system else [])]
+    return "\n".join([*head, *keys, signal_text(name, simulate, **of_signal)])
 
 
 def write_study(folder: Path, text: str) -> Study:

@@ -18,6 +18,7 @@ from bayesdamp.config.compare import comparison
 from bayesdamp.pipeline.records import recorded
 from bayesdamp.types import InputError
 from tests.records.tables import write_table
+from tests.studies import study_text
 
 T = np.arange(600) / 50
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
@@ -194,23 +195,18 @@ def test_a_file_of_which_no_record_is_a_decay(tmp_path, capsys) -> None:
     assert not (tmp_path / "out").exists()
 
 
-STUDY = """
-version = 1
-[system]
-restoring = "linear"
-[[signal]]
-name = "third"
-file = "rig.csv"
-{}
-unit = "deg"
-system = {{ stiffness = "free", rest_angle = "free", theta0 = "free", omega0 = "free", noise_sd = "free" }}
-"""
+STUDY = study_text(
+    system='restoring = "linear", stiffness = "free", rest_angle = "free", theta0 = "free", omega0 = "free"',
+    name="third",
+    file="rig.csv",
+    unit="deg",
+)
 
 
 def test_a_study_names_run_and_channel(tmp_path) -> None:
     runs(tmp_path / "rig.csv")
     for keys in ('run = 3\nchannel = "Angle, left (deg)"', 'run = "3"\nchannel = "angle, LEFT"', "run = 3"):
-        (tmp_path / "a.toml").write_text(STUDY.format(keys), encoding="utf-8")
+        (tmp_path / "a.toml").write_text(STUDY + keys, encoding="utf-8")
         source = load_study(tmp_path / "a.toml").signals[0].source
         assert isinstance(source, Recording)
         np.testing.assert_allclose(recorded(source).y, 30 * Y, atol=1e-6)

@@ -18,6 +18,7 @@ from bayesdamp.types import Signal
 from bayesdamp.verdict.parts import Grade, MotionKind
 from bayesdamp.verdict.types import Verdict
 from tests.records.oscillation.test_modes import OMEGA, sum_of
+from tests.studies import study_text
 
 
 def test_beats_are_said_with_their_sizes_and_kept_in_json() -> None:
@@ -102,19 +103,15 @@ def test_the_frequency_under_a_wandering_base_line_holds() -> None:
         assert f.low < 1.37 < f.high
 
 
-STUDY = """
-version = 1
-estimators = { use = ["envelope"], stages = ["initial"] }
-models = { compare = ["viscous"] }
-posterior = { samplers = [] }
-evidence = { methods = [] }
-[system]
-restoring = "linear"
-[[signal]]
-name = "rig"
-file = "rig.csv"
-unit = "deg"
-"""
+STUDY = study_text(
+    'estimators = { use = ["envelope"], stages = ["initial"] }',
+    'models = { compare = ["viscous"] }',
+    "posterior = { samplers = [] }",
+    "evidence = { methods = [] }",
+    system='restoring = "linear"',
+    file="rig.csv",
+    unit="deg",
+)
 
 
 def study_of(folder: Path, rate: float) -> Path:

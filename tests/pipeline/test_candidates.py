@@ -5,39 +5,28 @@ from __future__ import annotations
 import json
 import math
 from functools import partial
-from pathlib import Path
 
 import pytest
 
-from bayesdamp.config import load_study
 from bayesdamp.pipeline import tables
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from bayesdamp.types import Evidence
 from tests.interface.problems import not_refused
+from tests.studies import ESTIMATED, study_text, write_study
 
-TWO_LAWS = """
-version = 1
-name = "laws"
-system = { restoring = "linear", stiffness = 20.0, cubic = 1.0, theta0 = 0.3, omega0 = 0.0, epsilon = 0.05 }
-estimators = { use = ["least_squares"], stages = ["initial"] }
-models = { compare = ["viscous", "coulomb"], restoring = ["linear", "duffing"] }
-posterior = { samplers = [] }
-evidence = { methods = [] }
-[[signal]]
-name = "swing"
-simulate = { viscous = 0.05, coulomb = 0.02, duration = 6.0, samples = 300, rest_angle = 0.0, noise_sd = 0.0 }
-"""
-
-
-def load(folder: Path, text: str = TWO_LAWS):
-    file = folder / "laws.toml"
-    file.write_text(text, encoding="utf-8")
-    return load_study(file)
+TWO_LAWS = study_text(
+    ESTIMATED,
+    'models = { compare = ["viscous", "coulomb"], restoring = ["linear", "duffing"] }',
+    "posterior = { samplers = [] }\nevidence = { methods = [] }",
+    simulate="viscous = 0.05, coulomb = 0.02, duration = 6.0, samples = 300, rest_angle = 0.0, noise_sd = 0.0",
+    name="swing",
+    system='restoring = "linear", stiffness = 20.0, cubic = 1.0, theta0 = 0.3, omega0 = 0.0, epsilon = 0.05',
+)
 
 
 def test_every_damping_meets_every_law_with_what_is_known_of_that_law(tmp_path) -> None:
-    study = load(tmp_path)
+    study = write_study(tmp_path, TWO_LAWS)
     spec = study.signals[0]
     assert study.compare(spec) == (
         "viscous@linear", "viscous@duffing", "coulomb@linear", "coulomb@duffing",
@@ -57,12 +46,12 @@ def test_a_wrong_law_is_one_line(tmp_path) -> None:
             '"duffing"', '"pendulum"'
         ),
     }
-    assert not_refused((partial(load, tmp_path, text), said) for said, text in wrong.items()) == []
-    assert load(tmp_path, metres)
+    assert not_refused((partial(write_study, tmp_path, text), said) for said, text in wrong.items()) == []
+    assert write_study(tmp_path, metres)
 
 
 def test_tables_say_which_law_and_the_report_tells_them_apart(tmp_path) -> None:
-    study = load(tmp_path)
+    study = write_study(tmp_path, TWO_LAWS)
     assert run_study(study, tmp_path / "out", workers=1) == 0
     rows = read_table(tmp_path / "out" / "estimates.csv")
     found = {(r["model"], r["restoring"], r["parameter"]) for r in rows}
@@ -82,7 +71,7 @@ def test_tables_say_which_law_and_the_report_tells_them_apart(tmp_path) -> None:
 def test_a_candidate_that_cannot_be_weighed_leaves_the_others_theirs(tmp_path, monkeypatch) -> None:
     """Odds of e² among the two that were weighed, one pruned with nothing; a method that is still to come to a
     candidate gives nobody a share (negative control)."""
-    study, nan = load(tmp_path), math.nan
+    study, nan = write_study(tmp_path, TWO_LAWS), math.nan
     names = study.compare(study.signals[0])
 
     def of(method: str, *logs: float) -> dict[str, Evidence]:

@@ -10,43 +10,29 @@ import numpy as np
 import pytest
 
 import bayesdamp as bd
-from bayesdamp.config import Study, load_study
+from bayesdamp.config import Study
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.pipeline.tasks import cell_seed
 from bayesdamp.store import Store, read_table
+from tests.studies import study_text, write_study
 
 MODEL = "viscous+coulomb"
-STUDY = f"""
-version = 1
-name = "one"
-estimators = {{ use = [] }}
-models = {{ compare = ["{MODEL}"], prior = {{ coulomb = {{ prior = "halfnormal", scale = 0.02 }} }} }}
-posterior = {{ samplers = ["laplace"], deviation = "none", chains = 2, warmup = 10, draws = 50 }}
-evidence = {{ methods = ["laplace"], referee = "never" }}
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = "free"
-omega0 = {{ prior = "normal", mean = 0.0, sd = 0.5 }}
-epsilon = "free"
-noise_sd = "free"
-[[signal]]
-name = "swing"
-simulate = {{ viscous = 0.05, theta0 = 0.3, omega0 = 0.0, epsilon = 0.05, duration = 6, samples = 200, noise_sd=3e-3 }}
-"""
-
-
-def load(folder: Path, text: str = STUDY) -> Study:
-    (folder / "one.toml").write_text(text, encoding="utf-8")
-    return load_study(folder / "one.toml")
+STUDY = study_text(
+    "estimators = { use = [] }",
+    f'models = {{ compare = ["{MODEL}"], prior = {{ coulomb = {{ prior = "halfnormal", scale = 0.02 }} }} }}',
+    'posterior = { samplers = ["laplace"], deviation = "none", chains = 2, warmup = 10, draws = 50 }',
+    "evidence = { methods = ['laplace'], referee = 'never' }",
+    simulate="viscous = 0.05, theta0 = 0.3, omega0 = 0.0, epsilon = 0.05, duration = 6, samples = 200, noise_sd = 3e-3",
+    system='restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = "free", epsilon = "free", '
+    'noise_sd = "free", omega0 = { prior = "normal", mean = 0.0, sd = 0.5 }',
+)
 
 
 @lru_cache
 def ran(deviation: str = "none") -> tuple[Study, Branch]:
     folder = Path(mkdtemp())
-    study = load(folder, STUDY.replace('deviation = "none"', f'deviation = "{deviation}"'))
+    study = write_study(folder, STUDY.replace('deviation = "none"', f'deviation = "{deviation}"'))
     assert run_study(study, folder / "out", workers=1, quiet=True) == 0
     return study, Branch(study, study.signals[0], 0, MODEL, Store(folder / "out"))
 
@@ -89,7 +75,7 @@ def test_a_prior_of_a_further_parameter_reaches_the_model(tmp_path: Path) -> Non
     branch = ran()[1]
     own = 'static_excess = { prior = "halfnormal", scale = 0.2 }'
     text = STUDY.replace(MODEL, "viscous+stribeck")
-    changed = load(tmp_path, text.replace('coulomb = { prior = "halfnormal", scale = 0.02 }', own))
+    changed = write_study(tmp_path, text.replace('coulomb = { prior = "halfnormal", scale = 0.02 }', own))
     model = Branch(changed, changed.signals[0], 0, "viscous+stribeck", branch.store).specify("none")
     assert model.priors["static_excess"] == bd.HalfNormal(0.2)
     assert "static_excess" not in branch.specify("none").priors  # control: a model without the term
@@ -97,8 +83,8 @@ def test_a_prior_of_a_further_parameter_reaches_the_model(tmp_path: Path) -> Non
 
 def test_a_cubic_spring_and_cubic_damping_are_told_apart(tmp_path) -> None:
     _, branch = ran()
-    text = STUDY.replace('"linear"', '"duffing"').replace("stiffness = 20.0", "stiffness = 20.0\ncubic = 1.0")
-    study = load(tmp_path, text.replace("coulomb", "cubic"))
+    text = STUDY.replace('"linear"', '"duffing"').replace("stiffness = 20.0", "stiffness = 20.0, cubic = 1.0")
+    study = write_study(tmp_path, text.replace("coulomb", "cubic"))
     model = Branch(study, study.signals[0], 0, "viscous+cubic", branch.store).specify("none")
     assert model.known["cubic"] == 1.0
     assert model.priors["mu_3"] == bd.HalfNormal(0.02)

@@ -66,26 +66,17 @@ def test_auto_is_every_noise(tmp_path):
     assert study(tmp_path, '"auto"').noises == ("correlated", "gaussian", "quantised", "student_t")
 
 
-FRICTION = """
-version = 1
-name = "friction"
-seed = 5
-estimators = { use = [] }
-models = { compare = ["coulomb", "viscous+coulomb"] }
-posterior = { samplers = [], noise = ["gaussian", "student_t"] }
-evidence = { methods = ["laplace"], referee = "never" }
-[system]
-restoring = "linear"
-stiffness = "free"
-rest_angle = 0.0
-theta0 = "free"
-omega0 = "free"
-[[signal]]
-name = "sharp"
-file = "sharp.csv"
-time = "t"
-angle = "x"
-"""
+FRICTION = study_text(
+    "estimators = { use = [] }",
+    'models = { compare = ["coulomb", "viscous+coulomb"] }',
+    'posterior = { samplers = [], noise = ["gaussian", "student_t"] }',
+    'evidence = { methods = ["laplace"], referee = "never" }',
+    system='restoring = "linear", stiffness = "free", rest_angle = 0.0, theta0 = "free", omega0 = "free"',
+    name="sharp",
+    file="sharp.csv",
+    time="t",
+    angle="x",
+)
 
 
 def test_friction_that_nobody_gave_is_the_answers(tmp_path):
