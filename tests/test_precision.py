@@ -1,4 +1,4 @@
-"""Double precision, whichever is imported first, and no second of waiting for JAX where none is needed."""
+"""Double precision, whichever is imported first."""
 
 from __future__ import annotations
 
@@ -24,7 +24,3 @@ def test_arrays_are_double(first):
 def test_without_the_package_they_are_not():
     """The negative control."""
     assert said("import jax; print(jax.numpy.ones(2).dtype)") == "float32\n"
-
-
-def test_the_commands_are_known_without_jax():
-    assert said("import sys, bayesdamp.cli; print('jax' in sys.modules)") == "False\n"

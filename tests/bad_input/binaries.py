@@ -48,38 +48,6 @@ def whole(form: str) -> bytes:
         return path.read_bytes()
 
 
-def cut(data: bytes) -> bytes:
-    return data[: len(data) // 3]
-
-
-def overwritten(data: bytes) -> bytes:
-    a = len(data) // 10
-    return data[:a] + np.random.default_rng(1).bytes(len(data) - a)
-
-
-def flipped(data: bytes) -> bytes:
-    rng = np.random.default_rng(3)
-    found = bytearray(data)
-    for at in rng.integers(0, len(found), 12):
-        found[at] ^= 1 << int(rng.integers(8))
-    return bytes(found)
-
-
-DAMAGES = (cut, overwritten, flipped)
-"""More of them at random are in tests/fuzz."""
-
-
-def damaged(path: Path, form: str, how: Callable[[bytes], bytes]) -> None:
-    path.write_bytes(how(whole(form)))
-
-
-DAMAGED = [
-    Case(f"{form} {how.__name__}", ("look", "FILE"), f"a.{form}", partial(damaged, form=form, how=how), ends=(READ, REFUSED))
-    for form in FORMATS
-    for how in DAMAGES
-]  # fmt: skip
-
-
 def bomb_zip(path: Path) -> None:
     """An archive whose directory says that it unpacks to four GiB."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -222,7 +190,6 @@ TWICE = Case(
 )
 
 GROUPS = {
-    "damaged files": DAMAGED,
     "wrong binary files": [
         *(Case(f"{Path(file).suffix[1:]} {what}", ("look", "FILE"), file, write, said) for what, file, write, said in MADE),
         *VERSIONS,

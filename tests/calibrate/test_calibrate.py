@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from bayesdamp.pipeline.tasks import Product
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store.contents import RecoveryContent
 from bayesdamp.types import InputError
+from validation.rows import read_rows
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 STUDY = """
@@ -55,11 +55,6 @@ def write(folder: Path, text: str = STUDY) -> Path:
     file = folder / "small.toml"
     file.write_text(text, encoding="utf-8")
     return file
-
-
-def rows(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="", encoding="utf-8") as handle:
-        return list(csv.DictReader(handle))
 
 
 # What is refused, before anything is written.
@@ -177,7 +172,7 @@ def test_a_wrong_likelihood_fails_and_a_right_one_does_not(tmp_path, monkeypatch
     assert said in (out / "report.html").read_text(encoding="utf-8")
     counts = result["counts"]["viscous"]
     assert sum(counts["refused"].values()) == counts["tried"] - counts["counted"]
-    for row in rows(out / "ranks.csv"):
+    for row in read_rows(out / "ranks.csv"):
         ranked = [int(text) for text in row["ranks"].split()]
         assert 12 <= len(ranked) < 24  # a second wave where some records were refused
         assert min(ranked) >= 0
@@ -202,7 +197,7 @@ def test_both_samplers_are_calibrated_and_see_a_wrong_likelihood(tmp_path, misju
     text = text.replace('"viscous", "coulomb", "quadratic", ', "")
     text = text if right else text.replace("[posterior]", f"[posterior]\n{misjudged}")
     assert run_calibration(load_study(write(tmp_path, text)), tmp_path / "out", workers=1, report=False) == 0
-    wrong = [r for r in rows(tmp_path / "out" / "calibration.csv") if r["verdict"] == "wrong"]
+    wrong = [r for r in read_rows(tmp_path / "out" / "calibration.csv") if r["verdict"] == "wrong"]
     assert (not wrong) is right
     if not right:
         assert {"nuts", "emcee"} <= {r["method"] for r in wrong if r["parameter"] == "noise_sd"}
@@ -259,7 +254,7 @@ def test_overconfident_probabilities_are_seen(tmp_path, monkeypatch, sharper, in
         # Probabilities that are right promise the log score that they get.
         gap = result[series]["log_score_expected"] - result[series]["log_score"]
         assert (gap < 0.15) is inside
-    assert len(rows(out / "recovery.csv")) == 440
+    assert len(read_rows(out / "recovery.csv")) == 440
     page = (out / "report.html").read_text(encoding="utf-8")
     assert ("is inside its 99 % band" in page) is inside
     assert result["recovery"]["by_model"][0]["p_holm"] > 0.001 or not inside

@@ -13,12 +13,6 @@ from scipy.integrate import solve_ivp
 import bayesdamp as bd
 from tests.interface.problems import MODEL, fit, not_refused, record
 
-PRIORS = {
-    bd.Normal(0.3, 2.0): stats.norm(0.3, 2.0), bd.HalfNormal(0.7): stats.halfnorm(scale=0.7),
-    bd.LogNormal(2.0, 0.4): stats.lognorm(0.4, scale=2.0), bd.Uniform(0.1, 3.0): stats.uniform(0.1, 2.9),
-    bd.LogUniform(0.1, 3.0): stats.loguniform(0.1, 3.0),
-}  # fmt: skip
-
 
 def points(count: int, spread: float = 2.0) -> np.ndarray:
     """x about the best fit, (count, d), where nothing is below zero."""
@@ -78,14 +72,6 @@ def test_log_prior_of_one_term_is_the_sum_of_the_priors() -> None:
     expected = sum(float(p.log_density(v)) for p, v in zip(density.priors.values(), x, strict=True))
     assert density.log_prior(x) == pytest.approx(expected)
     assert density.log_posterior(x) == pytest.approx(density.log_prior(x) + density.log_likelihood(x))
-
-
-def test_slopes_of_priors() -> None:
-    x, h = np.array([0.5, 1.0, 1.7]), 1e-6
-    for prior, reference in PRIORS.items():
-        assert prior.log_density(x) == pytest.approx(reference.logpdf(x)), prior
-        slope = (reference.logpdf(x + h) - reference.logpdf(x - h)) / (2 * h)
-        assert prior.slope(x) == pytest.approx(slope, abs=1e-7), prior
 
 
 def differences(x: np.ndarray) -> np.ndarray:

@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scipy import stats
 
 import bayesdamp as bd
-from bayesdamp.inference.noise import NOISES
 from tests.interface.problems import TRUTH, fit, posterior, record
 
 GROUPS = {
@@ -81,28 +79,3 @@ def test_saved(tmp_path: Path) -> None:
     with xr.open_datatree(tmp_path / "post.nc", engine="h5netcdf") as read:
         assert set(read.children) == GROUPS
         assert read["posterior"]["zeta"].attrs["units"] == "1/s"
-
-
-# Noise given all other samples, against the dense normal distribution.
-GAPS = np.array([0.1, 0.05, 0.3, 0.1, 0.02])
-CORRELATED = {"noise_sd": 0.7, "noise_time": 0.2}
-
-
-def conditional(r: np.ndarray, time: float) -> np.ndarray:
-    """Log density of each residual given the others, by conditioning the dense covariance."""
-    t = np.r_[0.0, np.cumsum(GAPS)]
-    cov = CORRELATED["noise_sd"] ** 2 * np.exp(-np.abs(t[:, None] - t) / time)
-    found = []
-    for i in range(r.size):
-        rest = np.delete(np.arange(r.size), i)
-        gain = cov[i, rest] @ np.linalg.inv(cov[np.ix_(rest, rest)])
-        sd = np.sqrt(cov[i, i] - gain @ cov[rest, i])
-        found.append(stats.norm.logpdf(r[i], gain @ r[rest], sd))
-    return np.array(found)
-
-
-def test_correlated_noise_given_all_others() -> None:
-    r = np.random.default_rng(1).standard_normal(6)
-    found = NOISES.get("correlated").log_likelihoods(r, GAPS, CORRELATED)
-    assert found == pytest.approx(conditional(r, 0.2), abs=1e-10)
-    assert found != pytest.approx(conditional(r, 0.25), abs=0.001)

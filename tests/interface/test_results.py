@@ -14,19 +14,10 @@ from bayesdamp.store import write_json
 from bayesdamp.types import InputError
 from bayesdamp.verdict.parts import DampingRatio, Grade
 from bayesdamp.verdict.types import Verdict
+from tests.interface.problems import MODEL, fit, record
 
 mpl.use("Agg")
 LINES, WIDTH = 20, 200
-
-
-@pytest.fixture(scope="module")
-def signal() -> bd.Signal:
-    return bd.simulate({"viscous": 0.05}, "linear", stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
-
-
-@pytest.fixture(scope="module")
-def fit(signal: bd.Signal) -> bd.Fit:
-    return bd.fit(signal, bd.Model("viscous", noise="gaussian", known={"rest_angle": 0.0}))
 
 
 @pytest.fixture
@@ -36,15 +27,15 @@ def verdict() -> Verdict:
 
 
 @pytest.fixture(scope="module")
-def results(signal: bd.Signal, fit: bd.Fit) -> dict[str, object]:
+def results() -> dict[str, object]:
     return {
-        "signal": signal,
-        "model": fit.model,
-        "fit": fit,
-        "density": fit.density,
-        "prediction": fit.predict(np.linspace(0.0, 12.0, 50)),
-        "estimate": bd.estimate(signal, "least_squares", fit.model),
-        "evidence": bd.evidence(fit, "laplace"),
+        "signal": record(),
+        "model": MODEL,
+        "fit": fit(),
+        "density": fit().density,
+        "prediction": fit().predict(np.linspace(0.0, 12.0, 50)),
+        "estimate": bd.estimate(record(), "least_squares", MODEL),
+        "evidence": bd.evidence(fit(), "laplace"),
     }
 
 

@@ -8,15 +8,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy.integrate import solve_ivp
 
-SUMS = (
-    "viscous",
-    "coulomb",
-    "quadratic",
-    "viscous+coulomb",
-    "viscous+quadratic",
-    "coulomb+quadratic",
-    "viscous+coulomb+quadratic",
-)
 PAPER = {"zeta": 0.05, "mu_c": 0.03, "mu_q": 0.05}
 
 START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.1}

@@ -9,7 +9,8 @@ from bayesdamp.physics.damping import TERMS, all_sums
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
 from bayesdamp.physics.trajectories import simulate
-from tests.physics.independent import LAWS, PAPER, SUMS, trajectory
+from tests.physics.independent import LAWS, PAPER, trajectory
+from validation.truth.oscillator import SUMS
 
 TIMES = np.linspace(0.0, 10.0, 501)
 LIMIT = 1e-6

@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import Trajectories
-from tests.physics.independent import LAWS, PAPER, SUMS, restoring, trajectory
+from tests.physics.independent import LAWS, PAPER, restoring, trajectory
+from validation.truth.oscillator import SUMS
 
 TIMES = np.linspace(0.0, 6.0, 241)
 QUANTITIES = ("angle", "velocity", "acceleration")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from bayesdamp.pipeline import records
-from bayesdamp.pipeline.candidates import cells
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from tests.studies import ESTIMATED, signal_text, study_text, write_study
@@ -53,18 +52,3 @@ def test_a_failed_record(study, tmp_path, monkeypatch, capsys):
     # once it can be computed, it is, with all that depends on it
     assert run_study(study, out, workers=1) == 0
     assert {store.read(n).outcome for n in store.names()} == {"ok"}
-
-
-def test_a_failed_mode(study, tmp_path, monkeypatch):
-    def failing(branch):
-        raise ArithmeticError("made to fail")
-
-    monkeypatch.setattr(cells, "compute_mode", failing)
-    monkeypatch.setattr("bayesdamp.report.render.render", lambda *_: None)
-    assert run_study(study, tmp_path / "out", workers=1) == 3
-    store = Store(tmp_path / "out")
-    assert store.read("mode/good/0/viscous").outcome == "failed: ArithmeticError: made to fail"
-    for name in ("posterior/good/0/viscous/laplace", "evidence/good/0/viscous/importance"):
-        said = "not computed: mode/good/0/viscous failed: ArithmeticError: made to fail"
-        assert store.read(name).outcome == said
-    assert store.read("estimate/good/0/viscous/least_squares").outcome == "ok"

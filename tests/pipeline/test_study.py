@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import math
 import shutil
-import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -151,24 +149,6 @@ def test_same_seed_same_tables_also_after_losing_some_cells(run, tmp_path):
         assert len(again) == len(rows)
         for old, new in zip(rows, again, strict=True):
             assert all(_equal(old[k], new[k]) for k in old), (name, old, new)
-
-
-def test_killed_in_the_middle_it_resumes(tmp_path):
-    study = write_study(tmp_path, QUICK.replace('"least_squares"', '"least_squares", "envelope"'))
-    words = ["study", str(tmp_path / "study.toml"), "--out", str(tmp_path / "out"), "--workers", "1"]
-    command = [sys.executable, "-m", "bayesdamp", *words]
-    first = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + 300
-    while not list((tmp_path / "out").glob("cells/mode/noisy/0/*.npz")) and first.poll() is None:
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    first.send_signal(signal.SIGKILL)
-    first.wait()
-    stamps = {p: p.stat().st_mtime_ns for p in (tmp_path / "out").glob("cells/**/*.npz")}
-    assert stamps
-    assert run_study(study, tmp_path / "out", workers=1) == 0
-    assert all(p.stat().st_mtime_ns == at for p, at in stamps.items())
-    assert (tmp_path / "out" / "report.html").exists()
 
 
 def test_a_simulated_record_without_an_oscillation_is_refused_and_the_rest_goes_on(tmp_path):

@@ -14,8 +14,5 @@ class CubicDrag(DampingTerm):
     def kernel(x, velocity, epsilon):
         return 1.0 * velocity**3
 
-    def ratio_per_unit(self, amplitude, frequency):
-        return 3 / 8 * amplitude**2 * frequency
-
 
 PLUGIN = CubicDrag()

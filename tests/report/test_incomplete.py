@@ -86,20 +86,6 @@ def test_poor_evidence_is_not_to_be_believed(maker):
     assert "The evidence of viscous (bridge sampling): not settled." in words
 
 
-def test_a_folder_that_is_no_run(tmp_path):
-    with pytest.raises(InputError, match=r"no run\.json here; give the folder of a run"):
-        render(tmp_path)
-    with pytest.raises(InputError, match=r"no run\.json here"):
-        render(tmp_path / "absent")
-    (tmp_path / "run.json").write_text('{"name": ')
-    with pytest.raises(InputError, match=r"run\.json: cannot be read"):
-        render(tmp_path)
-    (tmp_path / "run.json").write_text("[]")
-    with pytest.raises(InputError, match=r"run\.json: does not describe a run"):
-        render(tmp_path)
-    assert not (tmp_path / "report.html").exists()
-
-
 def test_a_table_of_another_program(maker):
     folder = maker.make()
     (folder / "fits.csv").write_text("a,b\n1,2\n")

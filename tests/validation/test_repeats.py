@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from bayesdamp.types import Refusal, Signal
-from tests.validation.test_scoring import At, Rival, Said
+from bayesdamp.verdict.parts import Grade, Rival
+from bayesdamp.verdict.types import Verdict
+from tests.validation.answering import ratio_at
 from validation.answers import Answering
 from validation.repeats import (
     agreement,
@@ -26,14 +28,14 @@ def decay(first: float = 0.3, seconds: float = 20.0, noise: float = 0.003, seed:
     return Signal(t, y + noise * np.random.default_rng(seed).standard_normal(t.size), name="rig")
 
 
-def honest(rng: np.random.Generator, sure: float = 1.0, damping: str = "viscous") -> Answering:
+def honest(rng: np.random.Generator, sure: float = 1.0) -> Answering:
     """Answers whose damping ratio is off by what their intervals say, or more, where they are too sure."""
 
-    def answering(signal: Signal, amplitudes: tuple[float, ...]) -> Said:
+    def answering(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
         sd = float(rng.uniform(0.5, 2.0)) * 1e-4
-        off = [(a, 0.1 / 7.0 + sd * rng.standard_normal()) for a in amplitudes]
-        spans = tuple(At(a, v, v - 1.96 * sd / sure, v + 1.96 * sd / sure) for a, v in off)
-        return Said(True, damping, 0.9, "exact", spans)
+        half = 1.96 * sd / sure
+        ratios = tuple(ratio_at(a, 0.1 / 7.0 + sd * rng.standard_normal(), half) for a in amplitudes)
+        return Verdict(signal.name, Grade.EXACT, True, "viscous", 0.9, damping_ratio=ratios)
 
     return answering
 
@@ -58,9 +60,10 @@ def test_all_pairs_of_runs_are_compared_at_common_amplitudes() -> None:
 
 
 def test_a_sum_that_the_other_half_rules_out_is_seen() -> None:
-    span = (At(0.1, 0.01, 0.009, 0.011),)
-    one = Said(True, "viscous", 0.94, "exact", span, None, (Rival("coulomb", 0.03), Rival("quadratic", 0.03)))
-    other = Said(False, "coulomb", 0.6, "exact", span, None, (Rival("viscous", 0.4),))
+    ratio = (ratio_at(0.1, 0.01, 0.001),)
+    two = Rival("coulomb", 0.03), Rival("quadratic", 0.03)
+    one = Verdict("a", Grade.EXACT, True, "viscous", 0.94, two, damping_ratio=ratio)
+    other = Verdict("b", Grade.EXACT, False, "coulomb", 0.6, (Rival("viscous", 0.4),), damping_ratio=ratio)
     found = agreement("a", one, "b", other)
     assert found.possible == (True, False)
     assert found.z == pytest.approx(0.0)

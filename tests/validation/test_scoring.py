@@ -2,46 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import binomtest
 
 from bayesdamp.types import Refusal, Signal
+from bayesdamp.verdict.parts import Grade, Rival
+from bayesdamp.verdict.types import Verdict
+from tests.validation.answering import ratio_at
 from validation.answers import probability_of, relation, row_of
 from validation.scoring import markdown, scores, wilson
 from validation.truth.oscillator import SUMS
 from validation.truth.ratio import RatioCurve
 from validation.truth.records import Case
-
-
-@dataclass(frozen=True)
-class At:
-    amplitude: float
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Rival:
-    damping: str
-    probability: float
-
-
-@dataclass(frozen=True)
-class Said:
-    decided: bool
-    damping: str
-    probability: float
-    grade: str
-    damping_ratio: tuple[At, ...]
-    deviation: At | None = None
-    rivals: tuple[Rival, ...] = ()
-    sentence: str = ""
-
 
 AMPLITUDES = (0.3, 0.2, 0.1)
 
@@ -55,19 +29,24 @@ def a_case(number: int, kind: str = "family", oversample: int = 1) -> Case:
     )  # fmt: skip
 
 
-def said(case: Case, rng: np.random.Generator, right: bool = True, sure: float = 1.0, **more) -> Said:
+def said(
+    case: Case,
+    rng: np.random.Generator,
+    right: bool = True,
+    sure: float = 1.0,
+    grade: Grade = Grade.EXACT,
+    decided: bool = True,
+) -> Verdict:
     """An answer whose intervals hold the truth with 95 % where sure = 1, and are narrower by that factor else."""
     sd = 0.001
-    spans = []
-    for amplitude in case.amplitudes:
-        value = case.ratio(amplitude) + sd * rng.standard_normal()
-        spans.append(At(amplitude, value, value - 1.96 * sd / sure, value + 1.96 * sd / sure))
-    other = next(s for s in SUMS if s != case.damping)
-    given = {"decided": True, "probability": 0.98, "grade": "exact"} | more
-    return Said(damping=case.damping if right else other, damping_ratio=tuple(spans), **given)
+    ratios = [
+        ratio_at(a, case.ratio(a) + sd * rng.standard_normal(), 1.96 * sd / sure) for a in case.amplitudes
+    ]
+    named = case.damping if right else next(s for s in SUMS if s != case.damping)
+    return Verdict(case.name, grade, decided, named, 0.98, damping_ratio=tuple(ratios))
 
 
-def score(pairs: list[tuple[Case, Said]]) -> pd.Series:
+def score(pairs: list[tuple[Case, Verdict]]) -> pd.Series:
     rows = [row_of(case, lambda signal, amplitudes, answer=answer: answer, "auto") for case, answer in pairs]
     return scores(pd.DataFrame(rows)).iloc[0]
 
@@ -106,7 +85,7 @@ def test_grades_and_modes_are_told_apart() -> None:
     rng, rows = np.random.default_rng(2), []
     for mode, sure in (("none", 1.0), ("auto", 0.5)):
         for case in (a_case(n, kind) for n in range(20) for kind in ("family", "drift", "jitter")):
-            answer = said(case, rng, sure=sure, grade="deviates" if case.kind == "drift" else "exact")
+            answer = said(case, rng, sure=sure, grade=Grade.DEVIATES if case.kind == "drift" else Grade.EXACT)
             rows.append(row_of(case, lambda signal, amplitudes, answer=answer: answer, mode))
     table = scores(pd.DataFrame(rows)).set_index("group")
     assert table.loc[["drift/auto", "all discrepancies/auto"], "deviates"].tolist() == [1.0, 0.5]
@@ -115,12 +94,12 @@ def test_grades_and_modes_are_told_apart() -> None:
 
 
 def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
-    def refuses(signal: Signal, amplitudes: tuple[float, ...]) -> Said:
+    def refuses(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
         raise Refusal("three samples in a period")
 
     rows = [row_of(a_case(n), refuses, "auto") for n in range(5)]
     assert rows[0]["outcome"] == "three samples in a period"
-    nothing = Said(False, "", float("nan"), "not_weighed", (), sentence="not enough cycles")
+    nothing = Verdict("a", Grade.NOT_WEIGHED, False, "", float("nan"), sentence="not enough cycles")
     assert row_of(a_case(0), lambda signal, amplitudes: nothing, "auto")["outcome"] == "not enough cycles"
     rng = np.random.default_rng(3)
     rows += [
@@ -137,7 +116,7 @@ def test_wilsons_interval_is_scipys() -> None:
 
 
 def test_the_probability_of_the_truth_is_the_answers() -> None:
-    answer = Said(True, "coulomb+viscous", 0.7, "exact", (), None, (Rival("viscous", 0.2),))
+    answer = Verdict("a", Grade.EXACT, True, "coulomb+viscous", 0.7, (Rival("viscous", 0.2),))
     assert probability_of(answer, "viscous+coulomb") == 0.7
     assert probability_of(answer, "viscous") == 0.2
     assert probability_of(answer, "quadratic") == pytest.approx(0.1 / 5)

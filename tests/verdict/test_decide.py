@@ -274,16 +274,6 @@ def test_a_natural_frequency_that_is_not_determined_is_left_out() -> None:
     assert "frequency 0.711800 ± 0.000100 Hz at 0.03 rad" in wide.sentence
 
 
-def test_the_sentence_says_by_what_the_law_misses() -> None:
-    """Never that it deviates by nothing."""
-    left = decided(findings(unexplained=0.43, deviation=deviation(0, 0, 0)))
-    spring = decided(findings(restoring_deviation=deviation(0.06, 0.08, 0.1), deviation=deviation(0, 0, 0)))
-    damping = decided(findings(deviation=deviation(0.3, 0.4, 0.6)))
-    assert "which leaves 43 % of the amplitude" in left.sentence
-    assert "the restoring force deviates from its law by 8 % (6 to 10)" in spring.sentence
-    assert "the damping deviates by 40 % (30 to 60)" in damping.sentence
-
-
 def test_the_largest_reservation_comes_first() -> None:
     """Another damping under exact laws, a twin, what is not determined, a shallow decay, a small misfit; then facts."""
     told = findings(

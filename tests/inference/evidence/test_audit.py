@@ -5,27 +5,22 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.inference.evidence import audit
+from validation.rows import read_rows
 
 pytestmark = pytest.mark.slow
 
 FILE = Path(__file__).resolve().parents[3] / "reports" / "evidence_audit" / "touching_zero.csv"
 
 
-def lines() -> list[dict[str, str]]:
-    with FILE.open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
 def scores(method: str, shift: float = 0.0) -> np.ndarray:
     """How far a method is from nested sampling in each case, in standard errors of the difference."""
-    away, sd = audit.differences(lines(), method)
+    away, sd = audit.differences(read_rows(FILE), method)
     return (away + shift) / sd
 
 
@@ -35,7 +30,7 @@ def agrees(z: np.ndarray) -> bool:
 
 
 def test_cases_touch_zero():
-    result = lines()
+    result = read_rows(FILE)
     assert len(result) >= audit.CASES
     assert np.median([float(r["touching"]) for r in result]) < 1
     assert max(float(r["touching"]) for r in result) < 4

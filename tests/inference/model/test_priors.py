@@ -25,6 +25,9 @@ def test_density_and_scores_against_scipy(name):
     prior, law = PRIORS[name]
     x = np.asarray(law.ppf(np.linspace(0.001, 0.999, 41)))
     np.testing.assert_allclose(np.asarray(prior.log_density(x)), law.logpdf(x), atol=1e-10)
+    h = 1e-6
+    slope = (law.logpdf(x + h) - law.logpdf(x - h)) / (2 * h)
+    np.testing.assert_allclose(prior.slope(x), slope, rtol=1e-5, atol=1e-6)
     for end in (law.support()[0] - 0.1, law.support()[1] + 0.1):
         assert float(prior.log_density(end)) == -math.inf or not math.isfinite(end)
     z = prior.score(x)

@@ -127,9 +127,6 @@ class Positional(DampingTerm):
 
     name, parameter, unit = "positional", "c_x", "1/(rad² s)"
 
-    def shape(self, velocity, epsilon):  # type: ignore[no-untyped-def]
-        raise NotImplementedError
-
     @staticmethod
     def kernel(
         x: float,
@@ -138,9 +135,6 @@ class Positional(DampingTerm):
     ) -> float:
         square = x * x
         return square * v
-
-    def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        return amplitude**2 / (8 * frequency)
 
 
 class Bare(Positional):
