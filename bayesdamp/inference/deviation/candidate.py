@@ -1,4 +1,4 @@
-"""One candidate, a damping sum under a restoring law: its parameters, its fit, and its linear model about a motion."""
+"""Fit one candidate (a damping sum under a restoring law), and linearise it about a motion."""
 
 from __future__ import annotations
 
@@ -24,50 +24,51 @@ from bayesdamp.types import Reference, candidate_name
 START = ("theta0", "omega0")
 """Names of the displacement and the velocity at the first sample."""
 STARTS = (-1.0, 0.0, 1.0)
-"""Scores of a term's own parameter from which searches start."""
-RELINEARISED = 8
-"""Gauss–Newton steps of parameters and deviations together, at most."""
+"""Scores of a term's own parameter at which fits start."""
+MOST_STEPS = 8
+"""Largest number of Gauss–Newton steps to the mode of parameters and deviations."""
 STEPS = ((1.0, 0.0), (0.5, 0.0), (1.0, 10.0), (1.0, 1e3), (1.0, 1e5))
-"""Steps that are tried in turn: the share of a step, and how firmly the scores are held. Where a record determines only
-a combination of parameters (a spring's angle and gravity, of small swings), a plain step leads along a straight line
-where the motion follows a curve, and no share of that step is any better."""
+"""Steps that are tried in turn: the fraction of the full step, and Marquardt's parameter for the scores. Where a record
+determines only a combination of parameters (a spring's angle and gravity, for small swings), parameters of equal fit
+lie along a curve: the full step follows its tangent, which no fraction of the step corrects, but Marquardt's parameter
+does."""
 SETTLED = 0.3
-"""Largest change of the motion by the last step, in standard deviations of the whole record's noise."""
+"""Change of the motion below which the steps end: the norm over all samples, in standard deviations of the noise."""
 MOST_G, MOST_H = 3.0, 0.4
-"""Largest log deviation of the damping and deviation of the frequency that are followed."""
+"""Largest |g| and |h| about which a candidate is linearised."""
 
 
 @dataclass(frozen=True)
 class MotionCandidate:
-    """A damping sum, as its terms, under a restoring law."""
+    """A damping sum (the names of its terms) under a restoring law."""
 
     damping: tuple[str, ...]
     restoring: str
 
     @property
     def name(self) -> str:
-        """As `viscous+coulomb@pendulum`."""
+        """Return the name, such as `viscous+coulomb@pendulum`."""
         return candidate_name("+".join(self.damping), self.restoring)
 
 
 @dataclass(frozen=True)
 class Linearisation:
-    """A candidate about one motion, whose damping is multiplied by exp g and its restoring force by 1 + 2h.
+    """A candidate that is linearised about a motion, with g and h as further unknowns.
 
     Attributes
     ----------
-    fit : Fit
+    fit : LeastSquaresFit
         The candidate's fit under exact laws.
     u : ndarray, shape (K,)
         Scores, g and h at the knots.
     motion : Motion
-        At u.
+        The motion at u.
     residual : ndarray, shape (n,)
         Record minus motion.
     model : LinearModel
-        Of the record about the motion.
+        Sum of squares as a quadratic function of u.
     left : ndarray, shape (n,)
-        The part of the residual that no parameter and no deviation explains.
+        Residual of the linear least-squares fit of all unknowns.
     """
 
     fit: LeastSquaresFit
@@ -79,41 +80,41 @@ class Linearisation:
 
     @property
     def z(self) -> np.ndarray:
-        """Scores, (d,)."""
+        """Return the scores at u, (d,)."""
         return self.u[: self.fit.z.size]
 
     @property
     def values(self) -> np.ndarray:
-        """All of the motion's parameters, (k,)."""
+        """Return the values of the solver's parameters at u, (k,)."""
         return self.fit.parameters.values(self.z)
 
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray]:
-        """Relative deviations of damping, exp g − 1, and frequency, h, at the knots."""
+        """Return exp g − 1 and h at the knots, the relative deviations of damping and frequency."""
         g, h = np.split(self.u[self.fit.z.size :], 2)
         return np.expm1(g), h
 
     @property
     def knots(self) -> int:
-        """Number of knots of the deviations."""
+        """Return the number of knots of each deviation."""
         return (self.u.size - self.fit.z.size) // 2
 
     @property
     def squares(self) -> float:
-        """Sum of the squared residuals, in the record's unit squared."""
+        """Return the sum of the squared residuals, in the record's unit squared."""
         return float(np.sum(self.residual**2))
 
     def variance(self, data: Data) -> float:
-        """Return the noise's variance that is left, in the record's unit squared."""
+        """Return the variance of `left` per degree of freedom, in the record's unit squared."""
         degrees = max(self.left.size - self.u.size, 1)
         return data.least_variance + float(self.left @ self.left) / degrees
 
     def grid(self, coarse: bool) -> Grid:
-        """Return the hyperparameters of the deviations."""
+        """Return the grid of the deviations' hyperparameters."""
         return grid_of(self.knots, coarse=coarse, absorbed=self.fit.parameters.absorbs)
 
     def distance(self, u: np.ndarray, variance: float) -> float:
-        """Return how far the motion at u is from this one, in standard deviations of the whole record's noise."""
+        """Return the norm of the change of the motion from here to u, in standard deviations of the noise."""
         return float(np.linalg.norm(self.model.root @ (self.u - u))) / np.sqrt(variance)
 
 
@@ -125,7 +126,7 @@ def parameters_of(
     priors: Mapping[str, Prior],
     known: Mapping[str, float],
 ) -> Parameters:
-    """Return the parameters: given priors, default priors for what is neither known nor given one, known values."""
+    """Return the parameters of a candidate: a default prior where there is neither a known value nor a given prior."""
     osc = Oscillator(candidate.damping, candidate.restoring)
     inferred: dict[str, Prior] = {}
     for name in osc.parameters:
@@ -136,7 +137,7 @@ def parameters_of(
 
 
 def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, float]) -> dict[str, float]:
-    """Return where a search starts: the record's frequency, its start, and its decay shared by the terms."""
+    """Return the values at which a fit starts: each term has the same part of the record's decay."""
     law = LAWS.get(candidate.restoring)
     decay = np.log(max(data.amplitude / max(data.final_amplitude, 1e-12), 1.0001))
     ratio = decay / (2 * np.pi * max(data.cycles, 1.0)) / len(candidate.damping)
@@ -149,7 +150,7 @@ def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, f
 
 
 def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dict[str, float]]:
-    """Return values of the terms' own parameters that searches start from: low, middle and high in their priors."""
+    """Return values of the terms' own parameters at which fits start: low, middle and high in their priors."""
     names = [p.name for t in candidate.damping for p in TERMS.get(t).inferred if p.name in parameters.priors]
     either = STARTS if len(names) == 1 else STARTS[::2]
     scores = [(0.7,) if parameters.priors[n].reflected else either for n in names]
@@ -160,14 +161,17 @@ def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dic
 
 
 def active_of(parameters: Parameters, solver: Solver) -> np.ndarray:
-    """Return which of the solver's terms act, (m,): those whose coefficients are inferred."""
+    """Return which of the solver's terms have an inferred coefficient, (m,); the others do not act."""
     return np.array([TERMS.get(t).parameter in parameters.priors for t in solver.terms])
 
 
 def search(
     solver: Solver, data: Data, parameters: Parameters, starts: Sequence[Mapping[str, float]], windows: bool
 ) -> LeastSquaresFit | None:
-    """Return the best of the fits from the starts, which give values of parameters by name; the others are 0."""
+    """Fit from each start, and return the best fit; None if every fit fails.
+
+    A start contains values of parameters by name; the others start at 0.
+    """
     best: LeastSquaresFit | None = None
     active = active_of(parameters, solver)
     for start in starts:
@@ -181,14 +185,14 @@ def search(
 
 
 def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | None:
-    """Search again from a fit, on other data or with another solver; None where the motion escapes."""
+    """Fit again, starting at a fit to other data or with another solver; None where the motion escapes."""
     return fit(solver, at.parameters, at.active, data.y, at.z, noise=data.noise, windows=False)
 
 
 def tangents_at(
     solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
 ) -> np.ndarray | None:
-    """Return the tangents of a candidate's motion by u = (scores, log g, h), (n, K); None where it escapes."""
+    """Return the Jacobian of a candidate's motion at u = (scores, g, h), (n, K); None where the motion escapes."""
     solution = _solve(solver, at, u, tolerance)
     return None if solution is None else solution[1]
 
@@ -196,7 +200,7 @@ def tangents_at(
 def _solve(
     solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
 ) -> tuple[Motion, np.ndarray] | None:
-    """Return a candidate's motion at u = (scores, log g, h) and its tangents, (n, K); None where it escapes."""
+    """Return a candidate's motion at u = (scores, g, h) and its Jacobian, (n, K); None where the motion escapes."""
     d, n = at.z.size, solver.knots.size
     z, g, h = np.split(u, [d, d + n])
     motion = solver.solve(at.parameters.values(z), at.active, np.expm1(g), h, ALL, tolerance=tolerance)
@@ -209,7 +213,7 @@ def _solve(
 
 
 def exact_model(fit: LeastSquaresFit) -> LinearModel:
-    """Return the linear model of a candidate's fit under exact laws."""
+    """Return the linear model about a fit under exact laws."""
     target = fit.residual + fit.tangents @ fit.z
     return condense(fit.tangents, target, *fit.parameters.masks)
 
@@ -217,9 +221,9 @@ def exact_model(fit: LeastSquaresFit) -> LinearModel:
 def linearise(
     solver: Solver, data: Data, at: LeastSquaresFit, u: np.ndarray | None = None
 ) -> Linearisation | None:
-    """Return a candidate's linear model about u = (scores, g, h), by default its fit without deviations.
+    """Linearise a candidate about u = (scores, g, h), by default about its fit without deviations.
 
-    None where the deviations are too large, or the motion escapes.
+    Return None where the deviations are too large or the motion escapes.
     """
     n = solver.knots.size
     u = np.concatenate([at.z, np.zeros(2 * n)]) if u is None else u
@@ -232,7 +236,7 @@ def linearise(
     motion, columns = solution
     r = data.y - motion.y
     model = condense(columns, r + columns @ u, *at.parameters.masks)
-    # Least squares of r by the columns, with the factor that `condense` has already computed.
+    # Linear least squares of r by the columns, with the QR factor that `condense` has computed.
     left = r - columns @ np.linalg.lstsq(model.root, model.target - model.root @ u, rcond=1e-12)[0]
     return Linearisation(at, u, motion, r, model, left)
 
@@ -245,28 +249,33 @@ def linearise_at_mode(
     start: Linearisation | None = None,
     near: bool = False,
 ) -> tuple[Linearisation, float] | None:
-    """Return the model about the mode of parameters and deviations together, and the noise's variance.
+    """Linearise a candidate about the joint mode of its parameters and deviations.
 
     Parameters
     ----------
     solver : Solver
-        Of the motions.
+        Solver of the motions.
     data : Data
         The record.
-    fit : Fit
-        Under exact laws.
+    fit : LeastSquaresFit
+        The fit under exact laws.
     variance : float or None
-        Of the noise, in the record's unit squared; None: of what no parameter and no deviation explains.
+        Variance of the noise, in the record's unit squared; None: `Linearisation.variance` at each step.
     start : Linearisation, optional
-        Where to start; by default the fit without deviations.
+        Where the steps start; by default the fit without deviations.
     near : bool
-        Whether the mode is near the start, which is then returned if the model has its mode within `SETTLED`.
+        Whether to return the start itself if its linear model has its mode within `SETTLED`.
+
+    Returns
+    -------
+    tuple of Linearisation and float, or None
+        The linearisation and the variance of the noise; None where the start cannot be linearised.
     """
     at = start or linearise(solver, data, fit)
     if at is None:
         return None
     d, grid, first = fit.z.size, at.grid(coarse=True), 0
-    for _ in range(RELINEARISED):
+    for _ in range(MOST_STEPS):
         used = variance if variance is not None else at.variance(data)
         new = None
         for i, (share, hold) in enumerate(STEPS[first:], first):
@@ -290,20 +299,20 @@ def linearise_at_mode(
 def mode_of(
     model: LinearModel, grid: Grid, variance: float, scores: np.ndarray | None = None, hold: float = 0.0
 ) -> np.ndarray:
-    """Return u at the mode under the likeliest hyperparameters, with no negative coefficient.
+    """Return the u of largest posterior density under the most probable hyperparameters, with coefficients ≥ 0.
 
     Parameters
     ----------
     model : LinearModel
-        The record about a motion.
+        Linear model about a motion.
     grid : Grid
         Hyperparameters of the deviations.
     variance : float
-        Of the noise, in the record's unit squared.
+        Variance of the noise, in the record's unit squared.
     scores : ndarray, shape (d,), optional
-        Where the scores are held.
+        Scores from which Marquardt's parameter counts.
     hold : float
-        How firmly they are held there (Marquardt's parameter, in units of the prior's information).
+        Marquardt's parameter of the scores, in units of the prior's information.
     """
     top = int(np.argmax(normals(model, grid, variance, model.count, scores_only=True).log))
     d, total, sd = model.positive.size, model.root.shape[1], np.sqrt(variance)

@@ -1,4 +1,4 @@
-"""The record as the quick answer uses it: its samples or means over short windows, its scales and its start."""
+"""Prepare a record for fits: its samples, means over short windows, or amplitudes and phases, and its scales."""
 
 from __future__ import annotations
 
@@ -20,61 +20,64 @@ from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import Reference, Signal
 
 A_CYCLE = 80
-"""Least number of means in a cycle where neighbouring samples are averaged. The same means are taken of the motion, so
-that this number sets the cost and not the answer."""
+"""Least number of means in a cycle where neighbouring samples are averaged. Motions are averaged over the same windows,
+so this number sets the cost and not the answer."""
 HOLE = 2.0
-"""Shortest gap between samples, in windows, that no window extends over (conventional)."""
+"""Gap between samples, in lengths of a window, from which no window includes it (conventional)."""
 LEAST = 0.05
-"""Share of the first amplitude below which the rest of a record is left out. Laws that hold to a few per cent over a
-decade of amplitudes do not hold over two, and what is left there is mostly the sensor's step and friction at rest."""
+"""Fraction of the first amplitude at which the used part of a record ends. Laws that hold to a few per cent over a
+decade of amplitudes do not hold over two, and below this the sensor's step and static friction dominate."""
 FEWEST_CYCLES = 4.0
+"""Least number of cycles that are used, however small they are."""
 SOLVED = 1e-6
-"""Share of the amplitude to which motions are solved."""
+"""Error of a motion, as a fraction of the amplitude."""
 LEAST_SQUARES = (GAUSSIAN, CORRELATED)
-"""Noise models under which amplitudes and phases are those of least squares: they only have the noise near the
-oscillation, which their scatter measures."""
+"""Noise models under which amplitudes and phases are least-squares estimates; their noise is measured by their own
+scatter."""
 ORDERS = {"angle": 0, "velocity": 1, "acceleration": 2}
+"""Order of the time derivative that a record contains."""
 
 
 @dataclass(frozen=True)
 class Data:
-    """The samples, or the means over windows of them, that candidates are compared with.
+    """The values of a record to which candidates are fitted: samples, means over windows, or amplitudes and phases.
 
     Attributes
     ----------
     t, y : ndarray, shape (n,)
-        Times in s from the record's first sample, where motions start, and values. Where the record is averaged they
-        are amplitudes and phases in blocks, at the times of the oscillation that is solved instead of the record's.
+        Times in s from the first sample, where motions start, and values. Of an averaged record they are amplitudes and
+        phases of blocks, at times of the shorter oscillation that is solved in its place.
     quantity : str
-        What y is: angle, velocity or acceleration.
+        What was recorded: angle, velocity or acceleration.
     amplitude, final_amplitude : float
-        Of the displacement, in rad or m.
+        First and last amplitude of the displacement, in rad or m.
     frequency : float
-        In rad/s.
+        Frequency of the oscillation, in rad/s.
     rest : float
         Midline of the displacement, in rad or m.
     cycles : float
         Number of cycles.
     noise : float
-        Sd of y's noise.
+        Standard deviation of the noise of y, from the record's roughness.
     start : tuple of float
-        θ₀ and θ̇₀ at the record's first sample.
+        Estimate of θ₀ and θ̇₀ at the first sample.
     thinned : int
-        Number of samples that each value stands for.
+        Number of samples in each value.
     features : Features
-        Of the record.
+        Features of the record's oscillation.
     averaged : Averaged, optional
-        Where t and y are amplitudes and phases.
+        The blocks, where t and y are amplitudes and phases.
     windows : Windows, optional
-        Of the samples whose means y are; None where y are samples.
+        The windows over which y are means; None where y are samples or amplitudes and phases.
     record : Signal, optional
-        The samples that t and y were made of, from 0 s.
+        The samples from which t and y were made, with times from 0 s.
     rows : ndarray of int, shape (n, m), optional
-        Which samples are in each window.
+        Indices of the samples in each window.
     readings : ndarray, shape (n,), optional
-        y before outliers and rounding were taken out of it (`working`).
+        y as it was recorded, where y contains working residuals instead of the noise (`working`).
     noise_model : SampleNoise
-        Of the samples, where t and y are amplitudes and phases; that of samples is chosen with the motion.
+        Noise model of the samples behind amplitudes and phases. The noise model of samples is chosen later, from the
+        residual of a motion.
     """
 
     t: np.ndarray
@@ -98,41 +101,41 @@ class Data:
 
     @property
     def recorded(self) -> np.ndarray:
-        """The values as they were recorded, or means of these, (n,)."""
+        """Return the recorded values, or their means over windows, (n,)."""
         return self.y if self.readings is None else self.readings
 
     def working(self, change: np.ndarray) -> Data:
-        """Return the data with every sample of the record changed by `change`, (m,), and `readings` unchanged."""
+        """Return the data with `change`, (m,), added to the samples; `readings` stay as recorded."""
         means = change if self.rows is None else change[self.rows].mean(axis=1)
         return replace(self, y=self.recorded + means, readings=self.recorded)
 
     @property
     def recorded_amplitude(self) -> float:
-        """The first amplitude in the unit of y."""
+        """Return the first amplitude in the unit of y."""
         return self.amplitude * self.frequency ** ORDERS[self.quantity]
 
     @property
     def middle(self) -> Reference:
-        """Reference at the middle, in the logarithm, of the record's amplitudes."""
+        """Return the reference at the geometric mean of the first and the last amplitude."""
         return Reference(float(np.sqrt(self.amplitude * self.final_amplitude)), self.frequency)
 
     @property
     def times(self) -> np.ndarray:
-        """Times of y in the record, s from its first sample, (n,)."""
+        """Return the times of y in the record, in s from its first sample, (n,)."""
         return self.t if self.averaged is None else np.repeat(self.averaged.track.middles, NUMBERS)
 
     @property
     def end(self) -> float:
-        """Time until which motions are solved, s of `t`; the last window of samples ends after the last `t`."""
+        """Return the time at which motions end, in s on the clock of `t`; a last window ends after the last `t`."""
         return float(self.t[-1] if self.windows is None else self.windows.times[-1, -1])
 
     @property
     def duration(self) -> float:
-        """Duration of the record, in s."""
+        """Return the duration of the record, in s."""
         return self.end * (1.0 if self.averaged is None else self.averaged.track.slowness)
 
     def first(self, count: int) -> Data:
-        """Return only the first values."""
+        """Return the first `count` values."""
         windows = None if self.windows is None else self.windows.first(count)
         rows, readings = (None if a is None else a[:count] for a in (self.rows, self.readings))
         return replace(
@@ -140,13 +143,16 @@ class Data:
         )
 
     def of_amplitude(self, values: np.ndarray) -> np.ndarray:
-        """Return those of values (n,) that are not phases or midlines."""
+        """Return the amplitudes among values (n,) of an averaged record, else all of the values."""
         return values if self.averaged is None else values[::NUMBERS]
 
     def solver(
         self, terms: Sequence[str], restoring: str, epsilon: float, knots: np.ndarray
     ) -> Solver | AveragedSolver:
-        """Return the solver of motions of damping terms under a law, as y has them; knots in the time of t."""
+        """Return the solver that gives the motions of damping terms under a restoring law in the form of y.
+
+        knots: times of the deviations' knots, on the clock of t.
+        """
         arguments = (
             tuple(terms), restoring, self.t, self.quantity, self.amplitude, self.frequency, epsilon, knots,
         )  # fmt: skip
@@ -155,17 +161,17 @@ class Data:
         return Solver(*arguments, self.windows)
 
     def equilibrium(self, restoring: str, law: np.ndarray) -> float | None:
-        """Return where motions under parameters of a restoring law come to rest; None where nowhere near."""
+        """Return the equilibrium under parameters of a restoring law; None if there is none near the midline."""
         return _equilibrium(restoring, tuple(law.tolist()), self.rest, 2 * self.amplitude)
 
     def rest_under(self, restoring: str, law: np.ndarray) -> float:
-        """Return the equilibrium, or the record's midline where there is none."""
+        """Return the equilibrium under parameters of a restoring law, or the midline if there is none near it."""
         equilibrium = self.equilibrium(restoring, law)
         return self.rest if equilibrium is None else equilibrium
 
     @property
     def least_variance(self) -> float:
-        """Variance of a noise so small that the solver's own error would be taken for the record's."""
+        """Return the variance of the solver's own error, which is added to that of the noise."""
         return (SOLVED * self.recorded_amplitude) ** 2
 
 
@@ -175,16 +181,16 @@ def _equilibrium(restoring: str, law: tuple[float, ...], near: float, reach: flo
 
 
 def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise | None = None) -> Data:
-    """Prepare the data of a signal.
+    """Return the values of a signal to which candidates are fitted.
 
     Parameters
     ----------
     signal : Signal
         The record.
     average : bool
-        Whether a record of very many cycles may be taken as amplitudes and phases.
+        Whether a record of very many cycles may be reduced to amplitudes and phases.
     noise_model : SampleNoise, optional
-        Of the samples, for amplitudes and phases; by default Gaussian.
+        Noise model of the samples, for amplitudes and phases; by default Gaussian.
 
     Raises
     ------
@@ -197,14 +203,14 @@ def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise 
     t, y, windows, rows = every_t, every_y, None, None
     thinned = max(1, int(shape.samples_per_cycle // A_CYCLE))
     if thinned > 1:
-        # Windows begin again after a hole, and a few samples before it are left out.
+        # Windows start again after a gap in the samples; the last few samples before it are left out.
         holes = np.flatnonzero(np.diff(t) > HOLE * shape.period / A_CYCLE) + 1
         ends = [0, *holes.tolist(), t.size]
         firsts = np.concatenate([np.arange(a, b - thinned + 1, thinned) for a, b in pairwise(ends)])
         rows = firsts[:, None] + np.arange(thinned)
         windows = Windows.of(t[rows])
         t, y = t[rows].mean(axis=1), y[rows].mean(axis=1)
-    # Until the amplitude has fallen to `LEAST`, and a few cycles at least.
+    # The used part ends when the amplitude has fallen to `LEAST`, but not before `FEWEST_CYCLES`.
     stop, sizes = t.size, shape.turning_amplitudes
     small = np.flatnonzero(sizes < LEAST * sizes[0])
     if small.size and small[0]:
@@ -234,7 +240,7 @@ def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise 
 
 
 def _start(t: np.ndarray, y: np.ndarray, quantity: str, shape: Features) -> tuple[float, float]:
-    """Return θ₀ and θ̇₀ from a sinusoid fitted to the first cycle."""
+    """Estimate θ₀ and θ̇₀ with a sinusoid of growing or falling amplitude, fitted to the first cycle."""
     w = shape.frequency
     stop = max(int(np.searchsorted(t, 1.05 * shape.period)), min(6, t.size))
     x = w * t[:stop]

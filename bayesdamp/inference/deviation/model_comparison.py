@@ -1,8 +1,9 @@
-"""All candidates on one record, weighed under laws that hold exactly and approximately."""
+"""Fit all candidates to one record, choose its noise, and compute the evidence of each candidate."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -50,46 +51,50 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Friction, Reference, Refusal
 
 SHARES = (0.05, 0.02, 0.01, 0.005, 0.002, 0.0005, 0.0001)
-"""Widths ε of friction, as shares of the peak velocity, to try where none is given; log ε is uniform a priori."""
+"""Widths ε of friction, as fractions of the peak velocity, that are tried if none is given; log ε has a uniform
+prior."""
 BETWEEN, CLEAR = 4, 1.0
-"""Widths between these that are tried at most, and nats by which the likeliest must be ahead of a neighbour for it."""
+"""Largest number of further widths, and nats by which the best width must be ahead of a neighbour for one between
+them."""
 LEAD = 3.0
-"""Nats by which another ε must be ahead of the usual one."""
+"""Nats by which another ε must be ahead of the default one to replace it."""
 SHARPER = 0.25
-"""Variance of the noise under its own model, relative to that of least squares, below which ε is chosen again with that
-model: values that are rounded to coarse steps hide ε from least squares."""
+"""Ratio of the variances under the noise's own model and by least squares, below which ε is chosen again under that
+model: by least squares, values that are rounded to coarse steps do not determine ε."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
+"""Known values of parameters by name, or a function that returns them for a restoring law."""
 ROUNDS = 2
 """Number of rounds that correct the averaged solution with the full equation of motion and refit."""
 REACH = 20.0
-"""Nats by which the linear models of the sums of all terms expect a candidate to be behind the best, from which it is
-not weighed (of 385 candidates on 22 simulated records 135 are left out, none of which is closer than 18 nats)."""
+"""Nats behind the best expected evidence (`ModelComparison.expected_evidence`) from which a candidate is not fitted (of
+385 candidates on 22 simulated records this left out 135, none of which was closer than 18 nats)."""
 BEHIND = f"its evidence is expected to be more than {REACH:g} nats below the best"
+"""Reason why such a candidate is not fitted."""
 
 
 @dataclass(frozen=True)
 class CandidateResult:
-    """One candidate weighed.
+    """The fit, the posterior and the evidence of one candidate.
 
     Attributes
     ----------
     candidate : MotionCandidate
-        A damping sum under a restoring law.
+        The candidate.
     data : Data
         The record.
     solver : Solver
-        Of its motions.
+        Solver of its motions.
     fit : LeastSquaresFit
-        Under exact laws.
+        The fit under exact laws.
     variance, exact_variance : float
-        Variance of the noise under the laws asked for, and under exact ones.
+        Variance of the noise in the comparison, and if laws were exact.
     exact_posterior : LinearPosterior
-        Under exact laws: posterior and evidence of the linear model.
-    about, weighed
-        Under approximate laws: the linear model about the mode, and its posterior and evidence; None where laws hold
-        exactly, or no motion with deviations was found.
+        The linear posterior under exact laws.
+    linearisation, approximate_posterior : optional
+        The linearisation about the mode with deviations, and its linear posterior; None where laws are assumed to be
+        exact, or no motion with deviations stays close to the record.
     sampled : Sampled, optional
-        Draws of the motions themselves.
+        MCMC draws with the exact motions in place of the linear model.
     """
 
     candidate: MotionCandidate
@@ -105,90 +110,92 @@ class CandidateResult:
 
     @property
     def posterior(self) -> LinearPosterior:
-        """Posterior and evidence of the linear model under the laws asked for."""
+        """Return the linear posterior with deviations where there is one, else that under exact laws."""
         return self.exact_posterior if self.approximate_posterior is None else self.approximate_posterior
 
     @property
     def model(self) -> LinearModel:
-        """The linear model under the laws asked for."""
+        """Return the linear model behind `posterior`."""
         return exact_model(self.fit) if self.linearisation is None else self.linearisation.model
 
     def grid(self, coarse: bool = False) -> Grid:
-        """Return the hyperparameters of the deviations under the laws asked for."""
+        """Return the grid of hyperparameters behind `posterior`."""
         return NO_DEVIATIONS if self.linearisation is None else self.linearisation.grid(coarse)
 
     @property
     def log_evidence(self) -> float:
-        """Under the laws asked for, in nats: of the motions where they were sampled, else of the linear model."""
+        """Return the log evidence in nats: that of trusted MCMC draws where there are any, else of `posterior`."""
         if self.sampled is not None and self.sampled.trusted:
             return self.sampled.log_evidence
         return self.posterior.log_evidence
 
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """Relative deviations of damping and frequency at the knots, at the mode; None where laws hold exactly."""
+        """Return the relative deviations of damping and frequency at the knots and the mode; None under exact laws."""
         return (None, None) if self.linearisation is None else self.linearisation.deviations
 
     @property
     def motion(self) -> Motion:
-        """The motion at the mode."""
+        """Return the motion at the mode."""
         return self.fit.motion if self.linearisation is None else self.linearisation.motion
 
     @property
     def z(self) -> np.ndarray:
-        """Scores at the mode, (d,)."""
+        """Return the scores at the mode, (d,)."""
         return self.fit.z if self.linearisation is None else self.linearisation.z
 
     @property
     def values(self) -> np.ndarray:
-        """The solver's parameters at the mode, (k,)."""
+        """Return the values of the solver's parameters at the mode, (k,)."""
         return self.fit.parameters.values(self.z)
 
     @property
     def law(self) -> np.ndarray:
-        """Parameters of the restoring law at the mode, (r,)."""
+        """Return the parameters of the restoring law at the mode, (r,)."""
         return self.values[self.solver.law_places]
 
     @property
     def further(self) -> np.ndarray:
-        """The terms' own parameters at the mode, as a row, (1, e)."""
+        """Return the terms' own parameters at the mode, as a row, (1, e)."""
         return self.values[None, len(self.solver.terms) : self.solver.law_places.start]
 
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """Every candidate on one record.
+    """The Bayesian comparison of all candidates on one record.
 
     Attributes
     ----------
     data : Data
         The record.
     reference : Reference
-        Of the priors.
+        Amplitude and frequency with which default priors scale.
     epsilon : float
         Width of friction, in rad/s or m/s.
     frictions : tuple of Friction
-        Widths of friction and their probabilities; none where the width is known or there is no friction.
+        Widths of friction and their probabilities; empty where the width is known or there is no friction.
     solvers : mapping of str to Solver
-        By restoring law.
+        Solver of the sum of all terms, by restoring law.
     variance, inflation : float
-        Variance of the noise that counts, and κ: how much larger it is than that of the residuals.
+        Variance of the noise, and the factor κ of correlated residuals that it contains.
     noise : SampleNoise
-        Of the samples.
+        Noise model of the samples.
     approximate : bool
         Whether laws may hold approximately.
-    noise_known, epsilon_known : bool
-        Whether the noise's sd and the width of friction were given.
+    noise_known : bool
+        Whether the variance is the same if laws are exact: the noise's sd is given, or the noise is not Gaussian.
+    epsilon_known : bool
+        Whether the width of friction is given.
     refused : mapping of MotionCandidate to str
-        Why other candidates were not weighed.
+        Candidates without a result, with the reason.
     results : tuple of CandidateResult
-        Of the candidates.
+        Results of the candidates.
     forms : tuple of CandidateResult
-        Of other forms of damping.
+        Results of the rivals, which have other forms of damping.
     exponents : tuple of float
-        Quantiles of a power law's exponent; none where it was not asked for.
+        Quantiles of the exponent of a power law; empty where none fits.
     averaging : Averaging, optional
-        Of a record that is taken as amplitudes and phases: how far these are from the ODE's.
+        Error of averaged motions, where the record is reduced to amplitudes and phases.
     """
 
     data: Data
@@ -210,45 +217,45 @@ class ModelComparison:
 
     @property
     def samples(self) -> float:
-        """Number of independent samples that the record stands for."""
+        """Return the effective number of independent values in the record."""
         return self.data.y.size / self.inflation
 
     @property
     def best(self) -> CandidateResult:
-        """The likeliest candidate's result."""
+        """Return the result of the candidate with the largest evidence."""
         return max(self.results, key=lambda r: r.log_evidence)
 
     def result(self, candidate: MotionCandidate) -> CandidateResult:
-        """Return a candidate's result."""
+        """Return the result of a candidate or rival."""
         return next(r for r in (*self.results, *self.forms) if r.candidate == candidate)
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """The damping terms that candidates are made of."""
+        """Return the damping terms of all candidates."""
         return next(iter(self.solvers.values())).terms
 
     def compares(self, result: CandidateResult) -> bool:
-        """Return whether a candidate is compared: under approximate laws only where it could be linearised."""
+        """Return whether a result has an evidence like the others: with deviations, unless no result has them."""
         every = (result, *self.results)
         return result.approximate_posterior is not None or all(r.approximate_posterior is None for r in every)
 
     def known_motion(self) -> dict[str, float]:
-        """Return the known values of the likeliest candidate's start and of its restoring law's parameters."""
+        """Return the known ones of the best candidate's start values and restoring parameters."""
         solver, known = self.best.solver, self.best.fit.parameters.known
         return {n: v for n, v in known.items() if n in (*solver.names[solver.law_places], *START)}
 
     def exact_variance(self, fit: LeastSquaresFit) -> float:
-        """Return the variance of the noise, in the record's unit squared, if a fit under exact laws were right."""
+        """Return the variance of the noise, in the record's unit squared, if the laws of a fit were exact."""
         if self.noise_known:
             return self.variance
         degrees = max(self.data.y.size - fit.z.size, 1)
         return self.data.least_variance + self.inflation * fit.squares / degrees
 
-    def expected(self, candidate: MotionCandidate, whole: Linearisation) -> float:
-        """Return the log evidence that a candidate is expected to have, in nats, without fitting it.
+    def expected_evidence(self, candidate: MotionCandidate, whole: Linearisation) -> float:
+        """Predict the log evidence of a candidate, in nats, without fitting it.
 
-        It is that of the linear model of a sum of more terms, `whole`, without those that the candidate lacks; infinite
-        if the candidate has a term which that sum lacks.
+        Drop the terms that the candidate does not have from the linear model of a larger sum, `whole`. Return infinity
+        if the candidate has a term that `whole` does not have.
         """
         parameters, terms = whole.fit.parameters, [TERMS.get(t) for t in candidate.damping]
         names = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
@@ -259,7 +266,7 @@ class ModelComparison:
         return linear_posterior(model, whole.grid(coarse=True), self.variance, self.samples).log_evidence
 
     def evaluate(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:
-        """Weigh a candidate from its fit to the record."""
+        """Linearise a candidate, starting from its fit, and compute its posterior and evidence."""
         mode = linearise_at_mode(solver, self.data, fit, self.variance) if self.approximate else None
         return self.evaluate_about(candidate, solver, fit, mode and mode[0], self.exact_variance(fit))
 
@@ -271,7 +278,7 @@ class ModelComparison:
         linearisation: Linearisation | None,
         exact_variance: float,
     ) -> CandidateResult:
-        """Weigh a candidate from its fit, the linear model about its mode, and the noise if exact laws were right."""
+        """Compute posterior and evidence of a candidate that has been linearised about its mode."""
         exact_posterior = linear_posterior(exact_model(fit), NO_DEVIATIONS, exact_variance, self.samples)
         variances = exact_variance, exact_variance
         if linearisation is None:
@@ -293,7 +300,9 @@ def compare_candidates(
     approximate: bool = True,
     noises: Sequence[str] = AUTOMATIC,
 ) -> ModelComparison:
-    """Fit and weigh candidates; the fits under one law start from that of the sum of all terms.
+    """Fit every candidate and compute its evidence.
+
+    Under each restoring law the sum of all terms is fitted first; the fits of the other candidates start from it.
 
     Parameters
     ----------
@@ -302,27 +311,32 @@ def compare_candidates(
     candidates : iterable of MotionCandidate
         Damping sums under restoring laws.
     known : mapping or callable, optional
-        Values of parameters, `noise_sd` among them, or a function of a law's name that returns them.
+        Values of parameters, which may include `noise_sd` and `epsilon`, or a function from a restoring law to them.
     priors : mapping of str to Prior, optional
-        By parameter; the others have default priors.
+        Priors by parameter; the others have default priors.
     reference : Reference, optional
-        Of the default priors; by default the record's own amplitude and frequency.
+        Amplitude and frequency with which default priors scale; by default the record's own.
     approximate : bool
-        Whether deviations from the laws are weighed too.
+        Whether laws may hold approximately.
     noises : sequence of str
         Noise models to choose from.
+
+    Returns
+    -------
+    ModelComparison
+        All candidates but the refused ones, without rivals.
 
     Raises
     ------
     Refusal
-        Where no motion follows the record, or no candidate can be compiled.
+        Where no motion stays in phase with the record, or no candidate can be compiled.
     """
     given, priors = list(candidates), dict(priors or {})
     refused: dict[MotionCandidate, str] = {}
     for c in given:
         if LAWS.ships(c.restoring) and all(map(TERMS.ships, c.damping)):
             continue
-        try:  # a user's own term or law
+        try:  # to compile a plug-in
             source_of(c.damping, (c.restoring,))
         except Refusal as refusal:
             refused[c] = str(refusal)
@@ -331,64 +345,31 @@ def compare_candidates(
         raise Refusal(next(iter(refused.values())))
     reference = reference or Reference(float(f"{data.amplitude:.2g}"), float(f"{data.frequency:.2g}"))
     fits = _CandidateFits(data, asked, reference, priors, known or {}, refused)
-    at_once(fits.seek_whole, fits.laws)
+    at_once(fits.fit_fullest, fits.laws)
     for _ in range(ROUNDS if data.averaged is not None else 0):
-        fits.correct()
-        fits.repeat()
-    stated = fits.known_under(fits.laws[0])
-    frictions = [] if "epsilon" in stated else fits.choose_friction()
-    abouts = fits.about_modes()
-    if not abouts:
-        raise Refusal("no motion under any of the laws stays in phase with the record")
-    # The noise is that of the sum of all terms under the law that leaves least.
-    whole, law = fits.whole, min(abouts, key=lambda name: abouts[name][1])
-    at, variance = abouts[law]
-    adapting = partial(adapt, data=data, known=fits.known_under(law), priors=priors, approximate=approximate)
-    adapted = adapting(noises, solver=fits.solvers[law], at=at)
-    noise, noise_known = data.noise_model if adapted is None else adapted.noise, False
-    if adapted is not None and noise.name != GAUSSIAN:
-        if frictions and adapted.variance < SHARPER * variance:
-            usual, adapting = fits.epsilon, partial(adapting, (noise.name,))
-            frictions = fits.choose_friction(adapting)
-            if fits.epsilon != usual:
-                at = fits.about_modes()[law][0]
-                adapted = adapting(solver=fits.solvers[law], at=at) or adapted
-                noise = adapted.noise
-        data, noise_known = adapted.data, True
-        fits.data = data
-        fits.repeat()
-        abouts = fits.about_modes()
-        at = abouts[law][0]
-        kappa = inflation(data.t, at.left, data.frequency, at.u.size, adapted.variance)
-        variance = kappa * adapted.variance
-    elif "noise_sd" in stated and data.noise_model.name == GAUSSIAN:
-        variance, kappa = data.least_variance + stated["noise_sd"] ** 2 / data.thinned, 1.0
-        noise_known = True
-    else:
-        # Amplitudes and phases only have the noise near the oscillation. Where laws hold exactly and the residual
-        # cannot be predicted, the noise is white, and κ, which a short record determines only to a few tens of per
-        # cent, is 1.
-        white = data.averaged is not None or (not approximate and predictable_nats(at.left) == 0.0)
-        kappa = 1.0 if white else inflation(data.t, at.left, data.frequency, at.u.size)
-        variance *= kappa
-        if adapted is not None and adapted.variance > variance:
-            variance, kappa = adapted.variance, kappa * adapted.variance / variance
+        fits = fits.refitted(solvers=fits.corrected_solvers())
+    epsilon_known, frictions = "epsilon" in fits.known_under(fits.laws[0]), ()
+    if not epsilon_known:
+        frictions, epsilon = fits.choose_friction()
+        fits = fits.with_width(epsilon)
+    chosen = choose_noise(fits, frictions, noises, approximate)
+    fits, modes, fullest = chosen.fits, chosen.modes, chosen.fits.fullest
     comparison = ModelComparison(
-        data, reference, fits.epsilon, tuple(frictions), fits.solvers, variance, kappa, noise, approximate,
-        noise_known, "epsilon" in stated,
+        fits.data, reference, fits.epsilon, chosen.frictions, fits.solvers, chosen.variance, chosen.inflation,
+        chosen.noise, approximate, chosen.noise_known, epsilon_known,
     )  # fmt: skip
-    followed = [c for c in asked if c.restoring in abouts]
-    expected = {c: comparison.expected(c, abouts[c.restoring][0]) for c in followed}
+    followed = [c for c in asked if c.restoring in modes]
+    expected = {c: comparison.expected_evidence(c, modes[c.restoring][0]) for c in followed}
     top = max((log for log in expected.values() if np.isfinite(log)), default=-np.inf)
     refused |= {c: BEHIND for c, log in expected.items() if log < top - REACH and c not in refused}
 
     def evaluate(c: MotionCandidate) -> CandidateResult | None:
-        fit = fits.of(c)
+        fit = fits.fit_of(c)
         return None if fit is None else comparison.evaluate(c, fits.solvers[c.restoring], fit)
 
     results = at_once(evaluate, [c for c in followed if c not in refused])
-    # In an order that does not depend on which thread was first.
-    order = dict.fromkeys([*whole, *(MotionCandidate(fits.terms, law) for law in fits.laws), *given])
+    # The order must not depend on which thread was first.
+    order = dict.fromkeys([*fullest, *(MotionCandidate(fits.terms, law) for law in fits.laws), *given])
     return replace(
         comparison,
         results=tuple(r for r in results if r is not None),
@@ -396,11 +377,84 @@ def compare_candidates(
     )
 
 
-class _CandidateFits:
-    """Fits of candidates to one record, under solvers with a common width of friction.
+@dataclass(frozen=True)
+class NoiseChoice:
+    """The noise of a record, and what was fitted under it.
 
-    Under each law, the sum of all terms is fitted first, and the other candidates start from its fit. Candidates that
-    no motion follows are added to `refused`, with the reason.
+    Attributes
+    ----------
+    fits : _CandidateFits
+        Fits to the values that least squares use under this noise.
+    modes : mapping of str to tuple of Linearisation and float
+        As `_CandidateFits.modes` returns them.
+    frictions : tuple of Friction
+        Widths of friction and their probabilities.
+    noise : SampleNoise
+        Noise model of the samples.
+    variance, inflation : float
+        Variance of the noise, and the factor κ that it contains.
+    noise_known : bool
+        As of `ModelComparison`.
+    """
+
+    fits: _CandidateFits
+    modes: Mapping[str, tuple[Linearisation, float]]
+    frictions: tuple[Friction, ...]
+    noise: SampleNoise
+    variance: float
+    inflation: float
+    noise_known: bool
+
+
+def choose_noise(
+    fits: _CandidateFits, frictions: tuple[Friction, ...], noises: Sequence[str], approximate: bool
+) -> NoiseChoice:
+    """Choose the noise model and the variance of the noise, which all candidates have in common.
+
+    The residual is that of the sum of all terms, under the restoring law that leaves the smallest variance. Raises
+    Refusal where no motion stays in phase with the record, or none of the noise models applies.
+    """
+    modes, data, stated = fits.modes(), fits.data, fits.known_under(fits.laws[0])
+    if not modes:
+        raise Refusal(
+            "the equation of motion cannot be fitted: no solution stays in phase with the record; check the unit and "
+            "the sampling rate, or choose a part of the record"
+        )
+    law = min(modes, key=lambda name: modes[name][1])
+    mode, variance = modes[law]
+    known = fits.known_under(law)
+    adapting = partial(adapt, data=data, known=known, priors=fits.priors, approximate=approximate)
+    adapted = adapting(noises, solver=fits.solvers[law], at=mode)
+    if adapted is not None and adapted.noise.name != GAUSSIAN:
+        if frictions and adapted.variance < SHARPER * variance:
+            adapting = partial(adapting, (adapted.noise.name,))
+            frictions, epsilon = fits.choose_friction(adapting)
+            if epsilon != fits.epsilon:
+                fits = fits.with_width(epsilon)
+                adapted = adapting(solver=fits.solvers[law], at=fits.modes()[law][0]) or adapted
+        fits = fits.refitted(data=adapted.data)
+        modes = fits.modes()
+        mode = modes[law][0]
+        kappa = inflation(data.t, mode.left, data.frequency, mode.u.size, adapted.variance)
+        return NoiseChoice(fits, modes, frictions, adapted.noise, kappa * adapted.variance, kappa, True)
+    noise = data.noise_model if adapted is None else adapted.noise
+    if "noise_sd" in stated and data.noise_model.name == GAUSSIAN:
+        variance = data.least_variance + stated["noise_sd"] ** 2 / data.thinned
+        return NoiseChoice(fits, modes, frictions, noise, variance, 1.0, True)
+    # Amplitudes and phases contain only the noise near the oscillation. Under exact laws, a residual that no
+    # autoregression predicts is white, so that κ = 1; a short record determines κ only to a few tens of per cent.
+    white = data.averaged is not None or (not approximate and predictable_nats(mode.left) == 0.0)
+    kappa = 1.0 if white else inflation(data.t, mode.left, data.frequency, mode.u.size)
+    variance *= kappa
+    if adapted is not None and adapted.variance > variance:
+        variance, kappa = adapted.variance, kappa * adapted.variance / variance
+    return NoiseChoice(fits, modes, frictions, noise, variance, kappa, False)
+
+
+class _CandidateFits:
+    """Fits of candidates to one record, with one width of friction.
+
+    `fits` contains those that exist already. A candidate that cannot be fitted is added to `refused` with the reason.
     """
 
     def __init__(
@@ -418,19 +472,22 @@ class _CandidateFits:
         self.plain = tuple(t for t in self.terms if not TERMS.get(t).inferred)
         self.laws = list(dict.fromkeys(c.restoring for c in candidates))
         self.fits: dict[MotionCandidate, LeastSquaresFit] = {}
-        self.epsilon = self.known_under(self.laws[0]).get("epsilon", reference.friction_width)
+        epsilon = self.known_under(self.laws[0]).get("epsilon", reference.friction_width)
         knots = knots_of(data.end, data.cycles)
-        self.solvers = {law: data.solver(self.terms, law, self.epsilon, knots) for law in self.laws}
+        self.solvers = {law: data.solver(self.terms, law, epsilon, knots) for law in self.laws}
         self.scales = {law: self._scales(law) for law in self.laws}
-        assert all(
-            solver.kernel for solver in self.solvers.values()
-        )  # compiled before several threads ask for it
+        # Compile before several threads need the kernels.
+        assert all(solver.kernel for solver in self.solvers.values())
+
+    @property
+    def epsilon(self) -> float:
+        """Return the width of friction, in rad/s or m/s."""
+        return self.solvers[self.laws[0]].epsilon
 
     def known_under(self, law: str) -> Mapping[str, float]:
-        """Return what is known of a law's parameters.
+        """Return the known values of parameters under a restoring law.
 
-        Velocities and accelerations do not depend on where the law's zero is. It is put at 0, as the zero of terms that
-        depend on the position.
+        Velocities and accelerations do not determine the position of the equilibrium, which is then fixed at 0.
         """
         stated, shift = self.known(law) if callable(self.known) else self.known, LAWS.get(law).shift
         if shift and self.data.quantity != "angle" and shift not in self.priors:
@@ -438,7 +495,7 @@ class _CandidateFits:
         return stated
 
     def _scales(self, law: str) -> dict[str, float]:
-        """Return the reference values of the terms under a law; the equilibrium is that of a viscous fit."""
+        """Return the fixed reference values in the terms' forces; the equilibrium is that of a viscous fit."""
         data, rest, known = self.data, self.data.rest, self.known_under(law)
         if "rest" in self.solvers[law].further:
             c, viscous = MotionCandidate(("viscous",), law), replace(self.solvers[law], terms=("viscous",))
@@ -448,26 +505,27 @@ class _CandidateFits:
                 rest = data.rest_under(law, fit.values[viscous.law_places])
         return self.reference.scales(rest)
 
-    def seek_whole(self, law: str) -> None:
-        """Fit the sum of all terms, after that of the terms without parameters of their own."""
+    def fit_fullest(self, law: str) -> None:
+        """Fit the sum of the terms without own parameters, and from there the sum of all terms."""
         if self.plain and self.plain != self.terms:
-            self._seek(MotionCandidate(self.plain, law), None)
-        self._seek(MotionCandidate(self.terms, law), self.fits.get(MotionCandidate(self.plain, law)))
+            self._fit(MotionCandidate(self.plain, law), None)
+        self._fit(MotionCandidate(self.terms, law), self.fits.get(MotionCandidate(self.plain, law)))
 
     @property
-    def whole(self) -> list[MotionCandidate]:
-        """The sum of most terms that is fitted, under each law."""
+    def fullest(self) -> list[MotionCandidate]:
+        """Return the fitted sum with most terms under each law: all terms, or all without own parameters."""
         every = [MotionCandidate(self.terms, law) for law in self.laws]
         return [c if c in self.fits else MotionCandidate(self.plain, c.restoring) for c in every]
 
-    def of(self, c: MotionCandidate) -> LeastSquaresFit | None:
-        """Return a candidate's fit."""
+    def fit_of(self, c: MotionCandidate) -> LeastSquaresFit | None:
+        """Return the fit of a candidate, which is made if there is none yet; None if it fails."""
         if c not in self.fits:
             plain = self.fits.get(MotionCandidate(self.plain, c.restoring))
-            self._seek(c, self.fits.get(MotionCandidate(self.terms, c.restoring), plain))
+            self._fit(c, self.fits.get(MotionCandidate(self.terms, c.restoring), plain))
         return self.fits.get(c)
 
-    def _seek(self, c: MotionCandidate, near: LeastSquaresFit | None) -> None:
+    def _fit(self, c: MotionCandidate, near: LeastSquaresFit | None) -> None:
+        """Fit a candidate, starting at the fit of a larger sum; if this fails, at first guesses in growing windows."""
         data, solver = self.data, self.solvers[c.restoring]
         known = {**self.scales[c.restoring], **self.known_under(c.restoring)}
         start = initial_values(c, data, known)
@@ -484,8 +542,8 @@ class _CandidateFits:
         else:
             self.fits[c] = fit
 
-    def correct(self) -> None:
-        """Correct averaged motions with the ODE, under each law at the fit with the most terms."""
+    def corrected_solvers(self) -> dict[str, Solver]:
+        """Return averaged solvers corrected by the ODE, under each law at the fit with the most terms."""
         most = {
             c.restoring: fit for c, fit in sorted(self.fits.items(), key=lambda item: len(item[0].damping))
         }
@@ -496,37 +554,59 @@ class _CandidateFits:
             return solver.corrected(most[law].values, most[law].active)
 
         new = zip(most, at_once(corrected, most), strict=True)
-        self.solvers |= {law: solver for law, solver in new if solver is not None}
+        return {law: solver for law, solver in new if solver is not None}
 
-    def repeat(self) -> None:
-        """Repeat the fits with changed solvers or data."""
+    def refitted(
+        self, data: Data | None = None, solvers: Mapping[str, Solver] | None = None
+    ) -> _CandidateFits:
+        """Return all fits, repeated to other data or with other solvers."""
+        other = copy(self)
+        other.data, other.solvers = data or self.data, {**self.solvers, **(solvers or {})}
         every = list(self.fits)
-        fits = at_once(lambda c: refit(self.solvers[c.restoring], self.data, self.fits[c]), every)
-        self.fits |= {c: fit for c, fit in zip(every, fits, strict=True) if fit is not None}
+        fits = at_once(lambda c: refit(other.solvers[c.restoring], other.data, self.fits[c]), every)
+        other.fits = self.fits | {c: fit for c, fit in zip(every, fits, strict=True) if fit is not None}
+        return other
 
-    def about_modes(self) -> dict[str, tuple[Linearisation, float]]:
-        """Return the sums of most terms by law, about their modes, with the variance of what each leaves."""
-        whole = [c for c in self.whole if c in self.fits]
+    def with_width(self, epsilon: float) -> _CandidateFits:
+        """Return the fits, repeated if their width of friction is not yet `epsilon`."""
+        if epsilon == self.epsilon:
+            return self
+        return self.refitted(solvers={law: replace(s, epsilon=epsilon) for law, s in self.solvers.items()})
+
+    def modes(self) -> dict[str, tuple[Linearisation, float]]:
+        """Return the `fullest` candidates linearised about their modes, and their noise variances, by restoring law."""
+        whole = [c for c in self.fullest if c in self.fits]
         modes = at_once(
             lambda c: linearise_at_mode(self.solvers[c.restoring], self.data, self.fits[c], None), whole
         )
         return {c.restoring: at for c, at in zip(whole, modes, strict=True) if at is not None}
 
-    def choose_friction(self, adapting: Callable[..., AdaptedData | None] | None = None) -> list[Friction]:
-        """Return widths ε of friction and their probabilities, under the best law and all terms; none without friction.
+    def choose_friction(
+        self, adapting: Callable[..., AdaptedData | None] | None = None
+    ) -> tuple[tuple[Friction, ...], float]:
+        """Compute the probabilities of widths ε of friction, with all terms under the best restoring law.
 
-        From then on, the fits have the likeliest width if it is clearly ahead of the usual one. `adapting` adapts the
-        record to the noise model whose evidence weighs the widths, by default to Gaussian noise.
+        Parameters
+        ----------
+        adapting : callable, optional
+            Adapts the record to a noise model, whose evidence then gives the probabilities; by default the noise is
+            Gaussian.
+
+        Returns
+        -------
+        tuple
+            Widths and their probabilities, empty without friction; and the most probable width, or the present one if
+            that is not `LEAD` nats behind.
         """
         switching = [i for i, t in enumerate(self.terms) if TERMS.get(t).switches]
         if not self.fits:
-            return []
+            return (), self.epsilon
         best = min(self.fits, key=lambda c: self.fits[c].squares)
         near, solver = self.fits[best], self.solvers[best.restoring]
         m, peak = len(self.terms), self.reference.peak_velocity
 
         def under(share: float) -> tuple[float, float, np.ndarray] | None:
-            """Return ε, the log likelihood, and the terms' parameters."""
+            """Fit with a width, and return ε, the log likelihood, and the values of the terms' parameters."""
             own = replace(solver, epsilon=share * peak)
             fit = refit(own, self.data, near)
             if fit is None:
@@ -543,7 +623,7 @@ class _CandidateFits:
         shares = SHARES if any(near.values[i] > 0 for i in switching) else ()
         tried = [width for width in at_once(under, shares) if width is not None]
         if not tried:
-            return []
+            return (), self.epsilon
         for _ in range(BETWEEN if len(tried) > 2 else 0):
             between = _between(
                 np.log([e / peak for e, _, _ in tried]), np.array([log for _, log, _ in tried])
@@ -554,26 +634,26 @@ class _CandidateFits:
             tried.append(new)
         tried.sort(key=lambda width: -width[0])
         widths, logs = np.array([e for e, _, _ in tried]), np.array([log for _, log, _ in tried])
-        # The length of log ε that each of them stands for; ends reach as far outwards.
+        # Quadrature over log ε: each width has a cell that ends half way to its neighbours.
         gaps = np.abs(np.diff(np.log(widths)))
         cells = 0.5 * (np.append(gaps, gaps[-1:]) + np.append(gaps[:1], gaps)) if gaps.size else np.ones(1)
         weights = np.exp(logs - logs.max()) * cells
         weights /= weights.sum()
         density = weights / cells
         first, usual = int(np.argmax(density)), int(np.argmin(np.abs(widths - self.epsilon)))
-        if np.log(density[first] / max(density[usual], 1e-300)) > LEAD:
-            self.epsilon = float(widths[first])
-            self.solvers = {law: replace(s, epsilon=self.epsilon) for law, s in self.solvers.items()}
-            self.repeat()
+        clear = np.log(density[first] / max(density[usual], 1e-300)) > LEAD
         each = zip(tried, weights.tolist(), strict=True)
-        return [Friction(e, w, tuple(p[:m].tolist()), tuple(p[m:].tolist())) for (e, _, p), w in each]
+        frictions = tuple(
+            Friction(e, w, tuple(p[:m].tolist()), tuple(p[m:].tolist())) for (e, _, p), w in each
+        )
+        return frictions, float(widths[first]) if clear else self.epsilon
 
 
 def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
-    """Return the log of a width between those that were tried, at the top of a parabola through the likeliest three.
+    """Return the log of a further width to try, at the maximum of a parabola through the best width and its neighbours.
 
-    None where the likeliest is at an end, or is not `CLEAR` nats ahead of a neighbour, so that a width between them
-    would add nothing. Log widths `at` and log likelihoods, (k,) each.
+    None where the best is the first or the last width, or is less than `CLEAR` nats ahead of both neighbours. `at`,
+    `logs`: log widths and log likelihoods, (k,) each.
     """
     order = np.argsort(at)
     at, logs = at[order], logs[order]
@@ -581,10 +661,10 @@ def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
     if i in (0, at.size - 1) or logs[i] - min(logs[i - 1], logs[i + 1]) < CLEAR:
         return None
     three = slice(i - 1, i + 2)
-    bend, slope, _ = np.polyfit(at[three] - at[i], logs[three], 2)
-    top = -0.5 * slope / bend
-    sd = 1 / np.sqrt(-2 * bend)
-    if abs(top) < sd:  # the likeliest is at the top already: its neighbours are too far away
+    curvature, slope, _ = np.polyfit(at[three] - at[i], logs[three], 2)
+    top = -0.5 * slope / curvature
+    sd = 1 / np.sqrt(-2 * curvature)
+    if abs(top) < sd:  # the best width is at the maximum already: try one nearer than its further neighbour
         wide = at[i + 1] - at[i] > at[i] - at[i - 1]
         top = min(2 * sd, 0.5 * (at[i + 1] - at[i])) if wide else -min(2 * sd, 0.5 * (at[i] - at[i - 1]))
     return float(at[i] + np.clip(top, 0.75 * (at[i - 1] - at[i]), 0.75 * (at[i + 1] - at[i])))

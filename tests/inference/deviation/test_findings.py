@@ -58,8 +58,10 @@ def test_expected_evidence_is_near_that_of_a_fit(comparison: ModelComparison) ->
     whole = next(r for r in comparison.results if len(r.candidate.damping) == 3)
     assert whole.linearisation is not None
     for r in comparison.results:
-        assert comparison.expected(r.candidate, whole.linearisation) == pytest.approx(r.log_evidence, abs=3.0)
-    hopeless = comparison.expected(MotionCandidate(("quadratic",), "linear"), whole.linearisation)
+        assert comparison.expected_evidence(r.candidate, whole.linearisation) == pytest.approx(
+            r.log_evidence, abs=3.0
+        )
+    hopeless = comparison.expected_evidence(MotionCandidate(("quadratic",), "linear"), whole.linearisation)
     assert hopeless < comparison.best.log_evidence - 20
 
 
