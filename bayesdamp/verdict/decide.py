@@ -221,7 +221,7 @@ def _over_law(findings: Findings, unit: str) -> OverLaw | None:
     """Return the damping over its law where it is surely further from it than it may be, at the worst amplitude."""
     off = [
         (max(q.low, 1 / q.high), r.amplitude, q)
-        for r, q in zip(findings.ratios, findings.over_laws, strict=False)
+        for r, q in zip(findings.ratios, findings.over_law, strict=False)
         if max(q.low, 1 / q.high) > 1 + thresholds.DEVIATES
     ]
     if not off:

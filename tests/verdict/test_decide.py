@@ -327,7 +327,7 @@ def test_the_damping_over_its_law_where_it_is_worst() -> None:
         (Quantity(3.0, limit - 0.01, 4.0), False),
         (Quantity(0.3, 0.2, 1 / (limit + 0.01)), True),
     ]:
-        over = decided(findings(over_laws=(near, worst, near))).over_law
+        over = decided(findings(over_law=(near, worst, near))).over_law
         assert (over is not None) is shown
         if over is not None:
             assert (over.amplitude, over.value, over.low, over.high) == (
@@ -337,7 +337,7 @@ def test_the_damping_over_its_law_where_it_is_worst() -> None:
                 worst.high,
             )
     two_off = (Quantity(0.1, 0.05, 0.2), Quantity(3.0, 2.0, 4.0), near)
-    over = decided(findings(over_laws=two_off)).over_law
+    over = decided(findings(over_law=two_off)).over_law
     assert over is not None
     assert over.amplitude == 0.3
 

@@ -1,8 +1,7 @@
-"""Draws of candidates, and what they say at an amplitude and along the record.
+"""Compute probabilities of candidates, and from draws of them numbers with intervals.
 
-Probabilities of candidates, and numbers with intervals from their draws. Undamped orbits and the work of damping on
-them, the damping ratio, and how far the record is from the laws: sizes of the deviation, what a plain fit leaves, and
-what no sum of terms explains.
+The numbers are damping ratios from the work of the damping on undamped orbits, shares of the dissipated energy, and the
+sizes of what the laws do not explain.
 """
 
 from __future__ import annotations
@@ -27,23 +26,24 @@ from bayesdamp.priors import odds
 from bayesdamp.types import Ratio
 
 MOMENTS = 4000
-"""Times over a motion at which the power is taken."""
+"""Number of times in a motion at which the dissipated power is computed."""
 DRAWS = 4000
+"""Number of draws from all candidates together."""
 SHOWN = 0.99
-"""Total probability of the candidates that are drawn from."""
+"""Total probability of the candidates that are drawn from; the least probable ones are left out."""
 DISTINCT = 200
-"""Draws of a candidate where each draw needs a quadrature of its work."""
+"""Number of distinct draws of a candidate with own parameters of its terms: each needs a quadrature of the work."""
 CLEAR = 5.0
-"""Standard deviations from which a drift counts: a false alarm in 400 records with the fewest means, far fewer with
-many."""
+"""Standard deviations from which a drift is significant: one false alarm in 400 records with `FEWEST` means, far fewer
+with many means."""
 FEWEST = 8
-"""Least number of means for a straight line through them."""
+"""Least number of means through which a straight line is fitted."""
 FEW = 400
-"""Draws, of all candidates together, for the unexplained share."""
+"""Number of draws, from all candidates together, for `unnamed_share`."""
 POINTS = 200
-"""Of half a cycle, at which the work of damping is summed."""
+"""Number of points of half a cycle at which the work of damping is summed."""
 REACHES = (1e-3, 0.03, 0.1, 0.25, 0.5)
-"""Half widths, in amplitudes, within which the middle of a cycle is searched about its rest."""
+"""Distances from the equilibrium, in amplitudes, within which the middle of a cycle is searched."""
 _PHASE = (np.arange(POINTS) + 0.5) / POINTS * np.pi - 0.5 * np.pi
 _COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi)
 _X, _W = np.polynomial.legendre.leggauss(48)
@@ -52,7 +52,7 @@ _X_PART, _W_PART = np.polynomial.legendre.leggauss(4)
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number: median, 95 % interval, and the parts of its standard deviation from noise and from the law."""
+    """Median and 95 % interval of a number, and the parts of its standard deviation from noise and from deviations."""
 
     value: float
     low: float
@@ -62,7 +62,7 @@ class Quantity:
 
 
 def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
-    """Return median and 95 % interval of draws, (n,); `noise` is the part of their sd that noise causes."""
+    """Summarise draws, (n,); `noise` is the part of their standard deviation that noise alone causes."""
     low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))
     law = float(np.sqrt(max(float(np.var(values)) - noise**2, 0.0))) if np.isfinite(noise) else float("nan")
     return Quantity(middle, low, high, noise, law)
@@ -70,20 +70,20 @@ def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
 
 @dataclass(frozen=True)
 class CandidateDraws:
-    """Draws of one candidate.
+    """Draws of one candidate from its posterior.
 
     Attributes
     ----------
-    result : Result
-        Of the candidate.
+    result : CandidateResult
+        The candidate's result.
     coefficients : ndarray, shape (n, m)
-        Of the solver's terms.
+        Coefficients of the solver's terms.
     further : ndarray, shape (n, e)
-        The terms' own parameters.
+        Own parameters of the terms.
     law : ndarray, shape (n, r)
         Parameters of the restoring law.
     g, h : ndarray, shape (n, k)
-        Log deviation of the damping and deviation of the frequency at the knots.
+        Deviations of the damping and of the frequency at the knots.
     """
 
     result: CandidateResult
@@ -95,16 +95,16 @@ class CandidateDraws:
 
     @classmethod
     def of(cls, result: CandidateResult, u: np.ndarray) -> Self:
-        """Return draws of u = (scores, log g, h), (n, K), of a candidate."""
+        """Convert draws of u = (scores, g, h), (n, K)."""
         d, solver = result.fit.z.size, result.solver
         values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
         g, h = np.split(u[:, d:], 2, axis=1)
         return cls(result, values[:, :m], values[:, m : law.start], values[:, law], g, h)
 
     def by_further(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Return a function of rows of the terms' own parameters, (d, e), for each draw, (n, m).
+        """Return a function of the terms' own parameters for each draw, (n, m); it is evaluated once for equal ones.
 
-        It has shape (1, m) where all draws have the same parameters.
+        The function maps rows of parameters, (d, e), to (d, m). The result is (1, m) where all draws have the same.
         """
         rows, place = np.unique(self.further, axis=0, return_inverse=True)
         values = function(rows)
@@ -114,18 +114,16 @@ class CandidateDraws:
 def probabilities(
     comparison: ModelComparison, exact: bool, forms: bool = True
 ) -> dict[MotionCandidate, float]:
-    """Return the posterior probability of each candidate.
-
-    The prior is `odds`, the same for all laws.
+    """Return the posterior probability of each candidate, from its evidence and its prior `odds`.
 
     Parameters
     ----------
     comparison : ModelComparison
-        Of the candidates.
+        The comparison.
     exact : bool
-        Under laws that hold exactly, else approximately.
+        Whether laws are exact, else approximate.
     forms : bool
-        Whether other forms of damping are among the candidates.
+        Whether to include the rivals.
     """
     logs: dict[MotionCandidate, float] = {}
     others = len({r.candidate.damping for r in comparison.forms})
@@ -135,7 +133,7 @@ def probabilities(
             log = r.exact_posterior.log_evidence if own else r.log_evidence
             count = others if r in comparison.forms else 0
             logs[r.candidate] = log + np.log(odds(r.candidate.damping, count))
-    if not logs:  # none could be linearised: only exact laws are left
+    if not logs:  # no candidate could be linearised with deviations
         return probabilities(comparison, True, forms)
     top = max(logs.values())
     total = sum(np.exp(v - top) for v in logs.values())
@@ -145,7 +143,7 @@ def probabilities(
 def draw_candidates(
     comparison: ModelComparison, chosen: Mapping[MotionCandidate, float], rng: np.random.Generator
 ) -> list[CandidateDraws]:
-    """Draw from the candidates that count, from each in proportion to its probability."""
+    """Draw from the most probable candidates, from each in proportion to its probability."""
     order = sorted(chosen.items(), key=lambda item: -item[1])
     totals = list(accumulate(p for _, p in order))
     last = next((i for i, total in enumerate(totals) if total > SHOWN), len(order) - 1)
@@ -154,7 +152,7 @@ def draw_candidates(
 
 
 def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator) -> CandidateDraws:
-    """Draw from one candidate; only `DISTINCT` draws, repeated, where it has inferred parameters of its terms."""
+    """Draw from one candidate; at most `DISTINCT` different draws if its terms have own parameters."""
     d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
     few = min(count, DISTINCT) if set(solver.inferred) & set(parameters.free_names) else count
     if result.sampled is None or not result.sampled.trusted:
@@ -169,7 +167,7 @@ def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator
 
 
 def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> np.ndarray:
-    """Return the share of the dissipated energy by term over the record's own motion, (draws, m)."""
+    """Return the fraction of the dissipated energy that each term takes over the record, (draws, m)."""
     from bayesdamp.physics.kernel.dense import at_times  # imports the compiler
 
     shares = []
@@ -184,7 +182,7 @@ def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> n
 
 
 def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str, float]:
-    """Return the sd that noise alone would cause in each inferred parameter, by name, if the laws were exact."""
+    """Return the sd that noise alone causes in each inferred parameter if laws are exact, by name."""
     parameters = result.fit.parameters
     sds = np.linalg.norm(result.exact_posterior.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
     sds *= np.sqrt(comparison.variance / result.exact_variance)
@@ -193,14 +191,14 @@ def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str,
 
 @dataclass(frozen=True)
 class Orbit:
-    """An undamped half cycle.
+    """Half a cycle of the undamped oscillation, from one turning point to the other.
 
     Attributes
     ----------
     energy : float
-        Potential energy at its turning points, per unit of inertia.
+        Energy per unit of inertia.
     x, speed, width : ndarray, shape (n,)
-        Positions, speeds, and widths for integration over x.
+        Positions, speeds, and quadrature weights dx.
     """
 
     energy: float
@@ -210,13 +208,13 @@ class Orbit:
 
     @property
     def frequency(self) -> float:
-        """Of the oscillation, in rad/s."""
+        """Return the frequency of the oscillation, in rad/s."""
         return float(np.pi / np.sum(self.width / self.speed))
 
 
 @lru_cache(maxsize=4096)
 def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: float) -> Orbit | None:
-    """Return the orbit of an amplitude (rad or m) about `rest`; None where there is none."""
+    """Return the undamped orbit of an amplitude (rad or m) about an equilibrium `rest`; None where there is none."""
     force = on_arrays(LAWS.get(restoring).kernel)
 
     def potential(x: float) -> float:
@@ -226,7 +224,8 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
     def uneven(shift: float) -> float:
         return potential(rest + shift + amplitude) - potential(rest + shift - amplitude)
 
-    # Narrow brackets first: a wide one reaches beyond the barrier of a softening spring.
+    # About its middle the orbit has equal potential at both ends. Try narrow brackets first: a wide one may reach
+    # beyond the potential barrier of a softening spring.
     reaches = (share * amplitude for share in REACHES)
     reach = next((r for r in reaches if uneven(-r) < 0 < uneven(r)), None)
     if reach is None:
@@ -234,7 +233,7 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
     centre = rest + float(scipy.optimize.brentq(uneven, -reach, reach, xtol=1e-12 * max(amplitude, 1e-300)))  # type: ignore[arg-type]
     energy = potential(centre + amplitude)
     x = centre + amplitude * np.sin(_PHASE)
-    # From one point to the next, where a few nodes integrate to rounding error, with a twelfth of the forces.
+    # Potential at all points: four Gauss nodes between neighbours suffice, and need a twelfth of the forces.
     half = 0.5 * np.diff(x)
     parts = half * (force(x[:-1, None] + half[:, None] * (_X_PART + 1), law) @ _W_PART)
     inside = potential(x[0]) + np.concatenate([[0.0], np.cumsum(parts)])
@@ -246,15 +245,15 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
 
 
 def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float) -> float:
-    """Return √F′ at the equilibrium, in rad/s."""
+    """Return the frequency of small oscillations about the equilibrium `rest`, √F′, in rad/s."""
     d = 1e-5 * scale
     return frequency_over(by_kernel(LAWS.get(restoring).kernel, law), rest - d, rest + d)
 
 
 def balanced_frequency(restoring: str, law: np.ndarray, rest: float, amplitude: float) -> float:
-    """Return the frequency of the oscillation of an amplitude, in rad/s, from the force's first harmonic.
+    """Return the frequency at an amplitude, in rad/s, by harmonic balance: from the first harmonic of the force.
 
-    This needs only a few forces, and is accurate enough for how the frequency changes with the law's parameters (N. M.
+    It needs only a few forces, and is accurate enough for the change of the frequency with the law's parameters (N. M.
     Krylov and N. N. Bogoliubov, 1943).
     """
     force = by_kernel(LAWS.get(restoring).kernel, law)
@@ -263,10 +262,13 @@ def balanced_frequency(restoring: str, law: np.ndarray, rest: float, amplitude: 
 
 
 def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times in s of a motion's half cycles, and half the distance of their turning points, falling."""
+    """Return times (s) and amplitudes of a motion's half cycles; an amplitude is half the distance of turning points.
+
+    Amplitudes never rise: a larger one is replaced by the one before it.
+    """
     times, states = motion.refined
     v = states[:, 1]
-    # A turning point at a node, or two at one time, counts once: where the velocity becomes zero, or starts at zero.
+    # The velocity changes sign between two nodes, or reaches zero at a node, which counts once.
     reached = (v[:-1] != 0) & (v[1:] == 0)
     reached[0] |= v[0] == 0
     turns = np.flatnonzero((v[:-1] * v[1:] < 0) | reached)
@@ -279,8 +281,8 @@ def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     return at[good], np.minimum.accumulate(sizes[good])
 
 
-def share_of_time(result: CandidateResult, amplitude: float) -> float:
-    """Return when the motion has this amplitude, as a share of the record."""
+def time_fraction(result: CandidateResult, amplitude: float) -> float:
+    """Return the time at which the motion has an amplitude, as a fraction of the record."""
     at, sizes = turning_amplitudes(result.motion)
     if at.size < 2:
         return 0.5
@@ -289,7 +291,7 @@ def share_of_time(result: CandidateResult, amplitude: float) -> float:
 
 
 def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
-    """Return the orbit of an amplitude under a result's own law."""
+    """Return the undamped orbit of an amplitude under the restoring law at a result's mode."""
     name, law = result.candidate.restoring, result.law
     rest = result.data.equilibrium(name, law)
     return None if rest is None else orbit_at(float(amplitude), name, tuple(map(float, law)), rest)
@@ -298,17 +300,17 @@ def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
 def unit_works(
     orbit: Orbit, solver: Solver, further: np.ndarray, active: np.ndarray, epsilon: float | None = None
 ) -> np.ndarray:
-    """Return the work per unit of each coefficient in a cycle, (d, m), for rows of the terms' parameters, (d, e)."""
+    """Return the work in a cycle per unit of each coefficient, (d, m), for rows of own parameters, (d, e)."""
     x, v = np.tile(orbit.x, 2), np.concatenate([orbit.speed, -orbit.speed])
     weight = np.concatenate([orbit.width, -orbit.width])
     return solver.works(x, v, weight, further, active, epsilon)
 
 
 def ratios_per_unit(d: CandidateDraws, amplitude: float, every_term: bool = False) -> np.ndarray | None:
-    """Return damping ratios per unit of each coefficient; None where no orbit has the amplitude.
+    """Return the damping ratio at an amplitude per unit of each coefficient, (n, m), or (1, m) if equal for all draws.
 
-    Of shape (n, m), or (1, m) where they are the same for all draws. With `every_term`, terms without parameters of
-    their own that the candidate does not have are included.
+    None where no orbit has the amplitude. With `every_term`, terms without own parameters that the candidate does not
+    have are included.
     """
     solver = d.result.solver
     orbit = orbit_of(d.result, amplitude)
@@ -320,21 +322,20 @@ def ratios_per_unit(d: CandidateDraws, amplitude: float, every_term: bool = Fals
     return works / (4 * np.pi * orbit.energy)
 
 
-def at_share(values: np.ndarray, share: float) -> np.ndarray:
-    """Interpolate values at equidistant knots, (n, k), at a share of the record: (n,)."""
+def at_fraction(values: np.ndarray, fraction: float) -> np.ndarray:
+    """Interpolate values at equidistant knots, (n, k), at a fraction of the record: (n,)."""
     k = values.shape[1]
-    at = share * (k - 1)
+    at = fraction * (k - 1)
     i = min(int(at), k - 2)
     return (1 - at + i) * values[:, i] + (at - i) * values[:, i + 1]
 
 
 def between_knots(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw how far deviations at equidistant knots, (n, k), may be from the straight lines between these: (n,).
+    """Draw the difference of a deviation from the straight lines between its knots: (n,), for values (n, k) at knots.
 
-    For a process with independent steps this is a bridge, with u (1 − u) of a step's variance a share u of the way to
-    the next knot (I. Karatzas and S. E. Shreve, Brownian Motion and Stochastic Calculus, 1991, 5.6.B), a sixth on
-    average. A step's variance is half that of the draw's own second differences, which do not contain a trend along the
-    record. So the ratio at one amplitude is less certain than its mean over the many cycles between two knots.
+    Between two knots the deviation is a Brownian bridge. Its variance is u (1 − u) of the variance of a step at a
+    fraction u of the way (I. Karatzas and S. E. Shreve, Brownian Motion and Stochastic Calculus, 1991, 5.6.B), a sixth
+    on average. The variance of a step is half that of the draw's second differences, which contain no linear trend.
     """
     sd = np.sqrt(np.mean(np.diff(values, 2, axis=1) ** 2, axis=1) / 12)
     return sd * rng.standard_normal(len(values))
@@ -343,9 +344,9 @@ def between_knots(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def deviations_at(
     d: CandidateDraws, amplitude: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return log g and h of a candidate's draws at an amplitude, (n,) each, for g also between the knots."""
-    share = share_of_time(d.result, amplitude)
-    return at_share(d.g, share) + between_knots(d.g, rng), at_share(d.h, share)
+    """Return g and h of a candidate's draws at an amplitude, (n,) each; g includes the bridge of `between_knots`."""
+    share = time_fraction(d.result, amplitude)
+    return at_fraction(d.g, share) + between_knots(d.g, rng), at_fraction(d.h, share)
 
 
 def ratio_at(
@@ -370,20 +371,20 @@ def draw_ratios(
     sensor: float,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, float]:
-    """Return draws of the equivalent damping ratio at an amplitude, (n,), and the part of their sd from noise alone.
+    """Draw the equivalent damping ratio at an amplitude, (n,); return also the sd that noise alone causes.
 
-    There are no draws where no orbit has the amplitude.
+    The draws are empty where no orbit has the amplitude.
 
     Parameters
     ----------
     comparison : ModelComparison
-        Of the candidates.
+        The comparison of the candidates.
     drawn : sequence of CandidateDraws
         Draws of each candidate.
     amplitude : float
-        In rad or m.
+        Amplitude in rad or m.
     sensor : float
-        Relative sd of the sensor's linearity and clock, which is included.
+        Relative sd of the sensor's linearity and clock, which the draws include.
     rng : numpy.random.Generator
         Random stream.
     """
@@ -395,7 +396,7 @@ def draw_ratios(
         ratios = _under_frictions(comparison, d, amplitude, per_unit, rng)
         g, h = deviations_at(d, amplitude, rng)
         values.append(ratios * np.exp(g) / (1 + h))
-        # From noise alone, under exact laws.
+        # Error propagation from the exact posterior: the sd from noise alone.
         result, mean = d.result, per_unit.mean(axis=0)
         parameters = result.fit.parameters
         rates, gradient = parameters.rates(result.fit.z), np.zeros(parameters.free.size)
@@ -418,7 +419,7 @@ def _under_frictions(
     per_unit: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return ratios of the draws, (n,), each under one of the widths of friction, drawn by their probability."""
+    """Return the ratios of the draws, (n,), each under a width of friction that is drawn by its probability."""
     ratios = np.sum(d.coefficients * per_unit, axis=1)
     solver, active, frictions = d.result.solver, d.result.fit.active, comparison.frictions
     switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
@@ -426,7 +427,7 @@ def _under_frictions(
         return ratios
     orbit = orbit_of(d.result, amplitude)
     assert orbit is not None  # `per_unit` was computed on it
-    # The loss of all terms together: how it is split among terms that cannot be told apart is arbitrary.
+    # Compare the loss of all terms together: its split among terms that the record cannot distinguish is arbitrary.
     whole = comparison.solvers[d.result.candidate.restoring]
     coefficients = np.array([f.coefficients for f in frictions])
     works = [
@@ -442,18 +443,18 @@ def _under_frictions(
 
 
 def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
-    """Return the energy-weighted mean of |deviation| about its mean over the record, (n,), of draws (n, k)."""
+    """Return the energy-weighted mean of |deviation − its mean over the record|, (n,), of draws (n, k)."""
     weight = _energies(result, values.shape[1])
     centred = values - (values @ weight)[:, None]
     return np.abs(centred) @ weight
 
 
-def over_laws(
+def ratio_over_law(
     drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
 ) -> tuple[Quantity, ...]:
-    """Return the damping over that of the law itself at amplitudes (rad or m).
+    """Return the damping divided by that of its law, at amplitudes (rad or m).
 
-    The law is that of each draw, times its mean deviation over the record's energy.
+    The law is that of each draw, times exp of the energy-weighted mean of g.
     """
     means = [d.g @ _energies(d.result, d.g.shape[1]) for d in drawn]
     factors = []
@@ -466,7 +467,7 @@ def over_laws(
 def log_ratio_over_law(
     drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
 ) -> tuple[tuple[float, float], ...]:
-    """Return mean and sd of the log of the damping ratio over that of the coefficients alone, at amplitudes."""
+    """Return mean and sd of the log of the damping ratio divided by that without deviations, at amplitudes."""
     pairs = []
     for a in amplitudes:
         deviations = [deviations_at(d, a, rng) for d in drawn]
@@ -476,7 +477,7 @@ def log_ratio_over_law(
 
 
 def _energies(result: CandidateResult, knots: int) -> np.ndarray:
-    """Return shares of the oscillation's energy at equidistant knots, (k,)."""
+    """Return weights of equidistant knots, (k,), proportional to the energy of the oscillation there."""
     at, sizes = turning_amplitudes(result.motion)
     times = np.linspace(0, 1, knots) * result.data.end
     weight = np.ones(knots) if at.size < 2 else np.interp(times, at, sizes) ** 2
@@ -484,10 +485,10 @@ def _energies(result: CandidateResult, knots: int) -> np.ndarray:
 
 
 def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) -> Quantity | None:
-    """Return the share of the energy that no sum of the compared terms explains.
+    """Return the fraction of the dissipated energy that no sum of the compared terms explains.
 
-    For each draw's own curve, deviation included: its distance from the nearest sum with coefficients that are not
-    negative, weighted by the energy lost. The amplitudes at which it is taken fall.
+    For each draw it is the mean relative distance of its damping curve, deviations included, from the nearest sum with
+    coefficients ≥ 0, weighted by the energy lost. `amplitudes` fall.
     """
     total = sum(len(d.coefficients) for d in drawn)
     counts = [max(1, round(FEW * len(d.coefficients) / total)) for d in drawn]
@@ -497,7 +498,7 @@ def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) 
 
 
 def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> list[float]:
-    """Return the share of the energy that no sum explains, of some draws of a candidate."""
+    """Return the fraction of the energy that no sum explains, for `count` draws of a candidate."""
     every = np.unique(np.linspace(0, len(d.coefficients) - 1, count).astype(int))
     few = CandidateDraws(d.result, *(a[every] for a in (d.coefficients, d.further, d.law, d.g, d.h)))
     unit, curve, energy = [], [], []
@@ -505,17 +506,17 @@ def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> 
         per_unit, orbit = ratios_per_unit(few, a, every_term=True), orbit_of(d.result, a)
         if per_unit is None or orbit is None:
             return []
-        share = share_of_time(d.result, a)
+        share = time_fraction(d.result, a)
         own = np.sum(few.coefficients * per_unit, axis=1)
         unit.append(np.broadcast_to(per_unit, few.coefficients.shape))
-        curve.append(own * np.exp(at_share(few.g, share)) / (1 + at_share(few.h, share)))
+        curve.append(own * np.exp(at_fraction(few.g, share)) / (1 + at_fraction(few.h, share)))
         energy.append(orbit.energy)
     weight = np.abs(np.gradient(np.array(energy)))
     weight /= weight.sum()
     shares = []
     for i in range(len(every)):
         ratio = np.array([c[i] for c in curve])
-        if not np.all(ratio > 0):  # without a loss there is no share of it
+        if not np.all(ratio > 0):  # no energy is lost
             continue
         columns = np.array([u[i] for u in unit]) / ratio[:, None]
         scale = np.maximum(np.abs(columns).max(axis=0), 1e-300)
@@ -525,10 +526,10 @@ def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> 
 
 
 def midline_drift(result: CandidateResult) -> float:
-    """Return how far the midline moves from a record's start to its end, as a share of its first amplitude.
+    """Return the drift of the midline over the record, as a fraction of the first amplitude.
 
-    From the straight line through the means, cycle by cycle, of what a candidate's plain fit leaves; 0 where this is
-    less than `CLEAR` of the sds that the scatter of these means gives it.
+    It is the slope of a straight line through the means of the residual over each cycle; 0 where it is below `CLEAR`
+    standard deviations, which follow from the scatter of these means.
     """
     data, left, scale = result.data, result.fit.residual, result.data.recorded_amplitude
     if data.averaged is None:
@@ -547,10 +548,10 @@ def midline_drift(result: CandidateResult) -> float:
 
 
 def unexplained_and_noise(result: CandidateResult) -> tuple[float, float]:
-    """Return the rms of what a plain fit leaves beyond noise, and of the noise, as shares of the amplitude."""
+    """Return the rms of the unexplained residual, and of the noise of a sample, as fractions of the first amplitude."""
     linearisation = result.linearisation
     left = result.fit.residual if linearisation is None else linearisation.left
-    # Amplitudes alone: a phase that slips over thousands of cycles is a tiny error of the frequency.
+    # Of an averaged record only amplitudes: a phase that drifts over thousands of cycles is a tiny frequency error.
     residual = result.data.of_amplitude(result.fit.residual)
     clean = float(left @ left) / max(left.size - (0 if linearisation is None else linearisation.u.size), 1)
     rest = max(float(residual @ residual) / residual.size - clean, 0.0)

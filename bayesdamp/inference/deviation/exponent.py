@@ -1,8 +1,8 @@
-"""The exponent of a power law in the velocity.
+"""Infer the exponent p of a damping force c |v|^p.
 
-At each exponent the other parameters are inferred and the evidence is computed; the posterior is interpolated between
-exponents. A model that is linear in the exponent too would fail: a deviation can replace an exponent's dependence on
-the amplitude, and along that line, which may be long, the coefficient follows a curve.
+At each of several exponents the other parameters are fitted and the evidence is computed; the posterior is interpolated
+between them. A model that is linear in the exponent would fail: g can replace the dependence on the amplitude that an
+exponent causes, and along this degenerate direction the coefficient follows a curve.
 """
 
 from __future__ import annotations
@@ -32,34 +32,35 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Solver
 
 LEAST_EXPONENT, MOST_EXPONENT = 0.0, 3.0
-"""Between which the exponent is uniform a priori."""
+"""Ends of the uniform prior of the exponent."""
 ROUNDED = 0.002
-"""Share of the peak velocity within which a power below 1 is rounded at rest: with more, small amplitudes of a record
-would have another power than large ones."""
+"""Fraction of the peak velocity below which a power under 1 is smoothed. A larger one would change the power at small
+amplitudes."""
 ASIDE = (0.0, -0.4, 0.4)
-"""Exponents from which the best one is searched, relative to the likeliest sum's own exponent."""
+"""Exponents at which fits of the best one start, relative to the exponent of the best sum at the middle amplitude."""
 NEAR = 1.5
-"""Factor of the amplitude over which that is taken."""
+"""Factor from the middle amplitude to the two amplitudes between which that exponent is computed."""
 FIRST = 2.0
-"""Distance of the first other exponents from the best one, in standard deviations."""
+"""Distance of the second and third exponent from the best one, in standard deviations of the linear posterior."""
 NARROWEST, WIDEST = 0.003, 0.5
-"""The least and the most of that distance."""
+"""Limits of that distance."""
 FURTHER = 3.0
-"""How much further from the best exponent than the last one the next one is."""
+"""Factor by which the distance from the best exponent grows to the next one."""
 NEGLIGIBLE = 7.0
-"""Nats behind the likeliest exponent from which those beyond are left out."""
+"""Nats behind the best exponent from which no exponents further away are added."""
 ALIKE = 0.25
-"""Probability between two neighbouring exponents from which another is put between them."""
+"""Probability between two neighbouring exponents from which another is added between them."""
 ENOUGH = 20
-"""Exponents at most."""
+"""Number of exponents from which no more are added."""
 LEVELS = (np.arange(400) + 0.5) / 400
-"""Levels of the quantiles that are returned, as draws for intervals and a picture."""
+"""Probabilities at which quantiles are returned; they serve as draws."""
 POINTS = 3001
+"""Number of points of the interpolated posterior."""
 
 
 @dataclass(frozen=True)
 class _At:
-    """The log evidence of an exponent in nats, and the mode there: its fit, and scores and (g, h) at the knots."""
+    """The log evidence at one exponent, in nats, and the mode: its fit, and u = (scores, g, h)."""
 
     log_evidence: float
     fit: LeastSquaresFit
@@ -67,10 +68,10 @@ class _At:
 
 
 def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
-    """Return quantiles of the exponent at `LEVELS`; none where no motion under a power law follows the record.
+    """Return quantiles of the exponent at `LEVELS`; none where no motion under a power law fits the record.
 
-    For the force c |v|^p under the likeliest restoring law. The prior of p is uniform between 0 and 3, that of c the
-    same as for any damping of this size at the middle (in the logarithm) of the record's amplitudes.
+    The restoring law is that of the best candidate. The prior of the exponent is uniform; that of the coefficient is
+    the default prior of a damping ratio, at the geometric mean of the record's amplitudes.
     """
     begins = _starts(comparison) if comparison.results else []
     if not begins:
@@ -94,7 +95,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     sd = float(np.linalg.norm(posterior.factors[0][place])) * abs(float(parameters.rates(top.z)[place]))
 
     def at(p: float, near: _At | None) -> _At | None:
-        """Return the result at an exponent, starting from that at another."""
+        """Fit at exponent p, starting at the mode of another exponent; None where this fails."""
         priors = {n: prior for n, prior in parameters.priors.items() if n != "exponent"}
         fixed = Parameters(parameters.names, priors, {**parameters.known, "exponent": p})
         solver = power_solver(comparison, p)
@@ -108,7 +109,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
             return _At(posterior.log_evidence, best, best.z)
         begin = None
         if near is not None:
-            # The mode at the other exponent, with the same damping at each amplitude.
+            # Start with the mode at the other exponent, g changed so that the damping at each amplitude is the same.
             (times, sizes), u, d = turning_amplitudes(near.fit.motion), near.u.copy(), near.fit.z.size
             if times.size > 1:
                 log = np.interp(solver.knots, times, np.log(sizes))
@@ -127,7 +128,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
 
 
 def _starts(comparison: ModelComparison) -> list[dict[str, float]]:
-    """Return values of all parameters from which the best exponent is searched, with c at the middle velocity."""
+    """Return values of all parameters at which fits of the best exponent start."""
     rival, near = (
         next((r for r in comparison.forms if r.candidate.damping == ("power",)), None),
         comparison.best.fit,
@@ -140,17 +141,17 @@ def _starts(comparison: ModelComparison) -> list[dict[str, float]]:
 
 
 def power_solver(comparison: ModelComparison, p: float) -> Solver:
-    """Return the solver of motions under powers of the velocity near p, under the likeliest restoring law."""
+    """Return the solver for a power of the velocity near p, under the best restoring law."""
     plain = comparison.solvers[comparison.best.candidate.restoring]
     narrow = min(plain.epsilon, ROUNDED * comparison.reference.peak_velocity)
-    # At 1 the width changes nothing; above, a narrow one needs ten times the steps.
+    # From p = 1 the usual width has no effect on the power, and a narrow one would need ten times as many steps.
     return replace(plain, terms=("power",), epsilon=narrow if p < 1 else plain.epsilon)
 
 
 def power_starts(comparison: ModelComparison) -> list[dict[str, float]]:
-    """Return coefficients and exponents that dissipate as much as the likeliest sum at the middle amplitude.
+    """Return coefficients and exponents that dissipate as much energy as the best sum at the middle amplitude.
 
-    The first depends on the amplitude as the sum does there; the others are less steep and steeper.
+    The first exponent is the local one of the sum there; the others are smaller and larger.
     """
     best, middle = comparison.best, comparison.data.middle
     solver = comparison.solvers[best.candidate.restoring]
@@ -176,7 +177,10 @@ def power_starts(comparison: ModelComparison) -> list[dict[str, float]]:
 def _explore(
     at: Callable[[float, _At | None], _At | None], best: float, sd: float
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the posterior's distribution function and the exponents that it is at, (n,) each."""
+    """Return the cumulative posterior and its exponents, (n,) each; None where fewer than two exponents can be fitted.
+
+    First extend the exponents outwards until both ends are negligible, then refine between neighbours.
+    """
     best = float(np.clip(best, LEAST_EXPONENT, MOST_EXPONENT))
     middle = at(best, None)
     if middle is None:
@@ -211,7 +215,7 @@ def _explore(
                 wanted.append(float(np.clip(best + (2 * side - 1) * reach[side], ends[0], ends[1])))
             add(wanted)
             for side, exponent in zip(open_sides, wanted, strict=True):
-                if exponent not in known:  # no motion can be followed that far
+                if exponent not in known:  # it cannot be fitted: extend no further
                     ends[side], reach[side] = p[-side], 0.0
             continue
         grid, cumulated = _distribution(p, log)
@@ -226,14 +230,14 @@ def _explore(
 
 
 def _distribution(p: np.ndarray, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return exponents between the known ones, (n,), and the probability up to each, rising."""
+    """Interpolate log evidences; return a grid of exponents and the cumulative probability there, (n,) each."""
     grid = np.linspace(p[0], p[-1], POINTS)
     values = scipy.interpolate.PchipInterpolator(p, log)(grid)
     if p.size > 2:
         smooth = scipy.interpolate.Akima1DInterpolator(p, log, method="makima")(grid)
-        # Next to a fall of thousands of nats it overshoots far above all known values.
+        # Next to a drop of thousands of nats this interpolation may overshoot; PCHIP is monotonic.
         values = smooth if smooth.max() < log.max() + NEGLIGIBLE else values
     density = np.exp(values - log.max())
     total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
-    # Rising everywhere, so that it can be inverted.
+    # Add a slope, so that the cumulative probability can be inverted everywhere.
     return grid, total / total[-1] + 1e-12 * np.arange(POINTS)

@@ -1,4 +1,4 @@
-"""The numbers that a verdict is made of, the summary of a posterior, and the arrays of a picture, from a weighing."""
+"""Compute from a comparison the numbers of a verdict, the summary of a posterior, and the arrays of a picture."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bayesdamp.inference.deviation.draws import (
     DRAWS,
     CandidateDraws,
     Quantity,
-    at_share,
+    at_fraction,
     balanced_frequency,
     draw_candidate,
     draw_candidates,
@@ -23,12 +23,12 @@ from bayesdamp.inference.deviation.draws import (
     natural_frequency,
     noise_sds,
     orbit_of,
-    over_laws,
     probabilities,
     quantity,
     ratio_at,
-    share_of_time,
+    ratio_over_law,
     shares_of,
+    time_fraction,
     unexplained_and_noise,
     unit_works,
     unnamed_share,
@@ -43,81 +43,82 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Ratio, summed
 
 SENSOR = 0.002
-"""Relative standard deviation of every rate, at least: the sensor's linearity and the clock's."""
+"""Least relative standard deviation of a damping ratio: linearity of the sensor and of the clock (conventional)."""
 CURVE = 12
-"""Amplitudes of a curve."""
+"""Number of amplitudes of a damping curve."""
 RARE = 1e-3
-"""Probability of rivals with another form of damping from which rates are averaged over them too."""
+"""Probability of all rivals from which damping ratios are averaged over them too."""
 FEW = 200
-"""Draws, about, of a frequency."""
+"""Approximate number of draws of a frequency per candidate."""
 AS_WIDE = 0.7
-"""Width of an interval relative to the prior's own from which the record does not determine a parameter
+"""Ratio of the widths of posterior and prior intervals from which the record does not determine a parameter
 (conventional)."""
 TIED, LOOSE = 0.98, 0.2
-"""Correlation from which two parameters cannot be told apart, where both have a half interval of at least this share of
-their value (conventional)."""
+"""Correlation from which only a combination of two parameters is determined, if the half interval of each is at least
+this fraction of its value (conventional)."""
 INSIDE = 0.95
-"""Share of the draws in the shortest interval."""
+"""Probability of the shortest interval."""
 POINTS = 3000
-"""Samples of a record that a picture shows, thinned to the extremes of each stretch."""
+"""Largest number of samples in a picture: the minimum and the maximum of each stretch."""
 QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
 
 
 @dataclass(frozen=True)
 class Findings:
-    """A weighing in numbers, before anything is decided.
+    """The numbers from which a verdict is decided.
 
     Attributes
     ----------
     damping, damping_if_exact : mapping of str to float
-        Probability of each sum (its terms joined by +) under laws that hold approximately, and exactly.
+        Probability of each damping sum (terms joined by +), in the comparison and if laws were exact; the most probable
+        one first.
     other_forms : mapping of str to float
-        Probability of sums with another form of damping.
+        Probability of each rival.
     exponent : Quantity, optional
-        Of a power law in the velocity.
+        Exponent of the velocity, if the damping is a power law.
     restoring : mapping of str to float
-        Probability of each law.
+        Probability of each restoring law.
     term : mapping of str to float
-        Probability of each term, over all candidates that have it.
+        Probability that the damping contains each term.
     ratios, curve : tuple of Ratio
         Damping ratios at the amplitudes asked for, and over all amplitudes of the record.
     frequency : Quantity
-        Of small oscillations, in Hz.
+        Frequency of small oscillations, in Hz.
     energy : mapping of str to Quantity
-        Share of the dissipated energy by term.
+        Fraction of the dissipated energy by term.
     bound : mapping of str to float
-        95 % upper limit of the share of a term that is absent from the likeliest sum, if added to it.
+        95 % upper limit of the energy fraction of each term that the most probable sum does not have.
     deviation, restoring_deviation : Quantity
-        Energy-weighted mean of the relative deviation of the damping and restoring laws.
+        Energy-weighted mean of |g| and of |h|, each about its mean over the record.
     other : float
-        95 % upper limit of the share of any other form.
+        95 % upper limit of the energy fraction of any other form.
     coefficients : mapping of str to Quantity
-        Under the likeliest sum.
-    best : Candidate
-        The likeliest candidate.
+        Parameters of the most probable candidate's damping and restoring law.
+    best : MotionCandidate
+        The most probable candidate, without rivals.
     unexplained, noise : float
-        Rms of what the likeliest candidate leaves beyond noise, and of the noise, as shares of the amplitude.
+        Rms of the unexplained residual, and of the noise of a sample, as fractions of the first amplitude.
     amplitudes : tuple of float
-        First and last of the record, in rad or m.
+        First and last amplitude of the record, in rad or m.
     cycles : float
         Number of cycles.
     free : FreeCurve, optional
         The damping curve without a law.
     unnamed : Quantity, optional
-        Share of the energy that no sum of the terms explains.
+        Fraction of the energy that no sum of the terms explains.
     undetermined, inseparable : tuple
-        Parameters of the likeliest sum that the record does not determine, and pairs of which it determines only a
-        combination.
+        Parameters of the most probable sum that the record does not determine, and pairs of parameters of which it
+        determines only a combination.
     exponents : tuple of float
-        Quantiles of the exponent, equidistant in probability; none where there is no exponent.
+        Quantiles of the exponent at equidistant probabilities; empty where there is no exponent.
     midline : float
-        Drift of the midline over the record, as a share of the first amplitude; 0 where it is not significant.
+        Drift of the midline over the record, as a fraction of the first amplitude; 0 where it is not significant.
     frequency_at : Quantity, optional
-        Of oscillations at the last of the ratios' amplitudes, in Hz.
-    over_laws : tuple of Quantity
-        The damping at the ratios' amplitudes over that of the law itself.
+        Frequency in Hz at the last amplitude of `ratios`.
+    over_law : tuple of Quantity
+        Damping divided by that of its law, at the amplitudes of `ratios`.
     over_curve : tuple of (float, float)
-        Mean and sd of the log of the same along the curve, about the deviation's mean over the knots.
+        Mean and sd of the log of the damping ratio divided by that without deviations, along `curve`.
     """
 
     damping: Mapping[str, float]
@@ -147,12 +148,12 @@ class Findings:
     exponents: tuple[float, ...] = ()
     midline: float = 0.0
     frequency_at: Quantity | None = None
-    over_laws: tuple[Quantity, ...] = ()
+    over_law: tuple[Quantity, ...] = ()
     over_curve: tuple[tuple[float, float], ...] = ()
 
 
 def default_amplitudes(comparison: ModelComparison) -> tuple[float, float, float]:
-    """Return amplitudes near the first, the middle (in the logarithm) and near the last one of the record."""
+    """Return three amplitudes of the record: near the first, at the geometric mean, and near the last."""
     data = comparison.data
     first, last = data.amplitude, max(data.final_amplitude, 1e-6 * data.amplitude)
     span = np.log(first / last)
@@ -166,18 +167,18 @@ def compute_findings(
     sensor: float = SENSOR,
     seed: int = 0,
 ) -> Findings:
-    """Compute the numbers of a weighing.
+    """Compute the numbers of a verdict from a comparison.
 
     Parameters
     ----------
     comparison : ModelComparison
-        Of all candidates.
+        The comparison, with rivals.
     amplitudes : sequence of float, optional
-        At which the damping ratio is given, in rad or m; by default three of the record.
+        Amplitudes at which damping ratios are computed, in rad or m; by default three of the record.
     sensor : float
-        Relative sd of the sensor, which is included where laws may hold approximately.
+        Relative sd of the sensor, which ratios include where laws may hold approximately.
     seed : int
-        Of the random streams.
+        Seed of the random streams.
     """
     data, approximate, rng = comparison.data, comparison.approximate, np.random.default_rng(seed)
     exact = probabilities(comparison, exact=True)
@@ -188,7 +189,7 @@ def compute_findings(
     wanted = tuple(amplitudes) if amplitudes is not None else default_amplitudes(comparison)
     along = tuple(map(float, np.geomspace(data.amplitude, data.final_amplitude, CURVE)))
     drawn = draw_candidates(comparison, chosen, rng)
-    # Rates, frequencies and deviations are those of all candidates, other forms of damping included.
+    # Ratios, frequencies and deviations are averaged over all candidates and, if they are probable, over rivals.
     every = draw_candidates(comparison, everything, rng) if sum(other_forms.values()) > RARE else drawn
     best, leading = (comparison.result(max(each, key=lambda c: each[c])) for each in (chosen, everything))
     shares = shares_of(comparison, drawn)
@@ -237,20 +238,20 @@ def compute_findings(
         exponents=comparison.exponents,
         midline=midline_drift(leading),
         frequency_at=_frequency(every, wanted[-1]) if wanted else None,
-        over_laws=over_laws(every, wanted, np.random.default_rng([seed, 3])) if approximate else (),
+        over_law=ratio_over_law(every, wanted, np.random.default_rng([seed, 3])) if approximate else (),
         over_curve=log_ratio_over_law(every, along, np.random.default_rng([seed, 4])) if approximate else (),
     )
 
 
 def _summed(each: Mapping[MotionCandidate, float], part: int = 0) -> dict[str, float]:
-    """Return probabilities by damping sum, or with `part` 1 by law, the largest first."""
+    """Sum probabilities by damping sum, or with `part` = 1 by restoring law; the largest is first."""
     return summed({c.name: p for c, p in each.items()}, part)
 
 
 def _frequency(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quantity | None:
-    """Return the frequency in Hz at an amplitude of the record, deviation included; None where no orbit has it.
+    """Return the frequency in Hz at an amplitude, with its deviation h; None where no orbit has the amplitude.
 
-    Without an amplitude, that of small oscillations with the deviation at the record's end.
+    Where `amplitude` is None, return that of small oscillations, with h at the end of the record.
     """
     values = []
     for d in drawn:
@@ -261,10 +262,10 @@ def _frequency(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quan
             if orbit is None:
                 continue
             frequency, size, law = balanced_frequency, amplitude, d.result.law
-            # The error of the first harmonic is that at the mode.
+            # Correct the error of harmonic balance by that at the mode.
             scale = orbit.frequency / max(frequency(name, law, _rest_of_draw(d.result, law), size), 1e-300)
-            h = at_share(d.h, share_of_time(d.result, amplitude))
-        # Draws are in the order of their hyperparameters: some of each.
+            h = at_fraction(d.h, time_fraction(d.result, amplitude))
+        # Draws are ordered by grid point: take every `step`-th.
         step = max(1, len(h) // FEW)
         for law, shift in zip(d.law[::step], h[::step], strict=True):
             rest = _rest_of_draw(d.result, law)
@@ -275,7 +276,7 @@ def _frequency(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quan
 def _rest_of_draw(result: CandidateResult, law: np.ndarray) -> float:
     """Return the equilibrium of one draw of a restoring law's parameters.
 
-    A record of velocity or acceleration does not determine it: each draw has its own, and the frequency about that.
+    A record of velocity or acceleration does not determine the rest angle, so each draw has its own.
     """
     names = LAWS.get(result.candidate.restoring).parameters
     if "rest_angle" in names:
@@ -284,7 +285,10 @@ def _rest_of_draw(result: CandidateResult, law: np.ndarray) -> float:
 
 
 def _bounds(comparison: ModelComparison, best: CandidateResult, rng: np.random.Generator) -> dict[str, float]:
-    """Return 95 % upper limits of the share of each term that the likeliest sum lacks, if it were added to that sum."""
+    """Return 95 % upper limits of the energy fraction of each compared term that the best sum does not have.
+
+    They are from the candidate that has this term in addition.
+    """
     restoring, damping = best.candidate.restoring, best.candidate.damping
     by_terms = {
         frozenset(r.candidate.damping): r
@@ -303,11 +307,7 @@ def _bounds(comparison: ModelComparison, best: CandidateResult, rng: np.random.G
 def _parameters(
     comparison: ModelComparison, d: CandidateDraws
 ) -> tuple[dict[str, Quantity], tuple[str, ...], tuple[tuple[str, str], ...]]:
-    """Return the inferred parameters of a candidate's damping and restoring law, and what is not determined.
-
-    The latter are the names of the terms' own parameters whose interval is as wide as that of their prior, and pairs
-    of coefficients and own parameters of which the record determines only a combination.
-    """
+    """Return the parameters of a candidate, and those that are `undetermined` and `inseparable` (see `Findings`)."""
     solver, priors = d.result.solver, d.result.fit.parameters.priors
     values = np.column_stack([d.coefficients, d.further, d.law]).T
     drawn = {name: own for name, own in zip(solver.names, values) if name in priors}
@@ -332,7 +332,7 @@ def _parameters(
 
 
 def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
-    """Return whether an interval is nearly as wide as the prior's own, in the prior's scores."""
+    """Return whether a 95 % interval, in scores, is at least `AS_WIDE` of the width of the prior's interval."""
     whole = 2.24 - 0.03 if prior.reflected else 2 * 1.96
     return float(prior.score(high) - prior.score(low)) > AS_WIDE * whole
 
@@ -340,15 +340,14 @@ def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
 def posterior_of(
     comparison: ModelComparison, result: CandidateResult, sampled: Sampled
 ) -> tuple[dict[str, object], np.ndarray]:
-    """Summarise the draws of a candidate's motions.
+    """Summarise the MCMC draws of a candidate.
 
     Returns
     -------
     dict
-        `parameters`: name to mean, sd, quantiles and the shortest interval; sd_noise is what the noise alone would
-        cause if the laws were exact, sd_law the rest. `deviation`: of the damping law, energy-weighted, (2.5 %,
-        median, 97.5 %). `unexplained`: rms of what the plain fit leaves beyond noise, as a share of the amplitude.
-        `log_evidence` and `stderr` in nats, and diagnostics.
+        `parameters`: mean, sd, quantiles and shortest interval by name; sd_noise is the part of the sd that noise alone
+        causes, sd_law the rest. `deviation`: energy-weighted mean of |g| (2.5 %, median, 97.5 %). `unexplained`: rms of
+        the unexplained residual as a fraction of the amplitude. `log_evidence` and `stderr` in nats, and diagnostics.
     ndarray, shape (n, p)
         The inferred parameters of each draw.
     """
@@ -386,14 +385,15 @@ def posterior_of(
 def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.ndarray]:
     """Return the arrays of a picture by name.
 
-    t, record, fit, residual: thinned, (p,); amplitudes, where the record is taken as such. amplitude, ratio, low, high:
-    of the answer, (a,). free/*: the curve without a law and the energy lost in a cycle under it. law/SUM: the ratio of
-    each sum's own fit under exact laws. work/TERM: the energy lost in a cycle by each term, per unit of inertia.
+    t, record, fit, residual: thinned samples or amplitudes, (p,). amplitude, ratio, low, high: the damping curve, (a,).
+    exponent: quantiles. free/*: the damping curve without a law, and the energy lost in a cycle. law/SUM: the damping
+    ratio of each sum's fit under exact laws. work/TERM: the energy lost in a cycle by each term of the best sum, per
+    unit of inertia.
     """
     data = comparison.data
     best = comparison.result(numbers.best)
     t, y, fitted = (data.of_amplitude(values) for values in (data.times, data.recorded, best.motion.y))
-    # The least and the largest value in each stretch, and the ends.
+    # Keep the minimum and the maximum of each stretch, and the ends.
     rows, size = np.arange(y.size), -(-y.size // (POINTS // 2))
     if size > 2:
         stretches = np.split(rows, range(size, y.size, size))

@@ -1,12 +1,11 @@
-"""Forms of damping that are not compared: weighed as rivals of the likeliest sum, and bounded as additions to it.
+"""Compute the evidence of other forms of damping as rivals, and upper limits for them as additions to the best sum.
 
-A rival stands for a term that it may be confused with: a power of the velocity for a whole sum, dry friction that rises
-near rest for plain dry friction, damping that grows with the displacement for damping that grows with the velocity.
-Where a rival is likelier than every sum, the best sum is the nearest law and not the answer.
+In a rival, another form replaces a term with which it may be confused: Stribeck friction replaces Coulomb friction,
+damping that grows with the displacement replaces quadratic damping, and a power of the velocity replaces a whole sum.
+Where a rival is more probable than every sum, the best sum is only the nearest law.
 
-A bound is that of a form which is added by itself to the likeliest sum. The record's model is linear about that sum's
-mode, and the form is one more column: the tangent of the motion by its coefficient at 0. No motion is solved again and
-nothing is searched.
+For an upper limit, one form is added to the best sum. The linear model about the mode of that sum gets one more column,
+the derivative of the motion by the form's coefficient at 0, so that nothing has to be fitted.
 """
 
 from __future__ import annotations
@@ -35,22 +34,23 @@ from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import SCORE_RATIO
 
 REPLACED = {"displacement": "quadratic", "stribeck": "coulomb"}
-"""The term that a form stands for: both grow with the amplitude, or are dry friction."""
+"""The compared term that each form replaces in rivals."""
 ALONE = "power"
-"""The form that stands for a whole sum."""
+"""The form that replaces a whole sum."""
 BEHIND = 7.0
-"""Nats behind the best sum up to which a rival with parameters of its own is weighed in place of a sum: with the prior
-of a rival, less than 1 in 1,000 is beyond."""
+"""Nats behind the best sum beyond which a sum gets no rival with own parameters (its posterior probability would be
+below 1 in 1,000)."""
 FEW = 1000
-"""Draws of a bound."""
+"""Number of draws for an upper limit."""
 SCORES = (-1.0, 1.0)
-"""Scores of a form's parameters at which it is bounded; the larger bound counts."""
+"""Scores of a form's own parameters at which upper limits are computed; the largest limit counts."""
 LEAST_WORK = 1e-6
-"""Net work, relative to the sum of its absolute parts, below which a form dissipates no energy."""
+"""Net work, relative to the sum of the absolute work on either side of rest, below which a form dissipates no
+energy."""
 
 
 def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
-    """Return the sum that a rival stands for and to which it comes in a limit; empty where there is none."""
+    """Return the sum that a rival becomes in a limit of its own parameters; empty where there is none."""
     if not any(TERMS.get(t).inferred and t in REPLACED for t in damping):
         return ()
     like = {REPLACED.get(t, t) for t in damping}
@@ -58,7 +58,7 @@ def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
 
 
 def add_rivals(comparison: ModelComparison) -> ModelComparison:
-    """Return the weighing with its rivals, under the likeliest restoring law."""
+    """Return the comparison with the results of rivals under the best restoring law."""
     if not comparison.results:
         return comparison
     best = comparison.best
@@ -74,14 +74,14 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
         if form in plain.terms or like not in plain.terms:
             continue
         rest = [t for t in paper if t != like]
-        if TERMS.get(form).inferred:  # it replaces its term in the sums that count
+        if TERMS.get(form).inferred:  # it replaces its term in the probable sums
             near = sorted((s for s in close if like in s <= {*paper}), key=lambda s: (len(s), sorted(s)))
             sums = [(*(t for t in rest if t in s), form) for s in near]
         else:
             sums = [(*c, form) for n in range(len(rest) + 1) for c in combinations(rest, n)]
         rivals += _evaluate_rivals(comparison, replace(plain, terms=(*paper, form)), sums)
     if ALONE not in plain.terms:
-        # The power of the velocity, starting where it dissipates as the likeliest sum does.
+        # Start the power of the velocity where it dissipates as much energy as the best sum.
         ratio = comparison.data.middle.peak_velocity / comparison.reference.peak_velocity
         starts = [
             {**start, "c_power": start["c_power"] * ratio ** (1 - start["exponent"])}
@@ -123,16 +123,16 @@ def _evaluate_rivals(
 
 @dataclass(frozen=True)
 class _Form:
-    """A force per unit of its coefficient.
+    """A force per unit of its coefficient, for which an upper limit is computed.
 
     Attributes
     ----------
     name : str
         The damping term.
     values : mapping of str to float
-        Values of the term's further parameters.
+        Values of the term's own parameters and references.
     less : mapping of str to float, optional
-        Values at which the term is a simpler one, whose force is subtracted.
+        Values at which the term reduces to a simpler one; this force is subtracted.
     signed : bool
         Whether the coefficient may have either sign.
     """
@@ -146,9 +146,9 @@ class _Form:
 def bound_other_forms(
     comparison: ModelComparison, result: CandidateResult, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Return 95 % upper limits of the share of the energy of each form that is not in the result's sum, by name.
+    """Return 95 % upper limits of the energy fraction of each form that is not in the result's sum, by name.
 
-    Of friction with a parameter of its own, only what it adds to dry friction is bounded.
+    For friction with own parameters the limit is on the part beyond Coulomb friction.
     """
     absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
     forms = [form for name in absent for form in _forms(comparison, result, name)]
@@ -160,7 +160,7 @@ def bound_other_forms(
     parameters, solver = result.fit.parameters, comparison.solvers[result.candidate.restoring]
     times, x, v = _middle(result)
     weight = v * (np.gradient(times) / (times[-1] - times[0]))
-    # The mean power of the sum's own terms at scores of 1, and of a viscous force 2ω θ̇, whose ratio is 1.
+    # Mean power of the sum's terms per unit score, and of the viscous force 2ω θ̇, whose damping ratio is 1.
     works = solver.works(x, v, weight, result.further, result.fit.active)[0]
     own = np.flatnonzero(parameters.free < len(solver.terms))
     power = works[parameters.free[own]] * parameters.rates(result.z)[own]
@@ -169,7 +169,7 @@ def bound_other_forms(
     bounds: dict[str, float] = {}
     d, shared = result.fit.z.size, np.append(parameters.shared, True)
     for i, form in enumerate(forms):
-        # The form's mean power on either side of rest.
+        # Mean power of the form on either side of rest.
         alone = replace(solver, terms=(form.name,))
         states = [form.values, *([form.less] if form.less else [])]
         further = np.array([[values[n] for n in alone.further] for values in states])
@@ -192,9 +192,9 @@ def bound_other_forms(
 
 
 def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> Iterator[_Form]:
-    """Yield the parts of a term that are bounded: at low and high values of its parameters.
+    """Yield the forces of a term for which limits are computed, at low and high values of its own parameters.
 
-    Of a term that reduces to a simpler one, what it adds to that.
+    If the term reduces to a simpler one, they are its differences from that.
     """
     term, reference = TERMS.get(name), comparison.reference
     scales = reference.scales(comparison.data.rest_under(result.candidate.restoring, result.law))
@@ -216,7 +216,7 @@ def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> I
 
 
 def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the linear model's columns (n, K) and what they are fitted to, (n,)."""
+    """Return the Jacobian (n, K) and the target (n,) of the linear model at the mode; None where the motion escapes."""
     fit, linearisation = result.fit, result.linearisation
     if linearisation is None:
         return fit.tangents, fit.residual + fit.tangents @ fit.z
@@ -225,9 +225,9 @@ def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return times (2s − 1,), displacements and velocities at a motion's refined points and half way between them.
+    """Return times, displacements and velocities (2s − 1,) at a motion's nodes and half way between them.
 
-    A velocity of 0 at a turning point has the sign of its own side, as exact friction has.
+    A velocity of 0 is replaced by a tiny one with the sign of the velocity before it, so that friction acts.
     """
     t, states = result.motion.refined
     step = np.diff(t)
@@ -245,9 +245,9 @@ def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def _tangents(comparison: ModelComparison, result: CandidateResult, forms: list[_Form]) -> np.ndarray | None:
-    """Return the tangents of the record by the forms' coefficients at 0, (n, f); None where the motion escapes.
+    """Return the derivatives of the motion by the forms' coefficients at 0, (n, f); None where it escapes.
 
-    The motion is solved with all forms at once, and again for the terms that have further forms.
+    The motion is solved with all terms at once, as often as one term has different own parameters.
     """
     solver = comparison.solvers[result.candidate.restoring]
     wider = replace(solver, terms=tuple(dict.fromkeys([*solver.terms, *(form.name for form in forms)])))

@@ -1,8 +1,7 @@
-"""The damping curve without a law: its posterior within the same equation of motion.
+"""Infer the damping ratio against amplitude without a damping law.
 
-The damping is viscous times exp g(t), where g is a Gaussian process with a wide prior instead of a narrow one. As the
-amplitude only falls, g against time is the damping ratio against amplitude. The only assumption on the law of damping
-is this prior: that the ratio is smooth over a tenth of the record or more.
+The damping is viscous times exp g(t), where g has a wide prior. As the amplitude only falls, g against time gives the
+damping ratio against amplitude. The only assumption is the prior: the ratio is smooth over a tenth of the record.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from bayesdamp.inference.deviation.candidate import (
     mode_of,
     parameters_of,
 )
-from bayesdamp.inference.deviation.draws import at_share, orbit_at, turning_amplitudes
+from bayesdamp.inference.deviation.draws import at_fraction, orbit_at, turning_amplitudes
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.linear import Grid, linear_posterior, wide_grid
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
@@ -28,30 +27,32 @@ from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.types import Ratio
 
 KNOTS, A_KNOT = (6, 24), 1.5
-"""Fewest and most knots of g, and cycles for each."""
+"""Smallest and largest number of knots of g, and cycles between two knots."""
 POINTS = 40
-"""Amplitudes of the curve."""
+"""Number of amplitudes of the curve."""
 DRAWS = 1000
+"""Number of draws for the intervals."""
 STEPS, SETTLED = 25, 0.1
-"""Gauss–Newton steps at most, and the largest change of the motion by the last, in sds of the whole record's noise."""
+"""Largest number of Gauss–Newton steps, and the change of the motion below which they end: the norm over all samples,
+in standard deviations of the noise."""
 FAR = 50.0
-"""Size of g, whose prior has sizes of 3 at most, from which the model about the mode does not describe the record."""
+"""Largest |g| of all draws: beyond it the linear model about the mode has failed (prior sizes are 3 at most)."""
 CLOSE = 1.02
-"""Factor by which a step may enlarge the sum of squares."""
+"""Factor by which a step may increase the sum of squares."""
 
 
 @dataclass(frozen=True)
 class FreeCurve:
-    """The damping curve without a law.
+    """The damping ratio and the energy loss against amplitude, without a damping law.
 
     Attributes
     ----------
     amplitude : ndarray, shape (a,)
-        Falling, in rad or m.
+        Falling amplitudes, in rad or m.
     ratio : ndarray, shape (a, 3)
-        Equivalent damping ratio: median and 95 % interval.
+        Median and 95 % interval of the equivalent damping ratio.
     lost : ndarray, shape (a, 3)
-        Energy lost in a cycle per unit of inertia, in rad²/s² or m²/s²: median and 95 % interval.
+        Median and 95 % interval of the energy lost in a cycle per unit of inertia, in rad²/s² or m²/s².
     """
 
     amplitude: np.ndarray
@@ -62,9 +63,9 @@ class FreeCurve:
 def free_curve(
     comparison: ModelComparison, restoring: str, guess: tuple[Ratio, ...], rng: np.random.Generator
 ) -> FreeCurve | None:
-    """Infer the curve under a restoring law; None where no motion follows the record.
+    """Infer the damping curve under a restoring law; None where no motion fits the record.
 
-    The search for the motion starts from the ratios of `guess`.
+    The fit starts with the damping ratios of `guess`.
     """
     data = comparison.data
     count = int(np.clip(round(data.cycles / A_KNOT) + 1, *KNOTS))
@@ -92,9 +93,9 @@ def free_curve(
         if orbit is None:
             continue
         share = float(np.clip(np.interp(-np.log(a), -np.log(sizes), times) / data.end, 0, 1))
-        # Of a viscous force 2 θ̇ per unit: ∮ 2 v dx.
+        # Work of a viscous force 2 θ̇ in a cycle: ∮ 2 v dx, twice that of the half cycle.
         work = float(solver.works(orbit.x, orbit.speed, 2 * orbit.width, np.zeros((1, 0)), ones)[0, 0])
-        factor = zeta * np.exp(at_share(g, share)) / (1 + at_share(h, share))
+        factor = zeta * np.exp(at_fraction(g, share)) / (1 + at_fraction(h, share))
         q = np.quantile(factor, (0.5, 0.025, 0.975))
         ratio[i], lost[i] = q * work / (4 * np.pi * orbit.energy), q * work
     return FreeCurve(amplitude, ratio, lost)
@@ -103,21 +104,21 @@ def free_curve(
 def _mode(
     comparison: ModelComparison, solver: Solver, grid: Grid, guess: tuple[Ratio, ...]
 ) -> Linearisation | None:
-    """Return the model about the mode of parameters and g together, starting from the guessed curve."""
+    """Linearise viscous damping times exp g about the joint mode of parameters and g, starting at the guessed curve."""
     data, law = comparison.data, solver.restoring
     near = next(r for r in comparison.results if r.candidate.restoring == law)
     fitted, known = near.fit.parameters.named(near.fit.z), near.fit.parameters.known
     fixed = {n: v for n, v in known.items() if n in solver.names[solver.law_places]}
     c = MotionCandidate(("viscous",), law)
     parameters = parameters_of(c, solver, data, comparison.reference, {}, fixed)
-    # When the motion has the guessed amplitudes, which fall.
+    # Times at which the motion has the guessed amplitudes, which fall.
     turns, sizes = turning_amplitudes(near.motion)
     times = np.linspace(0, data.end, len(guess))
     if turns.size >= 2:
         times = np.interp([-np.log(r.amplitude) for r in guess], -np.log(sizes), turns)
     log = np.interp(solver.knots, times, np.log(np.maximum(np.array([r.value for r in guess]), 1e-12)))
     start = {**initial_values(c, data, fixed), **{n: fitted[n] for n in parameters.free_names if n in fitted}}
-    # Only g is inferred of the damping: a coefficient would be its mean once more, and their product is not linear.
+    # Fix the coefficient: it has the effect of a constant g, and the product of both would not be linear.
     priors = {n: prior for n, prior in parameters.priors.items() if n != "zeta"}
     zeta = float(np.exp(log.mean())) * data.frequency
     parameters = Parameters(parameters.names, priors, {**parameters.known, "zeta": zeta})

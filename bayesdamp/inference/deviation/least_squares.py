@@ -1,4 +1,4 @@
-"""Levenberg–Marquardt for a trajectory with coefficients that are never negative (Moré 1977), over growing windows."""
+"""Fit a motion under exact laws by Levenberg–Marquardt (Moré 1977), with coefficients ≥ 0, over growing windows."""
 
 from __future__ import annotations
 
@@ -14,25 +14,27 @@ from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import TOLERANCE
 
 LESS, MORE, AGAIN, MOST_DAMPING = 0.2, 8.0, 1e-6, 1e8
-"""Factors by which the damping of a step falls and grows, the least value from which it grows, and the value from which
-no step is tried (conventional)."""
+"""Marquardt's parameter: factors by which it falls and grows, the least value from which it grows, and the value from
+which no step is tried (conventional)."""
 MOST_STEPS = 40
-"""Steps that are taken."""
+"""Largest number of accepted steps (conventional)."""
 ROUGH, CLOSE = 1e-3, 1e-7
-"""Relative fall of the sum of squares below which a window's, and the record's, search ends."""
+"""Relative decrease of the sum of squares below which the search ends: in a window or a rough search, and at last."""
 NOTHING = 0.1
-"""A step is tried only if it promises this share of the fall that ends a search."""
+"""A step is tried only if the predicted decrease is this fraction of the one that ends a search."""
 LARGEST = 1e100
-"""Tangent beyond which a motion depends chaotically on its start, and sums of squares overflow (conventional)."""
+"""Derivative of a motion beyond which it depends chaotically on its start, and sums of squares overflow (conventional).
+"""
 FIRST_CYCLES = 2.0
+"""Length of the first window, in cycles."""
 SEARCHED = 1e-7
-"""Error of a step, as a share of the amplitude, in a rough search, and where only tangents are needed: steps short
-enough for forces with a corner (measured: at 1e-6 a bound is a tenth too low)."""
+"""Error of an integration step, as a fraction of the amplitude, in rough searches and for Jacobians. Larger errors miss
+the corners of friction (measured: at 1e-6 an upper limit is a tenth too low)."""
 
 
 @dataclass(frozen=True)
 class LeastSquaresFit:
-    """A candidate's best motion under exact laws.
+    """The fit of a candidate under exact laws.
 
     Attributes
     ----------
@@ -41,13 +43,13 @@ class LeastSquaresFit:
     active : ndarray of bool, shape (m,)
         Which of the solver's terms act.
     z : ndarray, shape (d,)
-        Scores.
+        Scores of the fit.
     residual : ndarray, shape (n,)
         Record minus motion, in the record's unit.
     tangents : ndarray, shape (n, d)
-        Of the motion by the scores.
+        Jacobian of the motion by the scores.
     motion : Motion
-        The best motion.
+        The motion at the fit.
     """
 
     parameters: Parameters
@@ -59,17 +61,17 @@ class LeastSquaresFit:
 
     @property
     def values(self) -> np.ndarray:
-        """All of the motion's parameters at the scores, (k,)."""
+        """Return the values of the solver's parameters, (k,)."""
         return self.parameters.values(self.z)
 
     @property
     def squares(self) -> float:
-        """Sum of the squared residuals, in the record's unit squared."""
+        """Return the sum of the squared residuals, in the record's unit squared."""
         return float(self.residual @ self.residual)
 
 
 def nonnegative(root: np.ndarray, target: np.ndarray, positive: np.ndarray) -> np.ndarray:
-    """Return the u, (d,), of least |root u − target|² with u ≥ 0 where `positive`; root (n, d)."""
+    """Return the u, (d,), that minimises |root u − target|² with u ≥ 0 where `positive`; root: (n, d)."""
     basis, triangle = np.linalg.qr(root[:, ~positive])
     part, u = root[:, positive], np.zeros(root.shape[1])
     if positive.any():
@@ -91,12 +93,14 @@ def fit(
     windows: bool = True,
     rough: bool = False,
 ) -> LeastSquaresFit | None:
-    """Find the best motion; None where every way leads to a motion that escapes.
+    """Fit the motion to a record by least squares, with the priors of the scores.
+
+    Return None where the motion escapes at the start, or depends chaotically on its parameters.
 
     Parameters
     ----------
     solver : Solver or AmplitudeSolver
-        Of the motions.
+        Solver of the motions.
     parameters : Parameters
         Inferred and known parameters.
     active : ndarray of bool, shape (m,)
@@ -106,11 +110,11 @@ def fit(
     z : ndarray, shape (d,)
         Scores from which the search starts.
     noise : float
-        A lower bound of the noise's sd in the record's unit, for the weight of the priors.
+        Lower bound of the noise's sd in the record's unit; it sets the weight of the priors.
     windows : bool
-        Whether the search goes through growing windows from the first two cycles, so that no cycle is skipped.
+        Whether to fit the first two cycles first, and then windows that grow, so that no cycle is skipped.
     rough : bool
-        Whether the search ends early, for a fit that is compared with those from other starts.
+        Whether to end early, for a fit that is only compared with those from other starts.
     """
     stages: list[tuple[int | None, float]] = []
     span = FIRST_CYCLES * 2 * np.pi / solver.frequency
@@ -138,7 +142,7 @@ def _search(
     noise: float,
     tolerance: float,
 ) -> LeastSquaresFit | None:
-    """Search with motions that are solved to one tolerance; None where one escapes on the way."""
+    """Fit with motions that are solved to one tolerance. Return None as `fit` does."""
 
     def solve(z: np.ndarray) -> Motion | None:
         return solver.solve(parameters.values(z), active, stop=y.size, tolerance=tolerance)
@@ -160,11 +164,11 @@ def _search(
         whole = np.asarray(np.linalg.qr(np.column_stack([jacobian, r]), mode="r"))
         d = jacobian.shape[1]
         triangle, target = whole[:d, :d], whole[:d, d]
-        # |plain u − wanted|² + left: the squares of residuals and of scores.
+        # Linearised about z, the squares of residuals and scores are |plain u − wanted|² + left.
         plain = np.concatenate([triangle, np.sqrt(variance) * np.eye(z.size)])
         wanted = np.concatenate([target + triangle @ z, np.zeros(z.size)])
         left = float(r @ r) - float(target @ target)
-        # The scale includes the prior: where the motion does not change with a score, the prior would send it to 0.
+        # Marquardt's scale includes the prior: else a score that does not change the motion would jump to 0.
         scale = np.linalg.norm(plain, axis=0)
         cost = float(r @ r) + variance * float(z @ z)
         while True:

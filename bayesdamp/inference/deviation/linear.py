@@ -1,6 +1,6 @@
-"""The linear Gaussian model of a record about a motion, with deviations of the forces.
+"""Posterior and evidence of a linear Gaussian model, over a grid of the deviations' hyperparameters.
 
-Evidence and posteriors over a grid of the deviations' hyperparameters, which are their sizes and correlation lengths.
+The hyperparameters are the sizes and the correlation lengths of g and h.
 """
 
 from __future__ import annotations
@@ -19,38 +19,42 @@ from bayesdamp.priors import SHARED_SIGMAS
 PROBABILITY_EXACT = 0.8
 """Prior probability that a law holds exactly."""
 MEAN_G, MEAN_H = 0.03, 0.01
-"""Where it does not: means of the exponential priors of the relative deviations' sds, of damping and of frequency."""
+"""Means of the exponential priors of the sizes (standard deviations) of g and h, where the law is not exact."""
 SIZES_G = np.geomspace(0.002, 0.25, 9)
 SIZES_H = np.geomspace(0.0003, 0.03, 6)
+"""Sizes of g and h in the grid."""
 LENGTHS = (0.1, 0.3, 1.0)
-"""Correlation lengths as shares of the record."""
+"""Correlation lengths of g and h in the grid, as fractions of the record's duration."""
 WIDE_SIZES = (0.1, 0.3, 1.0, 3.0)
-"""Sizes of a log deviation that may be anything: up to a factor of 20 either way."""
+"""Sizes of g for the damping curve without a law: the damping may change by a factor of 20 either way."""
 WIDE_LENGTHS = (0.1, 0.3, 1.0)
+"""Correlation lengths of g for the damping curve without a law."""
 JITTER = 1e-6
+"""Variance added to a covariance of size 1, so that it has a Cholesky factor (conventional)."""
 LEAST_KNOTS, MOST_KNOTS = 4, 16
+"""Smallest and largest number of knots."""
 Size = tuple[float, float, float]
-"""Size and correlation length of a deviation, and the log prior mass of both."""
+"""Size and correlation length of a deviation, and their log prior probability."""
 NO_DEVIATION: Size = (0.0, 1.0, 0.0)
-"""No deviation, for certain."""
+"""A deviation that is zero with probability 1."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Combinations of hyperparameters.
+    """Grid points: combinations of the hyperparameters of g and h, with their prior probabilities.
 
     Attributes
     ----------
     size_g, size_h : ndarray, shape (c,)
-        Sizes of both deviations.
+        Sizes of g and h at each grid point.
     log_prior : ndarray, shape (c,)
-        Log prior masses.
+        Log prior probability of each grid point.
     scales : ndarray, shape (c, 2n)
-        The sizes, of g and of h, by which the columns of a factor are multiplied.
+        Sizes by which the columns of a root are multiplied: n times that of g, n times that of h.
     lengths : ndarray of int, shape (c,)
-        Places of the factors.
+        Index into `roots` of each grid point.
     roots : ndarray, shape (p, 2n, 2n)
-        Factors of the covariances of (g, h) for sizes of 1, one for each pair of correlation lengths.
+        Cholesky factors of the covariance of (g, h) for sizes of 1, one for each pair of correlation lengths.
     """
 
     size_g: np.ndarray
@@ -62,11 +66,11 @@ class Grid:
 
     @property
     def factors(self) -> np.ndarray:
-        """Factors of the covariances of (g, h), (c, 2n, 2n)."""
+        """Return factors F of the covariances F Fᵀ of (g, h), (c, 2n, 2n)."""
         return self.roots[self.lengths] * self.scales[:, None, :]
 
     def only(self, places: np.ndarray) -> Grid:
-        """Return some of the combinations, by their places (k,)."""
+        """Return the grid of some of the points, given by their indices (k,)."""
         names = ("size_g", "size_h", "log_prior", "scales", "lengths")
         return replace(self, **{name: getattr(self, name)[places] for name in names})
 
@@ -84,22 +88,22 @@ def grid_of(
     absorbed: tuple[bool, bool] = (False, False),
     phases: bool = True,
 ) -> Grid:
-    """Return the grid for a number of knots.
+    """Return the grid of hyperparameters for a number of knots.
 
     Parameters
     ----------
     knots : int
         Number of knots, n.
     exact : bool
-        Only the combination in which both laws hold exactly.
+        Whether the grid has only the point g = h = 0.
     coarse : bool
-        Every other size, and the shortest and the longest length.
+        Whether the grid has only every other size, and only the shortest and the longest length.
     absorbed : tuple of bool
-        Whether a parameter (a coefficient, the stiffness) already contains a constant deviation of the damping, and of
-        the frequency. The deviation is then taken about its mean over the record: no record can separate the two, and
-        both together would only stretch the posterior along a curve that its linear model leaves.
+        Whether a parameter (a coefficient, the stiffness) has the same effect as a constant g, and as a constant h. The
+        deviation then has zero mean over the record. Otherwise the posterior would lie along a curve (coefficient times
+        exp g is constant), which a linear model does not follow.
     phases : bool
-        Whether the record has phases. Without them, the factors are those of g alone, (c, n, n).
+        Whether the record has phases. Without them h has no effect, and the factors are those of g alone, (c, n, n).
     """
     step = 2 if coarse else 1
     of_g, of_h = [NO_DEVIATION], [NO_DEVIATION]
@@ -114,14 +118,14 @@ def grid_of(
 
 @lru_cache(maxsize=8)
 def wide_grid(knots: int) -> Grid:
-    """Return the grid of a damping that follows no law: g of any size, all equally probable; h on the coarse grid."""
+    """Return the grid for damping without a law: all `WIDE_SIZES` of g are equally probable; h has its coarse grid."""
     mass = -float(np.log(len(WIDE_SIZES) * len(WIDE_LENGTHS)))
     of_g = [(size, length, mass) for size in WIDE_SIZES for length in WIDE_LENGTHS]
     return _combine(knots, of_g, _with_none(SIZES_H[::2], MEAN_H, LENGTHS[::2]))
 
 
 def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> list[Size]:
-    """Return no deviation, and each size with an exponential's mass about it and equally probable lengths."""
+    """Return no deviation with `PROBABILITY_EXACT`, and each size and length, with exponential prior of this mean."""
     edges = np.concatenate([[0.0], np.sqrt(sizes[1:] * sizes[:-1]), [np.inf]])
     mass = np.diff(-np.exp(-edges / mean))
     share = (1 - PROBABILITY_EXACT) / len(lengths)
@@ -136,10 +140,10 @@ def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> li
 def _combine(
     knots: int, of_g: Sequence[Size], of_h: Sequence[Size], absorbed: tuple[bool, bool] = (False, False)
 ) -> Grid:
-    """Combine sizes of g and of h."""
+    """Return the grid of all combinations of hyperparameters of g and of h, with independent priors."""
     weights = np.ones(knots)
     weights[:1] = weights[-1:] = 0.5
-    # Minus the mean over the record of what is linear between knots.
+    # Subtracts the mean over the record of a function that is linear between knots (trapezoidal rule).
     centre = np.eye(knots) - np.tile(weights / np.sum(weights), (knots, 1))
     about_g, about_h = (centre if yes else np.eye(knots) for yes in absorbed)
     pairs = list(product(of_g, of_h))
@@ -156,45 +160,45 @@ def _combine(
 
 @lru_cache(maxsize=32)
 def smooth_root(knots: int, length: float) -> np.ndarray:
-    """Return the factor of the covariance of a deviation of size 1 at equidistant knots, (n, n)."""
+    """Return the Cholesky factor of the covariance exp(−|Δs| / length) at equidistant knots in 0 ≤ s ≤ 1, (n, n)."""
     s = np.linspace(0.0, 1.0, knots)
     return np.linalg.cholesky(np.exp(-np.abs(s[:, None] - s) / length) + JITTER * np.eye(knots))
 
 
 NO_DEVIATIONS = grid_of(0, exact=True)
-"""No deviations."""
+"""The grid of exact laws: no knots, one point."""
 
 
 LARGEST_INFORMATION = 1e11
-"""Largest information, relative to the prior's, for which its Cholesky factor and differences of squares keep at least
-five digits, half of the digits of a number (measured)."""
+"""Largest diagonal element of the information matrix, relative to the prior's, up to which Cholesky factors and
+differences of squares keep at least five digits (measured)."""
 SMALL = 12
-"""Rows up to which a triangle is inverted like any other matrix."""
+"""Size of a triangular matrix up to which `numpy.linalg.inv` inverts it."""
 LEFT_OUT = 1e-3
-"""Total posterior probability of the least probable combinations of hyperparameters, which are left out: evidence is
-lower by a thousandth of a nat, the same for all candidates."""
+"""Total posterior probability of the grid points and scales that are left out: this lowers every log evidence by a
+thousandth of a nat."""
 
 
 @dataclass(frozen=True)
 class LinearModel:
-    """The sum of squares as a function of u = (scores (d,), log g, h at the knots): |root u − target|² + rest.
+    """The sum of squared residuals of a linearised candidate: |root u − target|² + rest, with u = (scores, g, h).
 
     Attributes
     ----------
     root : ndarray, shape (K, K)
-        Upper triangle.
+        Upper triangular matrix.
     target : ndarray, shape (K,)
-        In the record's unit.
+        Right-hand side, in the record's unit.
     rest : float
         Smallest sum of squares.
     count : int
-        Number of samples.
+        Number of values of the record.
     positive : ndarray of bool, shape (d,)
-        Scores that must not be negative.
+        Which scores must not be negative.
     shared : ndarray of bool, shape (d,)
-        Scores of coefficients whose half-normal priors share an unknown scale.
+        Which scores are of coefficients whose half-normal priors have a common, unknown scale.
     damping : ndarray of bool, shape (d,)
-        Scores of the damping.
+        Which scores are of parameters of damping terms.
     """
 
     root: np.ndarray
@@ -206,7 +210,7 @@ class LinearModel:
     damping: np.ndarray
 
     def only(self, scores: np.ndarray) -> LinearModel:
-        """Return the model of some of the scores, (d,) of bool, with the others at 0."""
+        """Return the model with only the marked scores, (d,) of bool; the others are fixed at 0."""
         columns = np.concatenate([scores, np.ones(self.root.shape[1] - scores.size, bool)])
         masks = (mask[scores] for mask in (self.positive, self.shared, self.damping))
         model = condense(self.root[:, columns], self.target, *masks)
@@ -215,10 +219,10 @@ class LinearModel:
 
 @dataclass(frozen=True)
 class DampingLikelihood:
-    """The likelihood of a record as a function of the damping's scores x, (k,), with everything else integrated out.
+    """The likelihood of the damping's scores x, (k,), with all other unknowns integrated out.
 
-    Under each combination of the deviations' hyperparameters it is the exponential of log + xᵀ slope − xᵀ information
-    x / 2: arrays of shape (c,), (c, k) and (c, k, k). It does not contain the prior of x.
+    Its logarithm at each grid point is log + slopeᵀ x − xᵀ information x / 2, with arrays of shape (c,), (c, k) and
+    (c, k, k). It does not contain the prior of x.
     """
 
     log: np.ndarray
@@ -226,7 +230,7 @@ class DampingLikelihood:
     information: np.ndarray
 
     def mapped(self, offset: np.ndarray, matrix: np.ndarray) -> DampingLikelihood:
-        """Return the likelihood as a function of y where x = offset + matrix y, (k,) and (k, k)."""
+        """Return the likelihood of y for x = offset + matrix y; offset (k,), matrix (k, k)."""
         pull = self.slope - self.information @ offset
         log = self.log + self.slope @ offset - 0.5 * np.einsum("i,cij,j->c", offset, self.information, offset)
         return DampingLikelihood(log, pull @ matrix, matrix.T @ self.information @ matrix)
@@ -234,24 +238,24 @@ class DampingLikelihood:
 
 @dataclass(frozen=True)
 class LinearPosterior:
-    """The model at one noise over m combinations of hyperparameters and scales.
+    """The posterior of a linear model: a mixture over m grid points and scales, cut off where coefficients are < 0.
 
     Attributes
     ----------
     log_each : ndarray, shape (m,)
-        Log evidence of each combination, in nats.
+        Log evidence of each component times its prior probability, in nats.
     log_evidence : float
-        Log evidence of all, in nats.
+        Log evidence of the model, in nats.
     combos : ndarray of int, shape (m,)
-        Place of each combination in the grid of the deviations' hyperparameters.
+        Grid index of each component.
     scales : ndarray of int, shape (m,), optional
-        Place of each combination's scale of the shared scores; None where no scores share one.
+        Index of each component's scale in `SHARED_SIGMAS`; None where no scores have a common scale.
     positive, shared : ndarray of bool, shape (d,)
-        Scores that must not be negative, and that share a scale.
+        As of `LinearModel`.
     whole : callable
-        Returns the posteriors under N(0, 1) priors under some places of the grid.
+        Returns the `Normals` at grid indices, under priors N(0, 1).
     damping : DampingLikelihood, optional
-        The likelihood of the damping alone.
+        The likelihood of the damping's scores alone.
     """
 
     log_each: np.ndarray
@@ -264,7 +268,7 @@ class LinearPosterior:
     damping: DampingLikelihood | None = None
 
     def posteriors(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return means (k, K) and factors F, (k, K, K), of the covariances F Fᵀ at places (k,), not yet cut at zero."""
+        """Return means (k, K) and factors of the covariances (k, K, K) of components, before the cut-off at zero."""
         combos, rows = np.unique(self.combos[places], return_inverse=True)
         normals = self.whole(combos)
         if self.scales is None:
@@ -277,16 +281,16 @@ class LinearPosterior:
 
     @property
     def means(self) -> np.ndarray:
-        """Posterior mean under every combination, (m, K)."""
+        """Return the mean of every component before the cut-off at zero, (m, K)."""
         return self._every[0]
 
     @property
     def factors(self) -> np.ndarray:
-        """Factor of the covariance under every combination, (m, K, K)."""
+        """Return a factor of the covariance of every component before the cut-off at zero, (m, K, K)."""
         return self._every[1]
 
     def only(self, which: np.ndarray) -> LinearPosterior:
-        """Return the result over some of the combinations, (m,) of bool, without the likelihood of the damping."""
+        """Return the posterior of the marked components, (m,) of bool, without the likelihood of the damping."""
         log = self.log_each[which]
         scales = None if self.scales is None else self.scales[which]
         total = float(np.logaddexp.reduce(log))
@@ -296,13 +300,13 @@ class LinearPosterior:
 
     @property
     def weights(self) -> np.ndarray:
-        """Posterior probability of each combination of hyperparameters, (m,)."""
+        """Return the posterior probability of each component, (m,)."""
         return np.exp(self.log_each - self.log_evidence)
 
     def draws(
         self, positive: np.ndarray, count: int, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Draw scores, g and h, (count, K), over all combinations, and the place of each draw's, (count,)."""
+        """Draw u = (scores, g, h), (count, K); return also the component of each draw, (count,)."""
         numbers = rng.multinomial(count, self.weights / self.weights.sum())
         places = np.flatnonzero(numbers)
         u = draw(rng, *self.posteriors(places), np.flatnonzero(positive), numbers[places])
@@ -316,16 +320,16 @@ def condense(
     shared: np.ndarray | None = None,
     damping: np.ndarray | None = None,
 ) -> LinearModel:
-    """Condense a linear least-squares problem.
+    """Condense the n equations of a linear least-squares problem to K, by QR.
 
     Parameters
     ----------
     columns : ndarray, shape (n, K)
-        Tangents of the motion.
+        Jacobian of the motion.
     r : ndarray, shape (n,)
-        Record minus the constant part of the motion.
+        Record minus the constant part of the linearised motion.
     positive, shared, damping : ndarray of bool, shape (d,)
-        As of `LinearModel`; by default no score shares a scale, and none belongs to the damping.
+        As of `LinearModel`; by default no score is shared or of the damping.
     """
     whole = np.asarray(np.linalg.qr(np.column_stack([columns, r]), mode="r"))
     k = columns.shape[1]
@@ -336,7 +340,7 @@ def condense(
 
 
 def _inverse(lower: np.ndarray) -> np.ndarray:
-    """Invert lower triangles, (c, K, K), by halves: two triangles and the square between them."""
+    """Invert lower triangular matrices, (c, K, K), recursively by blocks of half the size."""
     k = lower.shape[1]
     if k <= SMALL:
         return np.linalg.inv(lower)
@@ -350,9 +354,10 @@ def _inverse(lower: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Normals:
-    """Normal posteriors under each of c combinations, with the prior N(0, 1) of either sign for each score.
+    """Normal posteriors at c grid points, where each score has the prior N(0, 1) and may be negative.
 
-    Log evidence (c,), means (c, K), and factors of the covariances, (c, K, K), of the scores, or of scores, g and h.
+    log: log evidence with the prior probability of the grid point, (c,). means (c, K), and factors of the covariances,
+    (c, K, K), of the scores alone, or of scores, g and h.
     """
 
     log: np.ndarray
@@ -360,16 +365,16 @@ class Normals:
     factors: np.ndarray
 
     def only(self, places: np.ndarray) -> Normals:
-        """Return some of the combinations, by their places or as a mask."""
+        """Return the posteriors at some of the grid points, given by indices or a mask."""
         return Normals(self.log[places], self.means[places], self.factors[places])
 
 
 @dataclass(frozen=True)
 class _Triangles:
-    """Cholesky factors of a posterior's information under each combination of a grid.
+    """Cholesky factors of the posterior's information matrix at c grid points.
 
-    In coordinates w, in which the prior is N(0, I): lower (c, K, K), half = lower⁻¹ of the pull of the record, (c, K),
-    and left, the least |residuals|² + |w|² in units of the noise, (c,).
+    In coordinates w with the prior N(0, I) the log posterior is −wᵀ L Lᵀ w / 2 + bᵀ w + constant. lower: L, (c, K, K);
+    half: L⁻¹ b, (c, K); left: the least value of |residual|² + |w|² in units of the noise variance, (c,).
     """
 
     lower: np.ndarray
@@ -378,7 +383,7 @@ class _Triangles:
 
     @classmethod
     def of(cls, model: LinearModel, grid: Grid, variance: np.ndarray, order: np.ndarray) -> _Triangles:
-        """Factorise with the coordinates of (scores, g, h) in an order, (K,)."""
+        """Factorise, with (scores, g, h) permuted by `order`, (K,)."""
         d, total = model.positive.size, model.root.shape[1]
         sd = np.sqrt(variance)[:, None]
         roots = np.zeros((len(grid.roots), total, total))
@@ -397,7 +402,7 @@ class _Triangles:
                 half[:, i] -= np.einsum("ci,ci->c", lower[:, i, :i], half[:, :i])
                 half[:, i] /= lower[:, i, i]
             return cls(lower, half, squares - np.sum(half**2, axis=1))
-        # With hardly any noise, the information has lost its digits: |white w − target|² + |w|² by QR.
+        # With hardly any noise the information matrix loses digits: minimise |white w − target|² + |w|² by QR.
         c = variance.size
         aim = np.broadcast_to((model.target / sd)[:, :, None], (c, model.target.size, 1))
         prior = np.broadcast_to(np.eye(total, total + 1), (c, total, total + 1))
@@ -412,18 +417,18 @@ class _Triangles:
 def normals(
     model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float, scores_only: bool = False
 ) -> Normals:
-    """Compute the posteriors over a grid.
+    """Compute the normal posterior at each grid point, where scores may be negative.
 
     Parameters
     ----------
     model, grid, variance, samples
-        As of `linear_posterior`; the variance may be one per combination, (c,).
+        As of `linear_posterior`; there may be a variance for each grid point, (c,).
     scores_only : bool
         Whether g and h are integrated out, which takes a third of the time.
     """
     d, total = model.positive.size, model.root.shape[1]
     variance = np.broadcast_to(variance, grid.log_prior.size)
-    # The last coordinates of a Cholesky factor are the marginal distribution of these.
+    # The last block of the Cholesky factor gives the marginal distribution of the last coordinates: put scores there.
     order = np.roll(np.arange(total), -d if scores_only else 0)
     triangles = _Triangles.of(model, grid, variance, order)
     lower, half = triangles.lower, triangles.half
@@ -439,22 +444,22 @@ def normals(
 
 
 def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: float) -> LinearPosterior:
-    """Compute evidence and posteriors under white noise.
+    """Compute the posterior and the evidence of a linear model under white noise.
 
-    The prior of each score is N(0, 1), that of the shared ones N(0, σ²) with the same σ for all, one of
-    `SHARED_SIGMAS`; densities of positive scores are doubled.
+    Each score has the prior N(0, 1), or N(0, σ²) where it is shared, with one σ of `SHARED_SIGMAS` for all of these.
+    Positive scores have half-normal priors.
 
     Parameters
     ----------
     model : LinearModel
-        The record about a motion.
+        The linear model about a motion.
     grid : Grid
         Hyperparameters of the deviations.
     variance : float
-        Of the noise, in the record's unit squared.
+        Variance of the noise, in the record's unit squared.
     samples : float
-        Number of independent samples that the record stands for. The density of what the model leaves is −samples/2 ·
-        log(2π variance) − rest / (2 variance), so that models with other variances can be compared.
+        Effective number N of independent values. The log likelihood is −N/2 · log(2π variance) − (sum of squares) /
+        (2 variance).
     """
     posteriors = normals(model, grid, variance, samples, scores_only=True)
     posterior = with_priors(posteriors, model.positive, model.shared)
@@ -466,21 +471,19 @@ def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: f
 
 
 def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, combos: np.ndarray) -> Normals:
-    """Return the posteriors of scores, g and h under some combinations, by their places (k,)."""
+    """Return the normal posteriors of scores, g and h at grid indices (k,)."""
     return normals(model, grid.only(combos), variance, samples)
 
 
 def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -> LinearPosterior:
-    """Turn posteriors under N(0, 1) priors of either sign into those under the priors themselves.
+    """Replace N(0, 1) priors by the scores' own priors, and return the posterior over all grid points and scales.
 
     Parameters
     ----------
     posteriors : Normals
         Posteriors under N(0, 1) priors.
-    positive : ndarray of bool, shape (d,)
-        Scores that must not be negative.
-    shared : ndarray of bool, shape (d,)
-        Scores with the prior N(0, σ²) and the same unknown σ.
+    positive, shared : ndarray of bool, shape (d,)
+        As of `LinearModel`.
     """
     places = np.flatnonzero(positive)
     scaled, scales, combos, log_each = None, None, np.arange(posteriors.log.size), posteriors.log
@@ -493,7 +496,7 @@ def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -
             means, factors = posteriors.means[:, places], posteriors.factors[:, places]
         else:
             means, factors = scaled.posteriors(combos, scales, places)
-        # The share of the doubled normals that is positive.
+        # Half-normal densities are 2^k times normal ones; the evidence is that times the probability of all scores ≥ 0.
         inside = log_probability(means, factors @ np.swapaxes(factors, 1, 2))
         log_each = log_each + (means.shape[1] * np.log(2.0) + inside)
     evidence = float(np.logaddexp.reduce(log_each))
@@ -502,13 +505,13 @@ def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -
 
 @dataclass(frozen=True)
 class _ScaledPriors:
-    """The posteriors when the shared scores have the prior N(0, σ²) instead of N(0, 1), for every σ.
+    """Normal posteriors for every scale σ of the shared scores, whose prior is N(0, σ²) instead of N(0, 1).
 
-    With u = mean + F x, x ~ N(0, I), the shared scores are m + S x. Another prior of these adds δ |m + S x|² / 2, δ =
-    1/σ² − 1, to −log p, which changes x only along the k directions of S = U D Wᵀ.
+    Let u = mean + F x with x ~ N(0, I); the shared scores are m + S x. The other prior adds δ |m + S x|² / 2 to −log p,
+    δ = 1/σ² − 1. With S = U D Wᵀ this changes x only along the k columns of W.
 
-    inside: places among the shared scores of those that must not be negative, (i,). log: evidence before anything is
-    cut off at zero, (c, s). aim: Uᵀ m, (c, k); sizes: D, (c, k); left: U, (c, k, k); right: W, (c, K, k); extra: δ,
+    inside: indices among the shared scores of those that must not be negative, (i,). log: log evidence before the
+    cut-off at zero, (c, s). aim: Uᵀ m, (c, k); sizes: D, (c, k); left: U, (c, k, k); right: W, (c, K, k); extra: δ,
     (s,).
     """
 
@@ -534,9 +537,9 @@ class _ScaledPriors:
         return cls(posteriors, inside, log, aim, sizes, left, np.swapaxes(right, 1, 2), extra)
 
     def probable(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the combinations and scales that count, (m,) each.
+        """Return indices of the grid points and scales with all but `LEFT_OUT` of the posterior probability, (m,) each.
 
-        The probability that the least likely positive score is positive gives an upper bound of the evidence.
+        Probabilities are from an upper bound of the evidence: that only the worst positive score must be ≥ 0.
         """
         bound = self.log
         if self.inside.size:
@@ -555,7 +558,7 @@ class _ScaledPriors:
     def posteriors(
         self, combos: np.ndarray, scales: np.ndarray, rows: np.ndarray | slice = slice(None)
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return means (m, K) and factors of the covariances, (m, K, K), or some of the rows of both."""
+        """Return means (m, K) and factors of the covariances (m, K, K) at grid points and scales, or `rows` of them."""
         sizes, right, extra = self.sizes[combos], self.right[combos], self.extra[scales][:, None]
         factors = self.normals.factors[:, rows][combos]
         shrunk = 1.0 + extra * sizes**2
@@ -567,19 +570,19 @@ class _ScaledPriors:
 
 
 def damping_likelihood(posteriors: Normals, places: np.ndarray, log_prior: np.ndarray) -> DampingLikelihood:
-    """Compute the likelihood of the damping's scores alone.
+    """Compute the likelihood of the damping's scores, with all other unknowns integrated out.
 
     Parameters
     ----------
     posteriors : Normals
         Posteriors under N(0, 1) priors.
     places : ndarray of int, shape (k,)
-        Of the damping's scores.
+        Indices of the damping's scores.
     log_prior : ndarray, shape (c,)
-        Of the combinations of hyperparameters.
+        Log prior probabilities of the grid points.
     """
     left, sizes, _ = np.linalg.svd(posteriors.factors[:, places], full_matrices=False)
-    # The posterior's information minus the prior's, along the directions in which it is diagonal.
+    # Information of the likelihood: that of the posterior minus that of the prior, in its principal directions.
     gained = np.maximum(1.0 / sizes**2 - 1.0, 0.0)
     aim = np.einsum("cij,ci->cj", left, posteriors.means[:, places])
     information = np.einsum("cij,cj,ckj->cik", left, gained, left)

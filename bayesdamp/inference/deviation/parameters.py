@@ -1,4 +1,4 @@
-"""The parameters of a candidate as standard normal scores, vectorised over what a kernel takes."""
+"""Map standard normal scores to the parameters of a candidate, in the order in which its kernel takes them."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.priors import Prior, log_prior_of
 
 SMALL_STEP = 1e-6
-"""Scores over which slopes of the straight coordinates are taken."""
+"""Step of the numerical derivatives of straight coordinates, in scores."""
 
 
 @dataclass(frozen=True)
 class Parameters(Scores):
-    """Which of a kernel's parameters are inferred, with their priors, and the values of the others.
+    """The inferred parameters of a kernel with their priors, and the values of its other parameters.
 
     Attributes
     ----------
     names : tuple of str
         The kernel's k parameters, in its order.
     priors : mapping of str to Prior
-        Of the d parameters that are inferred, in the same order.
+        Priors of the d inferred parameters, in the same order.
     known : mapping of str to float
-        Values of the others; absent coefficients are 0.
+        Values of the others; a parameter that is missing here is 0.
     """
 
     names: tuple[str, ...]
@@ -40,43 +40,43 @@ class Parameters(Scores):
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Places in `names` of the inferred parameters, (d,)."""
+        """Return the indices in `names` of the inferred parameters, (d,)."""
         return np.array([i for i, n in enumerate(self.names) if n in self.priors], int)
 
     @cached_property
     def free_names(self) -> tuple[str, ...]:
-        """Names of the inferred parameters, in the kernel's order."""
+        """Return the names of the inferred parameters, in the kernel's order."""
         return tuple(self.priors)
 
     @property
     def positive(self) -> np.ndarray:
-        """Which of the scores, (d,), must not be negative: those of half-normal priors."""
+        """Return which scores must not be negative, (d,): those with half-normal priors."""
         return self.reflected
 
     @cached_property
     def damping(self) -> np.ndarray:
-        """Which of the scores, (d,), are of damping terms: coefficients and the terms' own parameters."""
+        """Return which scores are of damping terms (coefficients or own parameters), (d,)."""
         terms = [TERMS.get(name) for name in TERMS.names()]
         own = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
         return np.array([n in own for n in self.free_names], bool)
 
     @property
     def masks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Which scores are positive, share a scale, and are of the damping, (d,) each."""
+        """Return `positive`, `shared` and `damping`, (d,) each."""
         return self.positive, self.shared, self.damping
 
     @property
     def damping_names(self) -> tuple[str, ...]:
-        """Names of the inferred parameters of damping terms."""
+        """Return the names of the inferred parameters of damping terms."""
         return tuple(n for n, yes in zip(self.free_names, self.damping, strict=True) if yes)
 
     @property
     def absorbs(self) -> tuple[bool, bool]:
-        """Whether an inferred parameter contains a constant deviation of the damping, and of the frequency."""
+        """Return whether an inferred parameter has the effect of a constant g, and of a constant h."""
         return bool(np.any(self.positive)), "stiffness" in self.priors
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
-        """Return the log density of scores z, (..., d): (...); −∞ where a positive score is negative."""
+        """Return the log prior density at scores z, (..., d): (...); −∞ where a positive score is negative."""
         return log_prior_of(z, self.positive, self.shared)
 
     @cached_property
@@ -96,38 +96,38 @@ class Parameters(Scores):
         return dict(zip(self.names, map(float, self.values(z)), strict=True))
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the scores of values by name, (d,): ±6 where a prior ends, as far away as needed elsewhere."""
+        """Return the scores of values by name, (d,); ±6 for a value at or beyond the end of its prior."""
         scores = [float(self.priors[n].score(values[n])) for n in self.free_names]
         return np.nan_to_num(scores, posinf=6.0, neginf=-6.0)
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Turn tangents by the kernel's parameters, (n, k), into tangents by the scores at z, (n, d)."""
+        """Convert a Jacobian by the kernel's parameters, (n, k), to one by the scores at z, (n, d)."""
         return tangents[:, self.free] * self.rates(z)
 
     def plain(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores of z, both (d,): z itself."""
+        """Return the standard normal scores at coordinates z, both (d,): here z itself."""
         return z
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
-        """Return the log ratio of the prior density at z, (..., d), to a standard normal density: 0, (...)."""
+        """Return log prior density at z, (..., d), minus that of independent N(0, 1): here 0, (...)."""
         return np.zeros(z.shape[:-1])
 
 
 @dataclass(frozen=True)
 class Straight(Parameters):
-    """Parameters with coordinates v in place of the scores of the restoring law and of θ₀.
+    """Parameters with coordinates v in place of the scores of θ₀ and of the restoring law's parameters.
 
-    v = z₀ + J (ν − ν₀), where ν are the law's natural coordinates and J the slopes of the scores by them at the anchor:
-    there v and the scores z agree to first order.
+    v = z₀ + J (ν − ν₀), where ν are the law's natural coordinates and J is the derivative of the scores by ν at the
+    anchor z₀: there v agrees with the scores to first order. Motions are more nearly linear in v than in the scores.
 
     Attributes
     ----------
     law : RestoringLaw
-        Whose natural coordinates are used.
+        The restoring law with its natural coordinates.
     places : ndarray of int, shape (b,)
-        Of v among all scores.
+        Indices of v among all coordinates.
     at : tuple of str
-        Names of the parameters that v replaces.
+        Names of the parameters whose scores v replaces.
     anchor, origin : ndarray, shape (b,)
         z₀ and ν₀.
     root : ndarray, shape (b, b)
@@ -142,7 +142,7 @@ class Straight(Parameters):
     root: np.ndarray
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Return the kernel's parameters at z, (..., d): (..., k); NaN where no parameters have these coordinates."""
+        """Return the kernel's parameters at coordinates z, (..., d): (..., k); NaN where there are none."""
         if z.ndim > 1:
             return np.array([self.values(row) for row in z])
         p = super().values(z)
@@ -150,19 +150,19 @@ class Straight(Parameters):
         return p
 
     def _law_values(self, v: np.ndarray) -> np.ndarray:
-        """Return the values of the parameters that v replaces, both (b,); NaN where there are none."""
+        """Return the values of the parameters `at` for coordinates v, both (b,); NaN where there are none."""
         natural = self.origin + self.root @ (v - self.anchor)
         values = self.law.from_natural(dict(zip(self.at, natural.tolist(), strict=True)))
         return np.full(v.size, np.nan) if values is None else np.array([values[name] for name in self.at])
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Turn tangents by the kernel's parameters, (n, k), into tangents by v, (n, d)."""
+        """Convert a Jacobian by the kernel's parameters, (n, k), to one by the coordinates z, (n, d)."""
         columns = super().by_scores(tangents, z)
         columns[:, self.places] = tangents[:, self.free[self.places]] @ self.slopes(z)
         return columns
 
     def plain(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores of v, both (d,); NaN where there are none."""
+        """Return the standard normal scores at coordinates z, both (d,); NaN where there are none."""
         scores = z.copy()
         scores[self.places] = self._law_scores(self._law_values(z[self.places]))
         return scores
@@ -171,14 +171,11 @@ class Straight(Parameters):
         return [float(self.priors[name].score(value)) for name, value in zip(self.at, values, strict=True)]
 
     def retracted(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
-        """Return `new`: these coordinates are straight."""
+        """Return `new` unchanged: these coordinates need no correction of a step."""
         return new
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
-        """Return the log ratio of the prior density at v, (..., d), to the standard normal density of scores, (...).
-
-        It is −∞ where the prior has no density.
-        """
+        """Return log prior density at z, (..., d), minus that of independent N(0, 1), (...); −∞ outside the prior."""
         return np.apply_along_axis(self._log_prior_ratio, -1, z)
 
     def _log_prior_ratio(self, z: np.ndarray) -> float:
@@ -192,7 +189,7 @@ class Straight(Parameters):
         return float(log - 0.5 * np.sum(plain**2) + 0.5 * np.sum(z[self.places] ** 2))
 
     def slopes(self, z: np.ndarray) -> np.ndarray:
-        """Return the slopes of the replaced parameters by v at z, (d,): (b, b)."""
+        """Return the derivatives of the parameters `at` by v, at coordinates z (d,): (b, b)."""
         v = z[self.places]
         slopes = np.empty((v.size, v.size))
         for i, step in enumerate(SMALL_STEP * np.eye(v.size)):
@@ -201,9 +198,9 @@ class Straight(Parameters):
 
 
 def straight_at(parameters: Parameters, restoring: str, z: np.ndarray) -> Straight | None:
-    """Return the straight coordinates through scores z, (d,).
+    """Return straight coordinates with the anchor at scores z, (d,).
 
-    None where the law has none, or where not all of the parameters that they are made of are inferred.
+    None where the restoring law has no natural coordinates, or where one of their parameters is not inferred.
     """
     law = LAWS.get(restoring)
     at = (*law.parameters, "theta0")
@@ -214,7 +211,7 @@ def straight_at(parameters: Parameters, restoring: str, z: np.ndarray) -> Straig
         return None
     places = np.array([parameters.free_names.index(name) for name in at])
     origin = np.array([natural[name] for name in at])
-    # With the identity for J⁻¹ the slopes are those of the values by ν.
+    # With the identity for J⁻¹, `slopes` are the derivatives of the parameters by ν.
     own = (parameters.names, parameters.priors, parameters.known)
     straight = Straight(*own, law, places, at, z[places], origin, np.eye(len(at)))
     slopes = straight.slopes(z) / parameters.rates(z)[places][:, None]

@@ -1,4 +1,7 @@
-"""The answer for one record, within seconds: candidates fitted and weighed, on averages where these are close."""
+"""Compare all candidates on one record within seconds, on averaged motions where these are accurate.
+
+The docstring of `bayesdamp.inference.deviation` explains the words and the steps.
+"""
 
 from __future__ import annotations
 
@@ -29,9 +32,9 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Reference, Signal
 
 NEAR = 10.0
-"""Nats behind the best up to which a candidate is corrected with the equation of motion."""
+"""Nats behind the best up to which a candidate's averaged motion is corrected with the ODE."""
 MOST_CYCLES = 1200.0
-"""Cycles up to which the ODE is fitted where amplitudes and phases are not close to it: the tangents then take 1 GB
+"""Number of cycles up to which the ODE is fitted if averaged motions are not accurate: the Jacobian then takes 1 GB
 (measured)."""
 
 
@@ -46,30 +49,35 @@ def compare_signal(
     approximate: bool = True,
     noises: Sequence[str] = AUTOMATIC,
 ) -> ModelComparison:
-    """Weigh damping sums under restoring laws.
+    """Compare damping sums under restoring laws on a record.
 
-    A record of hundreds of cycles is taken as amplitudes and phases, where that moves no parameter by more than a tenth
-    of its sd, or where the record has more cycles than the ODE is solved for.
+    A record of hundreds of cycles is reduced to amplitudes and phases, if this moves no parameter by more than a tenth
+    of its sd, or if the record has more than `MOST_CYCLES` cycles.
 
     Parameters
     ----------
     signal : Signal
         The record.
     damping, restoring : sequence of str
-        Damping sums and restoring laws; by default all of them, for a record in metres the laws that translate.
+        Damping sums and restoring laws; by default all, but for a record in metres only laws of a translation.
     known, priors, reference, approximate
         As of `compare_candidates`.
     noises : sequence of str
-        Noise models, of which the likeliest is used.
+        Noise models, of which the most probable is used.
+
+    Returns
+    -------
+    ModelComparison
+        The candidates, the rivals and the exponent of a power law.
 
     Raises
     ------
     Refusal
-        Where the record shows no oscillation, or no motion stays in phase with it.
+        Where the record does not oscillate, or no motion stays in phase with it.
     """
     laws = list(restoring) or [n for n in LAWS.names() if signal.unit == "rad" or LAWS.get(n).translates]
     sums = list(damping) or all_sums()
-    weigh = partial(
+    compare = partial(
         compare_candidates,
         candidates=[MotionCandidate(parse_model(s), law) for law in laws for s in sums],
         known=known,
@@ -79,25 +87,25 @@ def compare_signal(
         noises=noises,
     )
     known_under = [known(law) if callable(known) else known or {} for law in laws]
-    # The averaged motion's phase only agrees approximately with a start that is given.
+    # Averaged motions have only approximately the phase of a known start.
     start_known = any(name in values for values in known_under for name in START)
-    # Matrices of a few dozen rows: threads of a linear algebra library would only wait for each other.
+    # The matrices have a few dozen rows, so that threads of the linear algebra library would only cost time.
     with threadpool_limits(1, "blas"):
         data = prepare_for_noises(signal, noises, known_under[0], priors or {}, average=not start_known)
-        comparison = weigh(data)
+        comparison = compare(data)
         if data.averaged is not None and comparison.results:
-            comparison = _corrected(comparison)
+            comparison = _correct_averages(comparison)
             averaging = averaging_of(comparison)
             if averaging is None or averaging.close or data.cycles > MOST_CYCLES:
                 comparison = replace(comparison, averaging=averaging)
             else:
-                comparison = weigh(prepare_data(signal, average=False))
+                comparison = compare(prepare_data(signal, average=False))
         comparison = add_rivals(comparison)
         return replace(comparison, exponents=exponent_quantiles(comparison))
 
 
-def _corrected(comparison: ModelComparison) -> ModelComparison:
-    """Return the weighing with the candidates that count corrected by the ODE at their modes, deviations included."""
+def _correct_averages(comparison: ModelComparison) -> ModelComparison:
+    """Return the comparison with the averaged motions of the best candidates corrected by the ODE at their modes."""
     top = comparison.best.log_evidence
 
     def correct(r: CandidateResult) -> CandidateResult:
@@ -116,7 +124,7 @@ def _corrected(comparison: ModelComparison) -> ModelComparison:
 
 
 def averaging_of(comparison: ModelComparison) -> Averaging | None:
-    """Return how far a weighing is from one by the ODE; None where it is by the ODE."""
+    """Return the error of the best candidate's averaged motion; None where motions are not averaged."""
     if comparison.data.averaged is None or not comparison.results:
         return None
     result, cycles = comparison.best, comparison.data.cycles
@@ -127,7 +135,7 @@ def averaging_of(comparison: ModelComparison) -> Averaging | None:
         return Averaging(cycles, float("inf"))
     posterior = result.posterior
     moved, spread = np.zeros(posterior.means.shape[1]), np.zeros(posterior.means.shape[1])
-    # Over the hyperparameters: a parameter that some of them determine well may be loose under others.
+    # Average shift and variance over the components of the posterior.
     for weight, factor in zip(posterior.weights, posterior.factors, strict=True):
         shift, sd = factor @ (factor.T @ (base[0].T @ off)) / result.variance, np.linalg.norm(factor, axis=1)
         moved, spread = moved + weight * shift, spread + weight * sd**2
